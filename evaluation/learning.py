@@ -131,7 +131,7 @@ def read_curve(folder: Path) -> list[tuple[int, Summary]]:
     """Returns the results of a training from its files."""
     with (folder / "curve.csv").open(newline="") as file:
         rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
-    return [(int(row.pop("episode")), Summary(episodes=0, **row)) for row in rows]
+    return [(int(row.pop("episode")), Summary(episodes=0, unit="m", **row)) for row in rows]
 
 
 def table(runs: Sequence[Run]) -> list[Row]:

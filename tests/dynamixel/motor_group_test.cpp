@@ -39,7 +39,7 @@ class GroupRig {
     for (int i = 0; i < count; ++i) group->cycle(goals);
   }
   // Cycles until there is a trouble; fails if none comes.
-  void cycle_until_trouble(double goal = 0.0) {
+  void cycle_until_trouble(double goal = 0.0) const {
     for (int i = 0; i < 100'000 && group->trouble().kind == Trouble::kNone; ++i) cycle(1, goal);
     EXPECT_NE(group->trouble().kind, Trouble::kNone);
   }

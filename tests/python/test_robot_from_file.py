@@ -83,8 +83,8 @@ def test_the_owner_of_the_simulation_places_everything(arm: str) -> None:
     assert first.position[0] != pytest.approx(0.1, abs=1e-12)
     simulation.reset([0.1, -0.2])
     np.testing.assert_allclose(simulation.configuration()[:2], [-0.2, 0.1])
-    with pytest.raises(trifinger.InvalidArgument, match="vary is for a TriFinger"):
-        simulation.vary(friction=0.5)
+    with pytest.raises(trifinger.InvalidArgument, match="pair_friction is for TriFingers"):
+        simulation.vary(pair_friction={"tip_object": 0.5})
     with pytest.raises(trifinger.InvalidArgument, match="position has 3 numbers, must have 2"):
         simulation.reset([0, 0, 0])
     assert simulation.bodies == []

@@ -174,33 +174,33 @@ _TESTS = {
         "ot.py_object_tracker.ObjectPose, ri.trifinger"
     ),
     "test_robots.py::test_the_first_name_gives_poses_too": "rf.TriFingerPlatformFrontend",
-    "test_tasks.py::test_a_trajectory_has_ten_goals": (
+    "test_tasks_of_the_original.py::test_a_trajectory_has_ten_goals": (
         "mct.INITIAL_CUBE_POSITION, mct.evaluate_state, mct.get_active_goal, mct.sample_goal, "
         "mct.seed"
     ),
-    "test_tasks.py::test_corners_of_a_turned_cube": "mc.get_cube_corner_positions",
-    "test_tasks.py::test_equal_seeds_give_equal_layouts": "rd.sample_goal, rd.seed",
-    "test_tasks.py::test_equal_seeds_give_the_goals_of_the_original": (
+    "test_tasks_of_the_original.py::test_corners_of_a_turned_cube": "mc.get_cube_corner_positions",
+    "test_tasks_of_the_original.py::test_equal_seeds_give_equal_layouts": "rd.sample_goal, rd.seed",
+    "test_tasks_of_the_original.py::test_equal_seeds_give_the_goals_of_the_original": (
         "Goal.orientation, Goal.position, mc.random, mc.sample_goal"
     ),
-    "test_tasks.py::test_figures_of_the_cube": (
+    "test_tasks_of_the_original.py::test_figures_of_the_cube": (
         "mc._ARENA_RADIUS, mc._CUBE_WIDTH, mc._CUBOID_HALF_SIZE, mc._CUBOID_SIZE, "
         "mc._max_cube_com_distance_to_center, mc._max_height, mc._min_height, mc.episode_length"
     ),
-    "test_tasks.py::test_goal_masks_show_the_dice_and_cost_counts_pixels": (
+    "test_tasks_of_the_original.py::test_goal_masks_show_the_dice_and_cost_counts_pixels": (
         "rd.evaluate_state, rd.generate_goal_mask"
     ),
-    "test_tasks.py::test_goals_out_of_reach_are_errors_that_keep_the_pose": (
+    "test_tasks_of_the_original.py::test_goals_out_of_reach_are_errors_that_keep_the_pose": (
         "mc.InvalidGoalError, mc.validate_goal"
     ),
-    "test_tasks.py::test_poses_keep_arrays_without_a_copy_and_go_through_json": (
+    "test_tasks_of_the_original.py::test_poses_keep_arrays_without_a_copy_and_go_through_json": (
         "Goal.to_dict, Goal.to_json, Pose.orientation, Pose.position, mc.Pose, "
         "mc.Pose.from_dict, mc.Pose.from_json"
     ),
-    "test_tasks.py::test_the_cost_is_that_of_the_sheet": "mc.evaluate_state",
-    "test_tasks.py::test_the_six_orientations_turn_their_faces_up": "mc._base_orientations",
-    "test_tasks.py::test_wrong_layouts_are_errors": "rd.validate_goal",
-    "test_tasks.py::test_wrong_trajectories_are_errors": "mct.validate_goal",
+    "test_tasks_of_the_original.py::test_the_cost_is_that_of_the_sheet": "mc.evaluate_state",
+    "test_tasks_of_the_original.py::test_the_six_orientations_turn_their_faces_up": "mc._base_orientations",
+    "test_tasks_of_the_original.py::test_wrong_layouts_are_errors": "rd.validate_goal",
+    "test_tasks_of_the_original.py::test_wrong_trajectories_are_errors": "mct.validate_goal",
 }
 
 # name of the original -> "file::test"
