@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <thread>
@@ -181,6 +182,23 @@ TEST_F(RecorderTest, AsAFollowerMissesNoSessionHoweverShort) {
     if (session.steps.size() == 1) ++whole;
   }
   EXPECT_EQ(whole, kSessions);
+}
+
+TEST_F(RecorderTest, SleepsWhileThereIsNothingToRecord) {
+  for (const RecorderOptions& kind : {options(), follower_options()}) {
+    RecorderUnderTest recorder({"robot"}, kind);
+    const NamedRobot backend("robot", {.history = 16, .queue = 16}, kPatient, &*recorder);
+    auto robot = connect<FakeRobot>("robot");
+    step(robot, 1);
+    recorder.wait_for_step(1);
+    // It sleeps for 20 ms between its looks, and shorter only if it was in a hurry before.
+    constexpr std::uint64_t kLooks = 20;
+    const auto begin = std::chrono::steady_clock::now();
+    const std::uint64_t first = recorder->state().progress;
+    recorder.wait_until(
+        [=](const log::RecorderState& state) { return state.progress >= first + kLooks; });
+    EXPECT_GE(std::chrono::steady_clock::now() - begin, std::chrono::milliseconds(200));
+  }
 }
 
 TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {

@@ -19,8 +19,9 @@ constexpr std::string_view kSuffix = ".state";
 
 }  // namespace
 
-SessionCounter::SessionCounter(const std::vector<std::string>& robots)
-    : file_([] { return ::inotify_init1(IN_CLOEXEC | IN_NONBLOCK); }) {
+SessionCounter::SessionCounter(const std::vector<std::string>& robots) {
+  if (robots.empty()) return;
+  file_ = ipc::FileDescriptor([] { return ::inotify_init1(IN_CLOEXEC | IN_NONBLOCK); });
   for (const std::string& robot : robots) counts_[robot] = 0;
   // A new session is moved to its name, which also replaces the session before.
   if (file_ && ::inotify_add_watch(file_.get(), session_folder().c_str(), IN_MOVED_TO) < 0) {

@@ -13,7 +13,7 @@ namespace trifinger::log::detail {
 // anybody can look at them.
 class SessionCounter {
  public:
-  // Counts from now on.
+  // Counts from now on. Without robots, nothing is watched.
   explicit SessionCounter(const std::vector<std::string>& robots);
 
   // False if the kernel cannot watch the folder: then sessions have to be searched for.
