@@ -79,6 +79,20 @@ def test_objects_are_where_the_frame_says_and_the_rest_stays(robot):
     np.testing.assert_allclose(np.delete(after[0], cube, 0), np.delete(before[0], cube, 0))
 
 
+def test_the_picture_is_around_robot_and_objects_where_they_are_now():
+    scene = Scene(SHAPES)
+    far = np.array([3.0, -2, 1, 1, 0, 0, 0])
+    box = np.array([0.5, 0, 0])  # on the arm, which turns about z
+    for angle in (0.0, 2.0):
+        turned = np.array([np.cos(angle), np.sin(angle), 0]) * box[0]
+        low, high = scene.bounds([angle], {"stone": far})
+        for point in (far[:3] - 0.1, far[:3] + 0.1, turned, [0, 0, 0.5], [0, 0, -0.5]):
+            assert (low - 1e-6 <= point).all()
+            assert (point <= high + 1e-6).all()
+        middle, radius = scene.sphere([angle], {"stone": far})
+        assert np.linalg.norm(far[:3] - middle) < radius < 3
+
+
 def test_every_triangle_looks_outwards():
     for body in Scene(SHAPES).bodies:
         for mesh in body.meshes:

@@ -266,11 +266,7 @@ class _Page:
         has_forces = measured is not None and measured.shape[1:] == tips.shape[1:2]
         for frame in shown(range(count), "poses of the bodies", count):
             joints = course.positions[frame]
-            objects = {
-                name: rows[frame]
-                for name, rows in course.objects.items()
-                if np.isfinite(rows[frame]).all()
-            }
+            objects = course.objects_at(frame)
             poses[frame] = _rows(scene, joints, objects)
             if has_forces and measured is not None:
                 places, along = scene.tips(joints)
@@ -299,7 +295,7 @@ class _Page:
             "forces": forces,
             "ghost": self._numbers.add(is_ghostly, "u1"),
             "metresPerNewton": METRES_PER_NEWTON,
-            "camera": _camera(scene, poses[0]),
+            "camera": _camera(*scene.sphere(course.positions[0], course.objects_at(0))),
         }
 
     def _body(
@@ -405,22 +401,11 @@ def _place(column: int, groups: Sequence[range], count: int) -> tuple[int | None
     return None, column
 
 
-def _camera(scene: Scene, poses: Array) -> dict[str, Any]:
-    """Where the camera begins, so that all that moves fills the picture."""
-    import mujoco
-
-    corners = [np.zeros((1, 3))]  # the middle of the table
-    turn = np.empty(9)
-    for body, pose in zip(scene.bodies, poses, strict=True):
-        if body.is_moving:
-            mujoco.mju_quat2Mat(turn, pose[3:].astype(float))
-            corners += [mesh.vertices @ turn.reshape(3, 3).T + pose[:3] for mesh in body.meshes]
-    every = np.concatenate(corners)
-    low, high = every.min(axis=0), every.max(axis=0)
-    radius = max(float(np.linalg.norm(high - low)) / 2, 0.05)
+def _camera(middle: Array, radius: float) -> dict[str, Any]:
+    """Where the camera begins, so that a sphere fills the picture."""
     return {
-        "target": [float(number) for number in (low + high) / 2],
-        "distance": 0.95 * radius / np.sin(FIELD_OF_VIEW / 2),
+        "target": [float(number) for number in middle],
+        "distance": radius / np.sin(FIELD_OF_VIEW / 2),
         "azimuth": float(AZIMUTH + np.pi),
         "elevation": float(ELEVATION),
         "fieldOfView": FIELD_OF_VIEW,

@@ -77,6 +77,11 @@ class Course:
     def __len__(self) -> int:
         return len(self.time_index)
 
+    def objects_at(self, frame: int) -> dict[str, Array]:
+        """Poses of the objects that had been seen by then, float64[7] each."""
+        poses = {name: rows[frame] for name, rows in self.objects.items()}
+        return {name: pose for name, pose in poses.items() if np.isfinite(pose).all()}
+
 
 class LoggedRun:
     """A session of a robot in a log. Times count from the first step in the log [s]."""

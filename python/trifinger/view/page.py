@@ -161,6 +161,7 @@ class SceneView:
         self._server = server
         self.scene: Scene | None = None
         """What is shown; None without a model."""
+        self._is_new = False
         self._bodies: list[_Node] = []
         self._ghosts: list[_Node] = []
         self._forces: Any = None
@@ -212,7 +213,7 @@ class SceneView:
                 head_length=0.012,
                 visible=False,
             )
-        self._look(scene)
+        self._is_new = True
 
     def show(self, frame: Frame) -> None:
         """Moves everything to where it is in a frame."""
@@ -222,6 +223,9 @@ class SceneView:
         self._shown_with = self._choices()
         if self._is_plain.value != self._shown_plain:
             self.begin(scene)
+        if self._is_new:
+            self._is_new = False
+            self._look(*scene.sphere(frame.position, frame.objects))
         places, turns = scene.poses(frame.position, frame.objects)
         for node, place, turn in zip(self._bodies, places, turns, strict=True):
             is_seen = not node.object or node.object in frame.objects
@@ -310,12 +314,9 @@ class SceneView:
         """Whether a part of the surroundings is shown: of the wall, or of the opaque frame."""
         return bool((self._with_wall if is_transparent else self._with_frame).value)
 
-    def _look(self, scene: Scene) -> None:
-        """Places the cameras of new browsers so that robot and objects fill the picture."""
-        low, high = scene.bounds()
-        middle = (low + high) / 2
-        radius = float(np.linalg.norm(high - low)) / 2
-        distance = radius / np.tan(FIELD_OF_VIEW / 2)
+    def _look(self, middle: Array, radius: float) -> None:
+        """Places the cameras of new browsers so that a sphere fills the picture."""
+        distance = radius / np.sin(FIELD_OF_VIEW / 2)
         level = np.cos(ELEVATION)
         back = np.array([-level * np.cos(AZIMUTH), -level * np.sin(AZIMUTH), np.sin(ELEVATION)])
         camera = self._server.initial_camera

@@ -143,9 +143,24 @@ class Scene:
         lengths = np.linalg.norm(along, axis=1, keepdims=True)
         return places, np.divide(along, lengths, out=np.zeros_like(along), where=lengths > 0)
 
-    def bounds(self) -> tuple[Array, Array]:
-        """Corners of a box [m] around robot and objects where they start, without surroundings."""
-        positions, quaternions = self.poses()
+    def sphere(
+        self, position: Array | None = None, objects: Mapping[str, Array] | None = None
+    ) -> tuple[Array, float]:
+        """Centre [m] and radius [m] of a sphere around robot and objects, without surroundings.
+
+        The arguments are those of `poses`.
+        """
+        low, high = self.bounds(position, objects)
+        return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+
+    def bounds(
+        self, position: Array | None = None, objects: Mapping[str, Array] | None = None
+    ) -> tuple[Array, Array]:
+        """Corners of a box [m] around robot and objects, without surroundings.
+
+        The arguments are those of `poses`.
+        """
+        positions, quaternions = self.poses(position, objects)
         corners = []
         for body, place, turn in zip(self.bodies, positions, quaternions, strict=True):
             if body.name == "world":
