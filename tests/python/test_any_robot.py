@@ -29,6 +29,7 @@ OF_ANY_ROBOT = [
     "12_grasping",
 ]
 START = np.array([0.0, 0.9, -1.7] * 3)  # [rad]
+ATTEMPTS = 3  # in real time on a busy machine, a program may be too late to hold a cube
 
 
 def move_to_start(name: str) -> None:
@@ -45,13 +46,18 @@ def move_to_start(name: str) -> None:
 def test_examples_run_on_a_robot_of_another_name(language: str, start_robot: StartProgram) -> None:
     start_robot("another")
     for example in OF_ANY_ROBOT:
-        move_to_start("another")
         command = (
             [str(BUILD / "examples" / example)]
             if language == "C++"
             else [sys.executable, "-W", "error", str(EXAMPLES / f"{example}.py")]
         )
-        done = subprocess.run([*command, "another"], capture_output=True, text=True, check=False)
+        for _ in range(ATTEMPTS):
+            move_to_start("another")
+            done = subprocess.run(
+                [*command, "another"], capture_output=True, text=True, check=False
+            )
+            if done.returncode == 0:
+                break
         assert (done.returncode, done.stderr) == (0, ""), example + done.stdout + done.stderr
 
 
