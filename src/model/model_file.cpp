@@ -85,9 +85,33 @@ void take_smaller(std::optional<double>& value, std::optional<double> other) {
   if (other && (!value || *other < *value)) value = other;
 }
 
+// Replaces whatever computes the actuator's force: now its input is its force, at once and in full.
+void make_motor(mjsActuator* actuator) {
+  mjs_setToMotor(actuator);
+  actuator->ctrlspec = 0;
+  actuator->ctrllimited = mjLIMITED_FALSE;
+  actuator->forcelimited = mjLIMITED_FALSE;
+  actuator->actlimited = mjLIMITED_FALSE;
+  actuator->inheritrange = 0.0;
+}
+
+// Makes the actuator's force the torque of its joint. Its rotor and friction stay what they are at
+// the joint.
+void act_without_gear(mjsActuator* actuator) {
+  const double gear = actuator->gear[0];
+  double factor = gear * gear;
+  actuator->armature *= factor;
+  for (double& damping : actuator->damping) {
+    damping *= factor;
+    factor *= std::abs(gear);
+  }
+  std::ranges::fill(actuator->gear, 0.0);
+  actuator->gear[0] = 1.0;
+}
+
 // Adds to `joint` what the actuator says about it.
 void describe_actuator(const mjModel& model, int actuator, FileJoint& joint) {
-  const double gear = model.actuator_gear[6 * actuator];
+  const double gear = model.actuator_gear[6 * model.actuator_outadr[actuator]];
   const double* const gain = model.actuator_gainprm + mjNGAIN * actuator;
   const double* const bias = model.actuator_biasprm + mjNBIAS * actuator;
   const bool has_fixed_gain = model.actuator_gaintype[actuator] == mjGAIN_FIXED;
@@ -99,8 +123,9 @@ void describe_actuator(const mjModel& model, int actuator, FileJoint& joint) {
   }
   const bool is_motor = has_fixed_gain && model.actuator_biastype[actuator] == mjBIAS_NONE &&
                         model.actuator_dyntype[actuator] == mjDYN_NONE;
-  if (is_motor && model.actuator_ctrllimited[actuator]) {
-    if (const auto limit = symmetric(model.actuator_ctrlrange + 2 * actuator)) {
+  const int input = model.actuator_ctrladr[actuator];
+  if (is_motor && model.actuator_ctrlnum[actuator] == 1 && model.actuator_ctrllimited[input]) {
+    if (const auto limit = symmetric(model.actuator_ctrlrange + 2 * input)) {
       take_smaller(joint.max_torque, at_joint(std::abs(gain[0]) * *limit));
     }
   }
@@ -143,6 +168,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   add_motors();
   set_step();
   compile();
+  for (Motor& motor : motors_) motor.ctrl = model_->actuator_ctrladr[motor.actuator];
   options_.armature = nullptr;  // It may refer to what lives no longer than this call.
   const std::string name = mjs_getString(spec_->modelname);
   // "MuJoCo Model" is what MuJoCo calls a model without a name.
@@ -180,8 +206,10 @@ void ModelFile::find_joints() {
   require(!model_joints_.empty(), file + "the model has no hinge and no slide, so nothing moves");
 
   std::vector<Drive> drives;
-  drives.reserve(static_cast<std::size_t>(model.nu));
-  for (int i = 0; i < static_cast<int>(model.nu); ++i) drives.push_back(drive_of(model, i));
+  // An actuator may have any number of inputs, so `nu` is not the number of actuators.
+  const int num_actuators = static_cast<int>(model.nactuator);
+  drives.reserve(static_cast<std::size_t>(num_actuators));
+  for (int i = 0; i < num_actuators; ++i) drives.push_back(drive_of(model, i));
 
   std::vector<Target> targets;
   const auto add = [&targets](const Target& target) {
@@ -206,7 +234,7 @@ void ModelFile::find_joints() {
     targets.push_back(target);
   }
   if (options_.joints.empty()) {
-    for (int i = 0; i < static_cast<int>(model.nu); ++i) {
+    for (int i = 0; i < num_actuators; ++i) {
       const Drive& drive = drives[static_cast<std::size_t>(i)];
       require(drive.problem.empty(),
               file + "no motor can take the place of actuator '" +
@@ -214,14 +242,14 @@ void ModelFile::find_joints() {
                   "; name the joints to be driven (robot.joints), without it");
       add(drive.target);
     }
-    for (int joint = 0; model.nu == 0 && joint < static_cast<int>(model.njnt); ++joint) {
+    for (int joint = 0; num_actuators == 0 && joint < static_cast<int>(model.njnt); ++joint) {
       if (is_scalar(model, joint)) add({.type = mjOBJ_JOINT, .id = joint});
     }
   }
 
   for (const auto& [type, id] : targets) {
     FileJoint joint;
-    Motor motor{.ctrl = -1, .parts = {}};
+    Motor motor;
     joint.name = name_of(model, type, id);
     if (type == mjOBJ_JOINT) {
       if (joint.name.empty()) joint.name = "joint" + std::to_string(id);
@@ -257,10 +285,10 @@ void ModelFile::find_joints() {
       require(motor.sum_of_squares > 0.0,
               file + "tendon '" + joint.name + "' moves no joint, so it cannot be driven");
     }
-    for (int i = 0; i < static_cast<int>(model.nu); ++i) {
+    for (int i = 0; i < num_actuators; ++i) {
       const Drive& drive = drives[static_cast<std::size_t>(i)];
       if (!drive.problem.empty() || drive.target != Target{type, id}) continue;
-      if (motor.ctrl < 0) motor.ctrl = i;
+      if (motor.actuator < 0) motor.actuator = i;
       describe_actuator(model, i, joint);
     }
     joints_.push_back(std::move(joint));
@@ -288,46 +316,34 @@ void ModelFile::add_motors() {
       joint->armature = *armature;
     }
   }
-  std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nu), nullptr);
+  std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nactuator), nullptr);
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_ACTUATOR); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
     actuators[static_cast<std::size_t>(mjs_getId(element))] = mjs_asActuator(element);
   }
   for (std::size_t i = 0; i < actuators.size(); ++i) {
-    mjsActuator* const actuator = actuators[i];
-    const double gear = model_->actuator_gear[6 * i];
-    mjs_setToMotor(actuator);
-    actuator->ctrllimited = mjLIMITED_FALSE;
-    actuator->forcelimited = mjLIMITED_FALSE;
-    actuator->actlimited = mjLIMITED_FALSE;
-    actuator->inheritrange = 0.0;
+    make_motor(actuators[i]);
     const bool is_used =
-        std::ranges::find(motors_, static_cast<int>(i), &Motor::ctrl) != motors_.end();
-    if (!is_used) {
-      actuator->gainprm[0] = 0.0;
-      continue;
+        std::ranges::find(motors_, static_cast<int>(i), &Motor::actuator) != motors_.end();
+    if (is_used) {
+      act_without_gear(actuators[i]);
+    } else {
+      actuators[i]->gainprm[0] = 0.0;
     }
-    // Rotor and friction of the actuator stay what they are at the joint, without the gear.
-    double factor = gear * gear;
-    actuator->armature *= factor;
-    for (double& damping : actuator->damping) {
-      damping *= factor;
-      factor *= std::abs(gear);
-    }
-    std::ranges::fill(actuator->gear, 0.0);
-    actuator->gear[0] = 1.0;
   }
   int next = static_cast<int>(actuators.size());
   for (std::size_t i = 0; i < motors_.size(); ++i) {
-    if (motors_[i].ctrl >= 0) continue;
-    motors_[i].ctrl = next++;
+    if (motors_[i].actuator >= 0) continue;
+    motors_[i].actuator = next++;
     mjsActuator* const actuator = mjs_addActuator(spec_.get(), nullptr);
-    mjs_setToMotor(actuator);
+    make_motor(actuator);
+    // A new actuator begins with the defaults of the file.
+    actuator->armature = 0.0;
+    std::ranges::fill(actuator->damping, 0.0);
+    act_without_gear(actuator);
     const bool is_joint =
         std::ranges::find(model_joints_, joints_[i].name, &ModelJoint::name) != model_joints_.end();
     actuator->trntype = is_joint ? mjTRN_JOINT : mjTRN_TENDON;
-    actuator->ctrllimited = mjLIMITED_FALSE;
-    actuator->forcelimited = mjLIMITED_FALSE;
     mjs_setString(actuator->target, joints_[i].name.c_str());
   }
   // Inputs and activations of the file's actuators mean nothing to the motors.

@@ -106,6 +106,48 @@ TEST_F(ModelFileTest, HasMotorsWhoseTorqueActsOnTheJointWhateverItsActuatorWas) 
   EXPECT_EQ(model.mujoco()->nu, 4);
 }
 
+// Two joints, and whatever `more` says.
+std::string two_joints(const std::string& more) {
+  return R"(<mujoco><compiler angle="radian"/><option timestep="0.002"/><worldbody>
+    <body name="one"><joint name="a" axis="0 1 0"/><geom size="0.1"/>
+      <body name="two" pos="0 0 0.3"><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body>
+  </worldbody>)" +
+         more + "</mujoco>";
+}
+
+TEST_F(ModelFileTest, GivesNothingOfTheDefaultsOfActuatorsToItsOwnMotors) {
+  const ModelFile model(file(two_joints(
+      R"(<default><motor gear="50" armature="2" damping="3" ctrlrange="-0.1 0.1"/></default>)")));
+  EXPECT_THAT(forces_of(model, 0), ElementsAre(1.0, 0.0));
+  EXPECT_THAT(forces_of(model, 1), ElementsAre(0.0, 1.0));
+  EXPECT_EQ(model.mujoco()->actuator_armature[0], 0.0);
+  EXPECT_EQ(model.mujoco()->actuator_damping[0], 0.0);
+}
+
+TEST_F(ModelFileTest, MakesMotorsOfActuatorsWithSeveralInputsOrNone) {
+  const ModelFile several(file(two_joints(
+      R"(<actuator><pid name="p" joint="a" kp="5" forcerange="-3 3"/>
+           <motor name="m" joint="b" gear="4" ctrlrange="-2 2" ctrllimited="true"/></actuator>)")));
+  ASSERT_THAT(names(several.joints()), ElementsAre("a", "b"));
+  EXPECT_EQ(several.joints()[0].max_torque, 3.0);
+  EXPECT_EQ(several.joints()[1].max_torque, 8.0);
+  EXPECT_EQ(several.mujoco()->nu, 2);
+  EXPECT_THAT(forces_of(several, 0), ElementsAre(1.0, 0.0));
+  EXPECT_THAT(forces_of(several, 1), ElementsAre(0.0, 1.0));
+
+  ModelFileOptions options = file(two_joints(
+      R"(<actuator><dcmotor name="d" joint="a" motorconst="0.1" resistance="2" input="none"/>
+                      <motor name="m" joint="b" gear="4" ctrlrange="-2 2" ctrllimited="true"/></actuator>)"));
+  const ModelFile none(options);
+  ASSERT_THAT(names(none.joints()), ElementsAre("a", "b"));
+  EXPECT_EQ(none.joints()[1].max_torque, 8.0);
+  EXPECT_THAT(forces_of(none, 0), ElementsAre(1.0, 0.0));
+  EXPECT_THAT(forces_of(none, 1), ElementsAre(0.0, 1.0));
+  // What it writes is the same robot.
+  const ModelFile again(file(several.mjcf(), "again.xml"));
+  EXPECT_THAT(forces_of(again, 0), ElementsAre(1.0, 0.0));
+}
+
 TEST_F(ModelFileTest, MeasuresACoupledJointAsItsTendonIsLong) {
   const ModelFile model = arm();
   const RobotModel::Data data = model.make_data();

@@ -139,8 +139,9 @@ class ModelFile {
     double share;
   };
   struct Motor {
-    int ctrl{0};
-    std::vector<Part> parts;
+    int actuator{-1};
+    int ctrl{-1};  // its input
+    std::vector<Part> parts{};
     double sum_of_squares{1.0};  // of the shares
   };
 
