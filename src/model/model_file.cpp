@@ -34,9 +34,9 @@ std::string joined(std::span<const std::string> names) {
   return text.empty() ? "none" : text;
 }
 
-bool is_scalar(const mjModel& model, int joint) {
-  return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
-}
+bool is_scalar(int type) { return type == mjJNT_HINGE || type == mjJNT_SLIDE; }
+
+bool is_scalar(const mjModel& model, int joint) { return is_scalar(model.jnt_type[joint]); }
 
 // A joint or a fixed tendon of the model.
 struct Target {
@@ -93,6 +93,9 @@ void make_motor(mjsActuator* actuator) {
   actuator->forcelimited = mjLIMITED_FALSE;
   actuator->actlimited = mjLIMITED_FALSE;
   actuator->inheritrange = 0.0;
+  actuator->delay = 0.0;
+  actuator->nsample = 0;
+  actuator->interp = 0;
 }
 
 // Makes the actuator's force the torque of its joint. Its rotor and friction stay what they are at
@@ -107,6 +110,12 @@ void act_without_gear(mjsActuator* actuator) {
   }
   std::ranges::fill(actuator->gear, 0.0);
   actuator->gear[0] = 1.0;
+}
+
+// The largest torque that the file allows at a joint of the model, if it is one number.
+std::optional<double> joint_limit(const mjModel& model, int joint) {
+  if (!model.jnt_actfrclimited[joint]) return std::nullopt;
+  return symmetric(model.jnt_actfrcrange + 2 * joint);
 }
 
 // Adds to `joint` what the actuator says about it.
@@ -164,6 +173,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
     require(model_ != nullptr, file + ": MuJoCo refuses the model: " + mjs_getError(spec_.get()));
   };
   compile();
+  if (name_joints()) compile();
   find_joints();
   add_motors();
   set_step();
@@ -190,16 +200,31 @@ ModelFile::ModelFile(ModelFile&&) noexcept = default;
 ModelFile& ModelFile::operator=(ModelFile&&) noexcept = default;
 ModelFile::~ModelFile() = default;
 
+// Gives a name to each hinge and slide without one, because configurations and motors find joints
+// by their names. Returns true if there were some.
+bool ModelFile::name_joints() {
+  bool is_renamed = false;
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    if (!is_scalar(mjs_asJoint(element)->type)) continue;
+    if (*mjs_getString(mjs_getName(element)) != '\0') continue;
+    const std::string name = "joint" + std::to_string(mjs_getId(element));
+    require(mjs_setName(element, name.c_str()) == 0,
+            options_.path.string() + ": a joint without a name would be called '" + name +
+                "', as another one is; give it a name");
+    is_renamed = true;
+  }
+  return is_renamed;
+}
+
 // Finds out which joints are driven, and what the file says about them.
 void ModelFile::find_joints() {
   const mjModel& model = *model_;
   const std::string file = options_.path.string() + ": ";
   for (int joint = 0; joint < static_cast<int>(model.njnt); ++joint) {
     if (!is_scalar(model, joint)) continue;
-    std::string name = name_of(model, mjOBJ_JOINT, joint);
-    if (name.empty()) name = "joint" + std::to_string(joint);
-    model_joints_.push_back(
-        {.name = std::move(name), .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
+    model_joints_.push_back({.name = name_of(model, mjOBJ_JOINT, joint),
+                             .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
     model_parts_.push_back(
         {.position = model.jnt_qposadr[joint], .velocity = model.jnt_dofadr[joint], .share = 1.0});
   }
@@ -252,17 +277,16 @@ void ModelFile::find_joints() {
     Motor motor;
     joint.name = name_of(model, type, id);
     if (type == mjOBJ_JOINT) {
-      if (joint.name.empty()) joint.name = "joint" + std::to_string(id);
       joint.is_slide = model.jnt_type[id] == mjJNT_SLIDE;
       if (model.jnt_limited[id])
         joint.range = {model.jnt_range[2 * id], model.jnt_range[2 * id + 1]};
-      if (model.jnt_actfrclimited[id]) {
-        joint.max_torque = symmetric(model.jnt_actfrcrange + 2 * id);
-      }
+      joint.max_torque = joint_limit(model, id);
       motor.parts.push_back(
           {.position = model.jnt_qposadr[id], .velocity = model.jnt_dofadr[id], .share = 1.0});
     } else {
-      if (joint.name.empty()) joint.name = "tendon" + std::to_string(id);
+      require(
+          std::ranges::find(model_joints_, joint.name, &ModelJoint::name) == model_joints_.end(),
+          file + "tendon '" + joint.name + "' has the name of a joint; rename one of them");
       if (model.tendon_limited[id]) {
         joint.range = {model.tendon_range[2 * id], model.tendon_range[2 * id + 1]};
       }
@@ -275,6 +299,8 @@ void ModelFile::find_joints() {
         const int wrap = model.tendon_adr[id] + i;
         const int coupled = model.wrap_objid[wrap];
         const double share = model.wrap_prm[wrap];
+        const auto limit = joint_limit(model, coupled);
+        if (limit && share != 0.0) take_smaller(joint.max_torque, *limit / std::abs(share));
         has_hinge = has_hinge || model.jnt_type[coupled] == mjJNT_HINGE;
         motor.parts.push_back({.position = model.jnt_qposadr[coupled],
                                .velocity = model.jnt_dofadr[coupled],
@@ -300,21 +326,20 @@ void ModelFile::find_joints() {
   }
 }
 
-// Replaces the actuators: one motor for each driven joint, and nothing else.
+// Replaces the actuators: one motor for each driven joint, and nothing else. From here on only the
+// safety chain limits their torque.
 void ModelFile::add_motors() {
-  // A motor finds its joint by its name.
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
-    if (*mjs_getString(mjs_getName(element)) == '\0') {
-      mjs_setName(element, ("joint" + std::to_string(mjs_getId(element))).c_str());
-    }
     mjsJoint* const joint = mjs_asJoint(element);
-    const bool has_rotor = joint->type == mjJNT_HINGE || joint->type == mjJNT_SLIDE;
-    if (!has_rotor || !options_.armature) continue;
+    joint->actfrclimited = mjLIMITED_FALSE;
+    if (!is_scalar(joint->type) || !options_.armature) continue;
     const std::string name = mjs_getString(mjs_getName(element));
-    if (const auto armature = options_.armature(name)) {
-      joint->armature = *armature;
-    }
+    if (const auto armature = options_.armature(name)) joint->armature = *armature;
+  }
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_TENDON); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    mjs_asTendon(element)->actfrclimited = mjLIMITED_FALSE;
   }
   std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nactuator), nullptr);
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_ACTUATOR); element != nullptr;

@@ -148,6 +148,58 @@ TEST_F(ModelFileTest, MakesMotorsOfActuatorsWithSeveralInputsOrNone) {
   EXPECT_THAT(forces_of(again, 0), ElementsAre(1.0, 0.0));
 }
 
+TEST_F(ModelFileTest, LetsTheAppliedTorqueActAtOnceAndInFull) {
+  ModelFileOptions options = file(two_joints(
+      R"(<tendon><fixed name="both" actuatorfrcrange="-5 5"><joint joint="a" coef="1"/>
+           <joint joint="b" coef="0.5"/></fixed></tendon>
+         <actuator><motor name="m" tendon="both" delay="0.02" nsample="12"/></actuator>)"));
+  const ModelFile tendon(options);
+  EXPECT_EQ(tendon.joints()[0].max_torque, 5.0);
+  const auto forces = [](const ModelFile& model) {
+    const RobotModel::Data data = model.make_data();
+    model.set_torque(0, 10.0, *data);
+    mj_forward(model.mujoco(), data.get());
+    return std::vector(data->qfrc_actuator, data->qfrc_actuator + model.mujoco()->nv);
+  };
+  EXPECT_THAT(forces(tendon), ElementsAre(10.0, 5.0));
+
+  const auto with_range = [](std::string text) {
+    const std::string joint = R"(name="b")";
+    return text.replace(text.find(joint), joint.size(), joint + R"( actuatorfrcrange="-3 3")");
+  };
+  const ModelFile joint(file(with_range(two_joints("<actuator><motor joint='b'/></actuator>"))));
+  EXPECT_EQ(joint.joints()[0].max_torque, 3.0);
+  EXPECT_THAT(forces(joint), ElementsAre(0.0, 10.0));
+  // A joint that a tendon moves by halves gets half of its torque.
+  const ModelFile coupled(file(with_range(two_joints(
+      R"(<tendon><fixed name="both"><joint joint="a" coef="1"/><joint joint="b" coef="0.5"/>
+                    </fixed></tendon><actuator><motor tendon="both"/></actuator>)"))));
+  EXPECT_EQ(coupled.joints()[0].max_torque, 6.0);
+  EXPECT_THAT(forces(coupled), ElementsAre(10.0, 5.0));
+}
+
+TEST_F(ModelFileTest, DrivesJointsWithoutNamesUnlessAnotherHasTheirs) {
+  const auto unnamed = [](const std::string& other) {
+    std::string text = two_joints("");
+    text.replace(text.find(R"(name="a")"), 8, "");
+    return text.replace(text.find(R"(name="b")"), 8, other);
+  };
+  const ModelFile model(file(unnamed("")));
+  ASSERT_THAT(names(model.joints()), ElementsAre("joint0", "joint1"));
+  EXPECT_THAT(forces_of(model, 1), ElementsAre(0.0, 1.0));
+  ModelFileOptions options = file(unnamed(""));
+  options.joints = {"joint1"};
+  EXPECT_THAT(forces_of(ModelFile(options), 0), ElementsAre(0.0, 1.0));
+
+  EXPECT_EQ(message(file(unnamed(R"(name="joint0")"))),
+            "arm.xml: a joint without a name would be called 'joint0', as another one is; give it "
+            "a name");
+  EXPECT_EQ(message(file(
+                two_joints(R"(<tendon><fixed name="a"><joint joint="b" coef="1"/></fixed></tendon>
+                                       <actuator><motor tendon="a"/></actuator>)"))),
+            "arm.xml: tendon 'a' has the name of a joint; rename one of them");
+}
+
 TEST_F(ModelFileTest, MeasuresACoupledJointAsItsTendonIsLong) {
   const ModelFile model = arm();
   const RobotModel::Data data = model.make_data();

@@ -145,6 +145,7 @@ class ModelFile {
     double sum_of_squares{1.0};  // of the shares
   };
 
+  bool name_joints();
   void find_joints();
   void add_motors();
   void set_step();
