@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "file_objects.hpp"
+#include "find_meshes.hpp"
 #include "self_contained.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -157,8 +158,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   spec_.reset(mj_parseXML(file.c_str(), nullptr, error, sizeof(error)));
   require(spec_ != nullptr, file + ": MuJoCo cannot read it: " + error);
   if (options_.mesh_folder) {
-    const std::string folder = std::filesystem::absolute(*options_.mesh_folder).string();
-    mjs_setString(spec_->compiler.meshdir, folder.c_str());
+    detail::find_meshes(spec_.get(), std::filesystem::absolute(*options_.mesh_folder));
   }
   detail::add_objects(spec_.get(), options_.objects);
   // MuJoCo leaves out what only looks when it reads a URDF; a viewer wants to see it.
@@ -168,9 +168,19 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   // The motors must work, whatever the file says of its actuators.
   spec_->option.disableflags &= ~mjDSBL_ACTUATION;
   spec_->option.disableactuator = 0;
+  // A scene that needs more memory than a file allows would end the process, and parts that sleep
+  // would make a restored state go on otherwise.
+  spec_->memory = spec_->nstack = -1;
+  spec_->njmax = spec_->nconmax = -1;
+  spec_->option.enableflags &= ~mjENBL_SLEEP;
   const auto compile = [&] {
     model_.reset(mj_compile(spec_.get(), nullptr));
-    require(model_ != nullptr, file + ": MuJoCo refuses the model: " + mjs_getError(spec_.get()));
+    if (model_ != nullptr) return;
+    const std::string problem = mjs_getError(spec_.get());
+    const bool lacks_file = problem.find("Error opening file") != std::string::npos;
+    throw InvalidArgument(
+        file + ": MuJoCo refuses the model: " + problem +
+        (lacks_file ? "; say in which folder the meshes are (robot.mesh_folder, --meshes)" : ""));
   };
   compile();
   if (name_joints()) compile();
@@ -382,11 +392,11 @@ void ModelFile::add_motors() {
 
 void ModelFile::set_step() {
   const double longest = model_->opt.timestep;
+  require(longest >= 1e-6 && longest <= 1.0,
+          text_of(options_.path.string(), ": its timestep is ", longest, " s, must be 1e-6 to 1"));
   period_ = options_.period.value_or(
       std::chrono::round<Nanoseconds>(std::chrono::duration<double>(longest)));
   const double period = std::chrono::duration<double>(period_).count();
-  require(period > 0.0,
-          options_.path.string() + ": its timestep is " + text_of(longest) + " s, must be above 0");
   // A quotient that is a whole number but for rounding is this number.
   constexpr double kRounding = 1e-6;
   substeps_ = std::max(1, static_cast<int>(std::ceil(period / longest - kRounding)));

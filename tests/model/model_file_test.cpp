@@ -282,6 +282,25 @@ TEST_F(ModelFileTest, NamesWhatCannotBeUsed) {
             "body or a crank; name the joints to be driven (robot.joints), without it");
 }
 
+TEST_F(ModelFileTest, HasTheMemoryItNeedsAndNeverSleeps) {
+  const ModelFile model(
+      file(two_joints(R"(<size memory="1K"/><option><flag sleep="enable"/></option>)")));
+  EXPECT_GT(model.mujoco()->narena, 1'000'000);
+  EXPECT_EQ(model.mujoco()->opt.enableflags & mjENBL_SLEEP, 0);
+  const ModelFile old(file(two_joints(R"(<size njmax="3" nconmax="1" nstack="10"/>)")));
+  EXPECT_EQ(old.mujoco()->narena, model.mujoco()->narena);
+}
+
+TEST_F(ModelFileTest, RefusesTimestepsOfAnotherWorld) {
+  for (const std::string step : {"1e-9", "1e300", "-0.001", "10"}) {
+    std::string text = two_joints("");
+    text.replace(text.find("0.002"), 5, step);
+    EXPECT_THAT(message(file(text)), testing::AllOf(HasSubstr("arm.xml: its timestep is "),
+                                                    HasSubstr(" s, must be 1e-6 to 1")))
+        << step;
+  }
+}
+
 // Writes a ball with many triangles as OBJ, each corner anew for each triangle, off its centre.
 void write_ball(const std::filesystem::path& path, int rings) {
   std::ofstream obj(path);
@@ -305,6 +324,22 @@ void write_ball(const std::filesystem::path& path, int rings) {
         triangle(corner(ring, column + 1), corner(ring + 1, column), corner(ring + 1, column + 1));
       }
     }
+  }
+}
+
+TEST_F(ModelFileTest, FindsTheMeshesOfAUrdfByTheEndsOfTheirPaths) {
+  std::filesystem::create_directories(folder_ / "lever_description" / "meshes");
+  write_ball(folder_ / "lever_description" / "meshes" / "lever.obj", 10);
+  ModelFileOptions options = file(R"(<robot name="lever"><link name="base"/>
+    <link name="arm"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><geometry><mesh filename="package://lever_description/meshes/lever.obj"/></geometry></collision></link>
+    <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>)",
+                                  "lever.urdf");
+  EXPECT_THAT(message(options), testing::AllOf(HasSubstr("Error opening file"),
+                                               testing::EndsWith("(robot.mesh_folder, --meshes)")));
+  for (const char* const folder : {"", "lever_description", "lever_description/meshes"}) {
+    options.mesh_folder = folder_ / folder;
+    EXPECT_EQ(ModelFile(options).mujoco()->nmesh, 1) << folder;
   }
 }
 

@@ -20,7 +20,9 @@ namespace trifinger {
 /// Which robot to make of a file.
 struct ModelFileOptions {
   std::filesystem::path path;  ///< MJCF or URDF.
-  /// Folder with the meshes of a URDF, or of an MJCF that does not name one.
+  /// Folder with the meshes. A mesh is looked for by the longest end of its path that is there, so
+  /// that for "package://arm/meshes/link.stl" it may be the folder of "arm", "meshes" or
+  /// "link.stl". Default: as the file says.
   std::optional<std::filesystem::path> mesh_folder{};
   /// Names of the joints that motors drive, in this order: hinges, slides, and fixed tendons, which
   /// couple some of these. Default: what the actuators of the file drive; if it has none, every
