@@ -339,13 +339,17 @@ void ModelFile::find_joints() {
 // Replaces the actuators: one motor for each driven joint, and nothing else. From here on only the
 // safety chain limits their torque.
 void ModelFile::add_motors() {
+  std::vector<std::string> with_rotor;
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
     mjsJoint* const joint = mjs_asJoint(element);
     joint->actfrclimited = mjLIMITED_FALSE;
     if (!is_scalar(joint->type) || !options_.armature) continue;
     const std::string name = mjs_getString(mjs_getName(element));
-    if (const auto armature = options_.armature(name)) joint->armature = *armature;
+    if (const auto armature = options_.armature(name)) {
+      joint->armature = *armature;
+      with_rotor.push_back(name);
+    }
   }
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_TENDON); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
@@ -358,6 +362,12 @@ void ModelFile::add_motors() {
   }
   for (std::size_t i = 0; i < actuators.size(); ++i) {
     make_motor(actuators[i]);
+    const bool is_at_joint =
+        actuators[i]->trntype == mjTRN_JOINT || actuators[i]->trntype == mjTRN_JOINTINPARENT;
+    if (is_at_joint &&
+        std::ranges::find(with_rotor, mjs_getString(actuators[i]->target)) != with_rotor.end()) {
+      actuators[i]->armature = 0.0;
+    }
     const bool is_used =
         std::ranges::find(motors_, static_cast<int>(i), &Motor::actuator) != motors_.end();
     if (is_used) {
