@@ -32,7 +32,8 @@ struct ModelFileOptions {
   /// none is longer than the file's `timestep`. Default: the file's `timestep`.
   std::optional<Nanoseconds> period{};
   /// The inertia of its rotor at a hinge or slide of this name [kgm^2], [kg], instead of `armature`
-  /// of the joint and its actuators in the file. Many files leave it out, although behind a gear it is most of what a motor feels.
+  /// of the joint and its actuators in the file. Many files leave it out, although behind a gear it
+  /// is most of what a motor feels.
   std::function<std::optional<double>(const std::string& joint)> armature{};
   /// Objects in addition to those of the file. Each needs a position and a name that no body of the
   /// file has.
