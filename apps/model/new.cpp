@@ -39,6 +39,7 @@ constexpr std::array<std::string_view, 6> kFiles{
 struct NewRobotOptions {
   std::string name;
   std::optional<fs::path> file;
+  std::optional<fs::path> meshes;
   fs::path folder{"."};
 };
 
@@ -133,16 +134,31 @@ void write_driver(const NewRobotOptions& options) {
       folder.string(), options.name, folder.string());
 }
 
+// The way to `path` from `folder`; absolute if there is none.
+fs::path relative_path(const fs::path& path, const fs::path& folder) {
+  std::error_code ignored;
+  const fs::path way = fs::relative(fs::absolute(path), fs::absolute(folder), ignored);
+  return way.empty() ? fs::absolute(path) : way;
+}
+
 // The configuration of a simulated robot from a file.
-std::string configuration_of(const NewRobotOptions& options, const ModelFile& model,
-                             const fs::path& file) {
+std::string configuration_of(const NewRobotOptions& options, const ModelFile& model) {
+  const auto quoted = [](const fs::path& path) {
+    return "'" + replaced(path.string(), "'", "''") + "'";
+  };
+  // From the folder of the configuration, so that both can be moved together.
+  const fs::path file = relative_path(*options.file, options.folder);
   const bool is_urdf = file.extension() == ".urdf";
   std::string text = fmt::format(
       "# {}, simulated. docs/any_robot.md explains the keys; 'trifinger config {}.yml' checks "
       "them.\n"
-      "name: {}\ndriver: simulation\n\nrobot:\n  {}: '{}'\n",
-      model.name(), options.name, options.name, is_urdf ? "urdf" : "mjcf",
-      replaced(file.string(), "'", "''"));
+      "name: {}\ndriver: simulation\n\nrobot:\n  {}: {}\n",
+      model.name(), options.name, options.name, is_urdf ? "urdf" : "mjcf", quoted(file));
+  if (options.meshes) {
+    // This one counts from the folder of the robot's file.
+    text += fmt::format("  mesh_folder: {}\n",
+                        quoted(relative_path(*options.meshes, options.file->parent_path())));
+  }
   text +=
       "  # Where joints begin, if not at zero or in the file's first key frame [rad], [m].\n"
       "  # initial_position: {JOINT: 0.5}\n"
@@ -168,14 +184,10 @@ std::string configuration_of(const NewRobotOptions& options, const ModelFile& mo
 }
 
 void write_configuration(const NewRobotOptions& options) {
-  const ModelFile model({.path = *options.file});
+  const ModelFile model({.path = *options.file, .mesh_folder = options.meshes});
   const fs::path path = options.folder / (options.name + ".yml");
   require_new(path);
-  // From the folder of the configuration, so that both can be moved together.
-  std::error_code ignored;
-  fs::path file = fs::relative(fs::absolute(*options.file), fs::absolute(options.folder), ignored);
-  if (file.empty()) file = fs::absolute(*options.file);
-  const std::string text = configuration_of(options, model, file);
+  const std::string text = configuration_of(options, model);
   write_new_file(path, std::as_bytes(std::span(text)));
   const bool is_whole = text.find("FILL_IN") == std::string::npos;
   fmt::print("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
@@ -187,6 +199,9 @@ void write_configuration(const NewRobotOptions& options) {
 
 int make_robot_files(const NewRobotOptions& options) {
   require_usable(options.name);
+  if (options.meshes && !options.file) {
+    throw UsageError("--meshes is for --from: only a robot from a file has meshes");
+  }
   if (options.file) {
     write_configuration(options);
   } else {
@@ -205,6 +220,11 @@ void add_new_robot(CLI::App& parent, Action& action) {
           "Write a configuration that simulates the robot of this MJCF or URDF file, instead "
           "of a driver")
       ->option_text("FILE");
+  command
+      .add_option("--meshes", options.meshes,
+                  "With --from: where the meshes are, if not where the "
+                  "file says")
+      ->option_text("FOLDER");
   command.add_option("--to", options.folder, "Where to write; default: the working directory")
       ->option_text("FOLDER");
   command.footer(

@@ -205,7 +205,13 @@ void add_measurement_of_file(const Episodes& episodes, const More& more,
     throw InvalidArgument("there are " + std::to_string(poses.size()) + " poses for " +
                           std::to_string(model.free_bodies().size()) + " free bodies");
   }
-  for (const nb::object& pose : poses) bodies.push_back(to_pose(pose).value());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const std::optional<ObjectPose> pose = to_pose(poses[i]);
+    if (!pose) {
+      throw InvalidArgument("the pose of '" + model.free_bodies()[i].name + "' is missing");
+    }
+    bodies.push_back(*pose);
+  }
   measurement.bodies = bodies;
 }
 
@@ -405,6 +411,11 @@ the series of random numbers, and positions of the first hinges and slides of a 
             }
             if (object.is_none() != self.environment.object_name().empty()) {
               throw InvalidArgument("the pose of an object is for tasks that have one");
+            }
+            if (!more && std::holds_alternative<FileRobotConfig>(self.config)) {
+              throw InvalidArgument(
+                  "a measurement of a robot from a file needs `more`: torques, positions and "
+                  "velocities of its joints, poses of its bodies");
             }
             const std::optional<ObjectPose> pose = to_pose(object);
             const std::optional<ObjectPose> truth = to_pose(true_object);

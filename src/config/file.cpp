@@ -301,6 +301,20 @@ File File::parse(std::string_view text, const std::filesystem::path& name,
 
 Node File::root() const { return {root_, ""}; }
 
+void File::replace(const Node& node, std::string text) {
+  auto root = std::make_shared<Element>(*root_);
+  Element* element = root.get();
+  std::string reached;
+  for (const std::string& key : split(node.path())) {
+    element = &descend(*element, key, reached, node.location());
+    reached = detail::join(reached, key);
+  }
+  *element = detail::make_element(Element::Kind::kScalar, node.location());
+  element->scalar = std::move(text);
+  element->quoted = true;
+  root_ = std::move(root);
+}
+
 std::string File::text() const { return detail::yaml_of(*root_); }
 
 std::map<std::string, std::string> File::values() const {

@@ -109,8 +109,8 @@ JointFigures figures_of(const Kinematics& kinematics) {
   return joints;
 }
 
-// The range of desired positions is that of the soft limits. A joint without an end is asked for
-// one turn, and observed for two.
+// The range of desired positions is that of the soft limits. Where a joint has no end, it is asked
+// for half a turn from where it begins, and observed for half a turn more.
 JointFigures figures_of(const FileBody& body) {
   JointFigures joints;
   bool has_slide = false;
@@ -121,14 +121,17 @@ JointFigures figures_of(const FileBody& body) {
     (is_slide ? has_slide : has_hinge) = true;
     const double half_turn = is_slide ? 1.0 : std::numbers::pi;
     const auto is_end = [](double bound) { return std::abs(bound) < kLargestJointLimit; };
-    joints.initial.push_back(body.initial_position()[i]);
-    joints.low.push_back(is_end(limit.soft_lower) ? limit.soft_lower : -half_turn);
-    joints.high.push_back(is_end(limit.soft_upper) ? limit.soft_upper : half_turn);
+    const double initial = body.initial_position()[i];
+    const double low = is_end(limit.soft_lower) ? limit.soft_lower : initial - half_turn;
+    const double high = is_end(limit.soft_upper) ? limit.soft_upper : initial + half_turn;
+    joints.initial.push_back(initial);
+    joints.low.push_back(low);
+    joints.high.push_back(high);
     joints.max_torque.push_back(limit.max_torque);
     joints.position.low.push_back(is_end(limit.hard_lower) ? limit.hard_lower - kBeyondLimits
-                                                           : -2 * half_turn);
+                                                           : low - half_turn);
     joints.position.high.push_back(is_end(limit.hard_upper) ? limit.hard_upper + kBeyondLimits
-                                                            : 2 * half_turn);
+                                                            : high + half_turn);
     const double fastest = is_end(limit.max_velocity) ? limit.max_velocity : kMaxVelocity;
     joints.velocity.low.push_back(-fastest);
     joints.velocity.high.push_back(fastest);

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "file_objects.hpp"
+#include "find_meshes.hpp"
 #include "self_contained.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -34,9 +35,9 @@ std::string joined(std::span<const std::string> names) {
   return text.empty() ? "none" : text;
 }
 
-bool is_scalar(const mjModel& model, int joint) {
-  return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
-}
+bool is_scalar(int type) { return type == mjJNT_HINGE || type == mjJNT_SLIDE; }
+
+bool is_scalar(const mjModel& model, int joint) { return is_scalar(model.jnt_type[joint]); }
 
 // A joint or a fixed tendon of the model.
 struct Target {
@@ -85,9 +86,42 @@ void take_smaller(std::optional<double>& value, std::optional<double> other) {
   if (other && (!value || *other < *value)) value = other;
 }
 
+// Replaces whatever computes the actuator's force: now its input is its force, at once and in full.
+void make_motor(mjsActuator* actuator) {
+  mjs_setToMotor(actuator);
+  actuator->ctrlspec = 0;
+  actuator->ctrllimited = mjLIMITED_FALSE;
+  actuator->forcelimited = mjLIMITED_FALSE;
+  actuator->actlimited = mjLIMITED_FALSE;
+  actuator->inheritrange = 0.0;
+  actuator->delay = 0.0;
+  actuator->nsample = 0;
+  actuator->interp = 0;
+}
+
+// Makes the actuator's force the torque of its joint. Its rotor and friction stay what they are at
+// the joint.
+void act_without_gear(mjsActuator* actuator) {
+  const double gear = actuator->gear[0];
+  double factor = gear * gear;
+  actuator->armature *= factor;
+  for (double& damping : actuator->damping) {
+    damping *= factor;
+    factor *= std::abs(gear);
+  }
+  std::ranges::fill(actuator->gear, 0.0);
+  actuator->gear[0] = 1.0;
+}
+
+// The largest torque that the file allows at a joint of the model, if it is one number.
+std::optional<double> joint_limit(const mjModel& model, int joint) {
+  if (!model.jnt_actfrclimited[joint]) return std::nullopt;
+  return symmetric(model.jnt_actfrcrange + 2 * joint);
+}
+
 // Adds to `joint` what the actuator says about it.
 void describe_actuator(const mjModel& model, int actuator, FileJoint& joint) {
-  const double gear = model.actuator_gear[6 * actuator];
+  const double gear = model.actuator_gear[6 * model.actuator_outadr[actuator]];
   const double* const gain = model.actuator_gainprm + mjNGAIN * actuator;
   const double* const bias = model.actuator_biasprm + mjNBIAS * actuator;
   const bool has_fixed_gain = model.actuator_gaintype[actuator] == mjGAIN_FIXED;
@@ -99,8 +133,9 @@ void describe_actuator(const mjModel& model, int actuator, FileJoint& joint) {
   }
   const bool is_motor = has_fixed_gain && model.actuator_biastype[actuator] == mjBIAS_NONE &&
                         model.actuator_dyntype[actuator] == mjDYN_NONE;
-  if (is_motor && model.actuator_ctrllimited[actuator]) {
-    if (const auto limit = symmetric(model.actuator_ctrlrange + 2 * actuator)) {
+  const int input = model.actuator_ctrladr[actuator];
+  if (is_motor && model.actuator_ctrlnum[actuator] == 1 && model.actuator_ctrllimited[input]) {
+    if (const auto limit = symmetric(model.actuator_ctrlrange + 2 * input)) {
       take_smaller(joint.max_torque, at_joint(std::abs(gain[0]) * *limit));
     }
   }
@@ -123,8 +158,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   spec_.reset(mj_parseXML(file.c_str(), nullptr, error, sizeof(error)));
   require(spec_ != nullptr, file + ": MuJoCo cannot read it: " + error);
   if (options_.mesh_folder) {
-    const std::string folder = std::filesystem::absolute(*options_.mesh_folder).string();
-    mjs_setString(spec_->compiler.meshdir, folder.c_str());
+    detail::find_meshes(spec_.get(), std::filesystem::absolute(*options_.mesh_folder));
   }
   detail::add_objects(spec_.get(), options_.objects);
   // MuJoCo leaves out what only looks when it reads a URDF; a viewer wants to see it.
@@ -134,15 +168,27 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   // The motors must work, whatever the file says of its actuators.
   spec_->option.disableflags &= ~mjDSBL_ACTUATION;
   spec_->option.disableactuator = 0;
+  // A scene that needs more memory than a file allows would end the process, and parts that sleep
+  // would make a restored state go on otherwise.
+  spec_->memory = spec_->nstack = -1;
+  spec_->njmax = spec_->nconmax = -1;
+  spec_->option.enableflags &= ~mjENBL_SLEEP;
   const auto compile = [&] {
     model_.reset(mj_compile(spec_.get(), nullptr));
-    require(model_ != nullptr, file + ": MuJoCo refuses the model: " + mjs_getError(spec_.get()));
+    if (model_ != nullptr) return;
+    const std::string problem = mjs_getError(spec_.get());
+    const bool lacks_file = problem.find("Error opening file") != std::string::npos;
+    throw InvalidArgument(
+        file + ": MuJoCo refuses the model: " + problem +
+        (lacks_file ? "; say in which folder the meshes are (robot.mesh_folder, --meshes)" : ""));
   };
   compile();
+  if (name_joints()) compile();
   find_joints();
   add_motors();
   set_step();
   compile();
+  for (Motor& motor : motors_) motor.ctrl = model_->actuator_ctrladr[motor.actuator];
   options_.armature = nullptr;  // It may refer to what lives no longer than this call.
   const std::string name = mjs_getString(spec_->modelname);
   // "MuJoCo Model" is what MuJoCo calls a model without a name.
@@ -164,24 +210,41 @@ ModelFile::ModelFile(ModelFile&&) noexcept = default;
 ModelFile& ModelFile::operator=(ModelFile&&) noexcept = default;
 ModelFile::~ModelFile() = default;
 
+// Gives a name to each hinge and slide without one, because configurations and motors find joints
+// by their names. Returns true if there were some.
+bool ModelFile::name_joints() {
+  bool is_renamed = false;
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    if (!is_scalar(mjs_asJoint(element)->type)) continue;
+    if (*mjs_getString(mjs_getName(element)) != '\0') continue;
+    const std::string name = "joint" + std::to_string(mjs_getId(element));
+    require(mjs_setName(element, name.c_str()) == 0,
+            options_.path.string() + ": a joint without a name would be called '" + name +
+                "', as another one is; give it a name");
+    is_renamed = true;
+  }
+  return is_renamed;
+}
+
 // Finds out which joints are driven, and what the file says about them.
 void ModelFile::find_joints() {
   const mjModel& model = *model_;
   const std::string file = options_.path.string() + ": ";
   for (int joint = 0; joint < static_cast<int>(model.njnt); ++joint) {
     if (!is_scalar(model, joint)) continue;
-    std::string name = name_of(model, mjOBJ_JOINT, joint);
-    if (name.empty()) name = "joint" + std::to_string(joint);
-    model_joints_.push_back(
-        {.name = std::move(name), .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
+    model_joints_.push_back({.name = name_of(model, mjOBJ_JOINT, joint),
+                             .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
     model_parts_.push_back(
         {.position = model.jnt_qposadr[joint], .velocity = model.jnt_dofadr[joint], .share = 1.0});
   }
   require(!model_joints_.empty(), file + "the model has no hinge and no slide, so nothing moves");
 
   std::vector<Drive> drives;
-  drives.reserve(static_cast<std::size_t>(model.nu));
-  for (int i = 0; i < static_cast<int>(model.nu); ++i) drives.push_back(drive_of(model, i));
+  // An actuator may have any number of inputs, so `nu` is not the number of actuators.
+  const int num_actuators = static_cast<int>(model.nactuator);
+  drives.reserve(static_cast<std::size_t>(num_actuators));
+  for (int i = 0; i < num_actuators; ++i) drives.push_back(drive_of(model, i));
 
   std::vector<Target> targets;
   const auto add = [&targets](const Target& target) {
@@ -206,7 +269,7 @@ void ModelFile::find_joints() {
     targets.push_back(target);
   }
   if (options_.joints.empty()) {
-    for (int i = 0; i < static_cast<int>(model.nu); ++i) {
+    for (int i = 0; i < num_actuators; ++i) {
       const Drive& drive = drives[static_cast<std::size_t>(i)];
       require(drive.problem.empty(),
               file + "no motor can take the place of actuator '" +
@@ -214,27 +277,26 @@ void ModelFile::find_joints() {
                   "; name the joints to be driven (robot.joints), without it");
       add(drive.target);
     }
-    for (int joint = 0; model.nu == 0 && joint < static_cast<int>(model.njnt); ++joint) {
+    for (int joint = 0; num_actuators == 0 && joint < static_cast<int>(model.njnt); ++joint) {
       if (is_scalar(model, joint)) add({.type = mjOBJ_JOINT, .id = joint});
     }
   }
 
   for (const auto& [type, id] : targets) {
     FileJoint joint;
-    Motor motor{.ctrl = -1, .parts = {}};
+    Motor motor;
     joint.name = name_of(model, type, id);
     if (type == mjOBJ_JOINT) {
-      if (joint.name.empty()) joint.name = "joint" + std::to_string(id);
       joint.is_slide = model.jnt_type[id] == mjJNT_SLIDE;
       if (model.jnt_limited[id])
         joint.range = {model.jnt_range[2 * id], model.jnt_range[2 * id + 1]};
-      if (model.jnt_actfrclimited[id]) {
-        joint.max_torque = symmetric(model.jnt_actfrcrange + 2 * id);
-      }
+      joint.max_torque = joint_limit(model, id);
       motor.parts.push_back(
           {.position = model.jnt_qposadr[id], .velocity = model.jnt_dofadr[id], .share = 1.0});
     } else {
-      if (joint.name.empty()) joint.name = "tendon" + std::to_string(id);
+      require(
+          std::ranges::find(model_joints_, joint.name, &ModelJoint::name) == model_joints_.end(),
+          file + "tendon '" + joint.name + "' has the name of a joint; rename one of them");
       if (model.tendon_limited[id]) {
         joint.range = {model.tendon_range[2 * id], model.tendon_range[2 * id + 1]};
       }
@@ -247,6 +309,8 @@ void ModelFile::find_joints() {
         const int wrap = model.tendon_adr[id] + i;
         const int coupled = model.wrap_objid[wrap];
         const double share = model.wrap_prm[wrap];
+        const auto limit = joint_limit(model, coupled);
+        if (limit && share != 0.0) take_smaller(joint.max_torque, *limit / std::abs(share));
         has_hinge = has_hinge || model.jnt_type[coupled] == mjJNT_HINGE;
         motor.parts.push_back({.position = model.jnt_qposadr[coupled],
                                .velocity = model.jnt_dofadr[coupled],
@@ -257,10 +321,10 @@ void ModelFile::find_joints() {
       require(motor.sum_of_squares > 0.0,
               file + "tendon '" + joint.name + "' moves no joint, so it cannot be driven");
     }
-    for (int i = 0; i < static_cast<int>(model.nu); ++i) {
+    for (int i = 0; i < num_actuators; ++i) {
       const Drive& drive = drives[static_cast<std::size_t>(i)];
       if (!drive.problem.empty() || drive.target != Target{type, id}) continue;
-      if (motor.ctrl < 0) motor.ctrl = i;
+      if (motor.actuator < 0) motor.actuator = i;
       describe_actuator(model, i, joint);
     }
     joints_.push_back(std::move(joint));
@@ -272,62 +336,59 @@ void ModelFile::find_joints() {
   }
 }
 
-// Replaces the actuators: one motor for each driven joint, and nothing else.
+// Replaces the actuators: one motor for each driven joint, and nothing else. From here on only the
+// safety chain limits their torque.
 void ModelFile::add_motors() {
-  // A motor finds its joint by its name.
+  std::vector<std::string> with_rotor;
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
-    if (*mjs_getString(mjs_getName(element)) == '\0') {
-      mjs_setName(element, ("joint" + std::to_string(mjs_getId(element))).c_str());
-    }
     mjsJoint* const joint = mjs_asJoint(element);
-    const bool has_rotor = joint->type == mjJNT_HINGE || joint->type == mjJNT_SLIDE;
-    if (!has_rotor || !options_.armature) continue;
+    joint->actfrclimited = mjLIMITED_FALSE;
+    if (!is_scalar(joint->type) || !options_.armature) continue;
     const std::string name = mjs_getString(mjs_getName(element));
     if (const auto armature = options_.armature(name)) {
       joint->armature = *armature;
+      with_rotor.push_back(name);
     }
   }
-  std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nu), nullptr);
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_TENDON); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    mjs_asTendon(element)->actfrclimited = mjLIMITED_FALSE;
+  }
+  std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nactuator), nullptr);
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_ACTUATOR); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
     actuators[static_cast<std::size_t>(mjs_getId(element))] = mjs_asActuator(element);
   }
   for (std::size_t i = 0; i < actuators.size(); ++i) {
-    mjsActuator* const actuator = actuators[i];
-    const double gear = model_->actuator_gear[6 * i];
-    mjs_setToMotor(actuator);
-    actuator->ctrllimited = mjLIMITED_FALSE;
-    actuator->forcelimited = mjLIMITED_FALSE;
-    actuator->actlimited = mjLIMITED_FALSE;
-    actuator->inheritrange = 0.0;
+    make_motor(actuators[i]);
+    const bool is_at_joint =
+        actuators[i]->trntype == mjTRN_JOINT || actuators[i]->trntype == mjTRN_JOINTINPARENT;
+    if (is_at_joint &&
+        std::ranges::find(with_rotor, mjs_getString(actuators[i]->target)) != with_rotor.end()) {
+      actuators[i]->armature = 0.0;
+    }
     const bool is_used =
-        std::ranges::find(motors_, static_cast<int>(i), &Motor::ctrl) != motors_.end();
-    if (!is_used) {
-      actuator->gainprm[0] = 0.0;
-      continue;
+        std::ranges::find(motors_, static_cast<int>(i), &Motor::actuator) != motors_.end();
+    if (is_used) {
+      act_without_gear(actuators[i]);
+    } else {
+      actuators[i]->gainprm[0] = 0.0;
     }
-    // Rotor and friction of the actuator stay what they are at the joint, without the gear.
-    double factor = gear * gear;
-    actuator->armature *= factor;
-    for (double& damping : actuator->damping) {
-      damping *= factor;
-      factor *= std::abs(gear);
-    }
-    std::ranges::fill(actuator->gear, 0.0);
-    actuator->gear[0] = 1.0;
   }
   int next = static_cast<int>(actuators.size());
   for (std::size_t i = 0; i < motors_.size(); ++i) {
-    if (motors_[i].ctrl >= 0) continue;
-    motors_[i].ctrl = next++;
+    if (motors_[i].actuator >= 0) continue;
+    motors_[i].actuator = next++;
     mjsActuator* const actuator = mjs_addActuator(spec_.get(), nullptr);
-    mjs_setToMotor(actuator);
+    make_motor(actuator);
+    // A new actuator begins with the defaults of the file.
+    actuator->armature = 0.0;
+    std::ranges::fill(actuator->damping, 0.0);
+    act_without_gear(actuator);
     const bool is_joint =
         std::ranges::find(model_joints_, joints_[i].name, &ModelJoint::name) != model_joints_.end();
     actuator->trntype = is_joint ? mjTRN_JOINT : mjTRN_TENDON;
-    actuator->ctrllimited = mjLIMITED_FALSE;
-    actuator->forcelimited = mjLIMITED_FALSE;
     mjs_setString(actuator->target, joints_[i].name.c_str());
   }
   // Inputs and activations of the file's actuators mean nothing to the motors.
@@ -341,11 +402,11 @@ void ModelFile::add_motors() {
 
 void ModelFile::set_step() {
   const double longest = model_->opt.timestep;
+  require(longest >= 1e-6 && longest <= 1.0,
+          text_of(options_.path.string(), ": its timestep is ", longest, " s, must be 1e-6 to 1"));
   period_ = options_.period.value_or(
       std::chrono::round<Nanoseconds>(std::chrono::duration<double>(longest)));
   const double period = std::chrono::duration<double>(period_).count();
-  require(period > 0.0,
-          options_.path.string() + ": its timestep is " + text_of(longest) + " s, must be above 0");
   // A quotient that is a whole number but for rounding is this number.
   constexpr double kRounding = 1e-6;
   substeps_ = std::max(1, static_cast<int>(std::ceil(period / longest - kRounding)));

@@ -176,9 +176,8 @@ FileRobotConfig read_file_robot(const File& file) {
 
 }  // namespace
 
-File load_config_file(const std::string& name, std::vector<std::string> overrides) {
-  const std::filesystem::path path = find_config(name);
-  File file = File::load(path, overrides, config_folders());
+File load_config_file(const std::string& name, const std::vector<std::string>& overrides) {
+  File file = File::load(find_config(name), overrides, config_folders());
   if (!detail::is_from_file(file.root())) return file;
   const Node robot = file.root().section("robot");
   const Node node = file_node(robot);
@@ -192,10 +191,8 @@ File load_config_file(const std::string& name, std::vector<std::string> override
   if (!std::filesystem::is_regular_file(model, ignored)) {
     node.fail("is " + model.string() + ": there is no such file");
   }
-  std::string quoted;
-  for (const char letter : model.string()) quoted += letter == '\'' ? "''" : std::string(1, letter);
-  overrides.push_back(node.path() + "='" + quoted + "'");
-  return File::load(path, overrides, config_folders());
+  file.replace(node, model.string());
+  return file;
 }
 
 bool is_from_file(const File& file) { return detail::is_from_file(file.root()); }

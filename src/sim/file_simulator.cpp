@@ -53,6 +53,9 @@ std::vector<NamedJoint> joints_of(const ModelFile& model) {
 
 void FileRobotOptions::validate() const {
   require(model != nullptr, "a robot from a file has no model");
+  require(model->joints().size() <= kMaxCountedJoints,
+          text_of("the model has ", model->joints().size(), " driven joints, a robot has at most ",
+                  kMaxCountedJoints, "; name those to be driven (robot.joints)"));
   require(limits.size() == model->joints().size(),
           text_of("there are limits for ", limits.size(), " joints, but the model has ",
                   model->joints().size()));
@@ -191,7 +194,18 @@ void FileSimulator::vary(const Variation& variation, mjModel_& varied,
     const int dof = original.jnt_dofadr[joint];
     varied.dof_armature[dof] = variation.rotor_inertia * original.dof_armature[dof];
     varied.dof_damping[dof] = variation.joint_damping * original.dof_damping[dof];
+    for (int i = mjNPOLY * dof; i < mjNPOLY * (dof + 1); ++i) {
+      varied.dof_dampingpoly[i] = variation.joint_damping * original.dof_dampingpoly[i];
+    }
     varied.dof_frictionloss[dof] = original.dof_frictionloss[dof] + variation.joint_friction;
+  }
+  // A file may give rotor and damping of a joint to its actuator.
+  for (int motor = 0; motor < static_cast<int>(original.nactuator); ++motor) {
+    varied.actuator_armature[motor] = variation.rotor_inertia * original.actuator_armature[motor];
+    varied.actuator_damping[motor] = variation.joint_damping * original.actuator_damping[motor];
+    for (int i = mjNPOLY * motor; i < mjNPOLY * (motor + 1); ++i) {
+      varied.actuator_dampingpoly[i] = variation.joint_damping * original.actuator_dampingpoly[i];
+    }
   }
   mj_setConst(&varied, &data);
 }

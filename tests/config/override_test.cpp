@@ -81,6 +81,18 @@ TEST(Override, IsNamedAsThePlaceOfAnError) {
             "--set finger.height: finger is not a known key; did you mean 'fingers'?");
 }
 
+TEST(Override, IsAlsoATextThatKeepsThePlaceOfTheValue) {
+  File file = File::parse(kText, "robot.yml");
+  const Node before = file.root().at("name");
+  file.replace(before, "it's 3: [new]");
+  const Node after = file.root().at("name");
+  EXPECT_EQ(after.as<std::string>(), "it's 3: [new]");
+  EXPECT_EQ(after.location().text(), before.location().text());
+  EXPECT_NE(before.as<std::string>(), after.as<std::string>());
+  EXPECT_EQ(File::parse(file.text(), "again.yml").root().required<std::string>("name"),
+            after.as<std::string>());
+}
+
 TEST(Override, MustHaveAKeyAndAValue) {
   EXPECT_EQ(problem_with("fingers.height"),
             "--set fingers.height: has no key and value, must look like fingers.height=0.3");

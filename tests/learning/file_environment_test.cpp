@@ -28,8 +28,9 @@ using test::message_of;
 using ::testing::Each;
 using ::testing::HasSubstr;
 
-FileRobotOptions robot_of(const std::string& config) {
-  return std::get<FileRobotConfig>(load_any_robot_config(config)).robot;
+FileRobotOptions robot_of(const std::string& config,
+                          const std::vector<std::string>& overrides = {}) {
+  return std::get<FileRobotConfig>(load_any_robot_config(config, overrides)).robot;
 }
 
 // D'Claw, or D'Claw without its valve.
@@ -68,6 +69,19 @@ TEST_F(FileEnvironment, HasAGoalForEachFrame) {
   EXPECT_EQ(environment.entries()[0].unit, "rad or m");
   // Actions ask for positions within the soft limits: shoulder, elbow, finger, rail.
   EXPECT_THAT(environment.position_low(), ::testing::ElementsAre(-1.8, -2.2, 0.1, -0.8));
+}
+
+TEST_F(FileEnvironment, AsksAJointThatHasOneEndForPositionsOnItsSide) {
+  const FileRobotOptions robot = robot_of(
+      (folder_ / "arm.yml").string(),
+      {"safety.rail.soft_lower=-.inf", "safety.rail.hard_lower=-.inf", "safety.rail.soft_upper=-4",
+       "safety.rail.hard_upper=-3", "robot.initial_position.rail=-5"});
+  const Environment environment("reach", options(), robot);
+  EXPECT_EQ(environment.position_low()[3], -6.0);
+  EXPECT_EQ(environment.position_high()[3], -4.0);
+  const Entry& position = environment.entries()[0];
+  EXPECT_EQ(position.low[3], -7.0);
+  EXPECT_LT(position.low[3], position.high[3]);
 }
 
 TEST_F(FileEnvironment, DrawsGoalsThatAPoseFreeOfContactsReaches) {

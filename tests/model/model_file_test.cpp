@@ -106,6 +106,100 @@ TEST_F(ModelFileTest, HasMotorsWhoseTorqueActsOnTheJointWhateverItsActuatorWas) 
   EXPECT_EQ(model.mujoco()->nu, 4);
 }
 
+// Two joints, and whatever `more` says.
+std::string two_joints(const std::string& more) {
+  return R"(<mujoco><compiler angle="radian"/><option timestep="0.002"/><worldbody>
+    <body name="one"><joint name="a" axis="0 1 0"/><geom size="0.1"/>
+      <body name="two" pos="0 0 0.3"><joint name="b" axis="0 1 0"/><geom size="0.1"/></body></body>
+  </worldbody>)" +
+         more + "</mujoco>";
+}
+
+TEST_F(ModelFileTest, GivesNothingOfTheDefaultsOfActuatorsToItsOwnMotors) {
+  const ModelFile model(file(two_joints(
+      R"(<default><motor gear="50" armature="2" damping="3" ctrlrange="-0.1 0.1"/></default>)")));
+  EXPECT_THAT(forces_of(model, 0), ElementsAre(1.0, 0.0));
+  EXPECT_THAT(forces_of(model, 1), ElementsAre(0.0, 1.0));
+  EXPECT_EQ(model.mujoco()->actuator_armature[0], 0.0);
+  EXPECT_EQ(model.mujoco()->actuator_damping[0], 0.0);
+}
+
+TEST_F(ModelFileTest, MakesMotorsOfActuatorsWithSeveralInputsOrNone) {
+  const ModelFile several(file(two_joints(
+      R"(<actuator><pid name="p" joint="a" kp="5" forcerange="-3 3"/>
+           <motor name="m" joint="b" gear="4" ctrlrange="-2 2" ctrllimited="true"/></actuator>)")));
+  ASSERT_THAT(names(several.joints()), ElementsAre("a", "b"));
+  EXPECT_EQ(several.joints()[0].max_torque, 3.0);
+  EXPECT_EQ(several.joints()[1].max_torque, 8.0);
+  EXPECT_EQ(several.mujoco()->nu, 2);
+  EXPECT_THAT(forces_of(several, 0), ElementsAre(1.0, 0.0));
+  EXPECT_THAT(forces_of(several, 1), ElementsAre(0.0, 1.0));
+
+  ModelFileOptions options = file(two_joints(
+      R"(<actuator><dcmotor name="d" joint="a" motorconst="0.1" resistance="2" input="none"/>
+                      <motor name="m" joint="b" gear="4" ctrlrange="-2 2" ctrllimited="true"/></actuator>)"));
+  const ModelFile none(options);
+  ASSERT_THAT(names(none.joints()), ElementsAre("a", "b"));
+  EXPECT_EQ(none.joints()[1].max_torque, 8.0);
+  EXPECT_THAT(forces_of(none, 0), ElementsAre(1.0, 0.0));
+  EXPECT_THAT(forces_of(none, 1), ElementsAre(0.0, 1.0));
+  // What it writes is the same robot.
+  const ModelFile again(file(several.mjcf(), "again.xml"));
+  EXPECT_THAT(forces_of(again, 0), ElementsAre(1.0, 0.0));
+}
+
+TEST_F(ModelFileTest, LetsTheAppliedTorqueActAtOnceAndInFull) {
+  ModelFileOptions options = file(two_joints(
+      R"(<tendon><fixed name="both" actuatorfrcrange="-5 5"><joint joint="a" coef="1"/>
+           <joint joint="b" coef="0.5"/></fixed></tendon>
+         <actuator><motor name="m" tendon="both" delay="0.02" nsample="12"/></actuator>)"));
+  const ModelFile tendon(options);
+  EXPECT_EQ(tendon.joints()[0].max_torque, 5.0);
+  const auto forces = [](const ModelFile& model) {
+    const RobotModel::Data data = model.make_data();
+    model.set_torque(0, 10.0, *data);
+    mj_forward(model.mujoco(), data.get());
+    return std::vector(data->qfrc_actuator, data->qfrc_actuator + model.mujoco()->nv);
+  };
+  EXPECT_THAT(forces(tendon), ElementsAre(10.0, 5.0));
+
+  const auto with_range = [](std::string text) {
+    const std::string joint = R"(name="b")";
+    return text.replace(text.find(joint), joint.size(), joint + R"( actuatorfrcrange="-3 3")");
+  };
+  const ModelFile joint(file(with_range(two_joints("<actuator><motor joint='b'/></actuator>"))));
+  EXPECT_EQ(joint.joints()[0].max_torque, 3.0);
+  EXPECT_THAT(forces(joint), ElementsAre(0.0, 10.0));
+  // A joint that a tendon moves by halves gets half of its torque.
+  const ModelFile coupled(file(with_range(two_joints(
+      R"(<tendon><fixed name="both"><joint joint="a" coef="1"/><joint joint="b" coef="0.5"/>
+                    </fixed></tendon><actuator><motor tendon="both"/></actuator>)"))));
+  EXPECT_EQ(coupled.joints()[0].max_torque, 6.0);
+  EXPECT_THAT(forces(coupled), ElementsAre(10.0, 5.0));
+}
+
+TEST_F(ModelFileTest, DrivesJointsWithoutNamesUnlessAnotherHasTheirs) {
+  const auto unnamed = [](const std::string& other) {
+    std::string text = two_joints("");
+    text.replace(text.find(R"(name="a")"), 8, "");
+    return text.replace(text.find(R"(name="b")"), 8, other);
+  };
+  const ModelFile model(file(unnamed("")));
+  ASSERT_THAT(names(model.joints()), ElementsAre("joint0", "joint1"));
+  EXPECT_THAT(forces_of(model, 1), ElementsAre(0.0, 1.0));
+  ModelFileOptions options = file(unnamed(""));
+  options.joints = {"joint1"};
+  EXPECT_THAT(forces_of(ModelFile(options), 0), ElementsAre(0.0, 1.0));
+
+  EXPECT_EQ(message(file(unnamed(R"(name="joint0")"))),
+            "arm.xml: a joint without a name would be called 'joint0', as another one is; give it "
+            "a name");
+  EXPECT_EQ(message(file(
+                two_joints(R"(<tendon><fixed name="a"><joint joint="b" coef="1"/></fixed></tendon>
+                                       <actuator><motor tendon="a"/></actuator>)"))),
+            "arm.xml: tendon 'a' has the name of a joint; rename one of them");
+}
+
 TEST_F(ModelFileTest, MeasuresACoupledJointAsItsTendonIsLong) {
   const ModelFile model = arm();
   const RobotModel::Data data = model.make_data();
@@ -188,6 +282,25 @@ TEST_F(ModelFileTest, NamesWhatCannotBeUsed) {
             "body or a crank; name the joints to be driven (robot.joints), without it");
 }
 
+TEST_F(ModelFileTest, HasTheMemoryItNeedsAndNeverSleeps) {
+  const ModelFile model(
+      file(two_joints(R"(<size memory="1K"/><option><flag sleep="enable"/></option>)")));
+  EXPECT_GT(model.mujoco()->narena, 1'000'000);
+  EXPECT_EQ(model.mujoco()->opt.enableflags & mjENBL_SLEEP, 0);
+  const ModelFile old(file(two_joints(R"(<size njmax="3" nconmax="1" nstack="10"/>)")));
+  EXPECT_EQ(old.mujoco()->narena, model.mujoco()->narena);
+}
+
+TEST_F(ModelFileTest, RefusesTimestepsOfAnotherWorld) {
+  for (const std::string step : {"1e-9", "1e300", "-0.001", "10"}) {
+    std::string text = two_joints("");
+    text.replace(text.find("0.002"), 5, step);
+    EXPECT_THAT(message(file(text)), testing::AllOf(HasSubstr("arm.xml: its timestep is "),
+                                                    HasSubstr(" s, must be 1e-6 to 1")))
+        << step;
+  }
+}
+
 // Writes a ball with many triangles as OBJ, each corner anew for each triangle, off its centre.
 void write_ball(const std::filesystem::path& path, int rings) {
   std::ofstream obj(path);
@@ -211,6 +324,22 @@ void write_ball(const std::filesystem::path& path, int rings) {
         triangle(corner(ring, column + 1), corner(ring + 1, column), corner(ring + 1, column + 1));
       }
     }
+  }
+}
+
+TEST_F(ModelFileTest, FindsTheMeshesOfAUrdfByTheEndsOfTheirPaths) {
+  std::filesystem::create_directories(folder_ / "lever_description" / "meshes");
+  write_ball(folder_ / "lever_description" / "meshes" / "lever.obj", 10);
+  ModelFileOptions options = file(R"(<robot name="lever"><link name="base"/>
+    <link name="arm"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><geometry><mesh filename="package://lever_description/meshes/lever.obj"/></geometry></collision></link>
+    <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>)",
+                                  "lever.urdf");
+  EXPECT_THAT(message(options), testing::AllOf(HasSubstr("Error opening file"),
+                                               testing::EndsWith("(robot.mesh_folder, --meshes)")));
+  for (const char* const folder : {"", "lever_description", "lever_description/meshes"}) {
+    options.mesh_folder = folder_ / folder;
+    EXPECT_EQ(ModelFile(options).mujoco()->nmesh, 1) << folder;
   }
 }
 

@@ -14,7 +14,7 @@ import trifinger
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
-from trifinger import environments
+from trifinger import _trifinger, environments
 from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
 from trifinger.tasks import Start, Task
 
@@ -118,6 +118,21 @@ def test_the_official_checkers_pass(robot: str, observation: str, capsys: Any) -
     check_env_of_sb3(environment, skip_render_check=True)
     capsys.readouterr()  # Stable-Baselines3 says that it has found a goal.
     environment.close()
+
+
+def test_a_measurement_of_a_robot_from_a_file_has_all_its_parts(arm: str) -> None:
+    options = Options(frames=("hand",)).to_json()
+    core = _trifinger.Episodes("reach", options, arm, {})
+    core.begin(0, 0)
+    joints, none = np.zeros(2), np.zeros(0)
+    with pytest.raises(trifinger.InvalidArgument, match="needs `more`"):
+        core.observe(joints, joints)
+    model = np.zeros(3)
+    missing: Any = [None]
+    with pytest.raises(trifinger.InvalidArgument, match="the pose of 'ball' is missing"):
+        core.observe(joints, joints, more=(joints, model, model, missing))
+    with pytest.raises(trifinger.InvalidArgument, match="joint_position has 0 numbers"):
+        core.observe(joints, joints, more=(joints, none, none, missing))
 
 
 @pytest.mark.parametrize("task", DCLAW)

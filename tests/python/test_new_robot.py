@@ -105,6 +105,32 @@ def test_reads_urdf(tmp_path: Path) -> None:
     assert "hinge: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 rad" in text
 
 
+def test_finds_the_meshes_of_a_package(tmp_path: Path) -> None:
+    package = tmp_path / "lever_description"
+    (package / "meshes").mkdir(parents=True)
+    (package / "meshes" / "lever.obj").write_text(
+        "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    mesh = '<mesh filename="package://lever_description/meshes/lever.obj"/>'
+    collision = f"<collision><geometry>{mesh}</geometry></collision>"
+    (package / "urdf").mkdir()
+    urdf = package / "urdf" / "lever.urdf"
+    urdf.write_text(URDF.replace("</inertial>", f"</inertial>{collision}", 1))
+    words = ["lever", "--from", urdf, "--to", tmp_path]
+    assert "(robot.mesh_folder, --meshes)" in new_robot(*words, succeeds=False)
+    new_robot(*words, "--meshes", package)
+    path = tmp_path / "lever.yml"
+    text = path.read_text()
+    assert "urdf: 'lever_description/urdf/lever.urdf'\n  mesh_folder: '..'\n" in text
+    text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
+    text = text.replace("soft_upper: FILL_IN", "soft_upper: 0.9")
+    path.write_text(text.replace("FILL_IN", "1"))
+    robot = trifinger.simulate(str(path))
+    t = robot.append_desired_action(robot.new_action(torque=[0.5]))
+    assert robot.get_applied_action(t).torque[0] == pytest.approx(0.5)
+    assert "--meshes is for --from" in new_robot("arm", "--meshes", package, succeeds=False)
+
+
 def test_says_what_is_wrong_with_the_file_of_a_robot(tmp_path: Path) -> None:
     words = ["cart", "--from", tmp_path / "cart.xml", "--to", tmp_path]
     assert "cart.xml" in new_robot(*words, succeeds=False)

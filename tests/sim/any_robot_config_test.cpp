@@ -126,6 +126,20 @@ TEST_F(AnyRobotConfigFile, GivesJointsTheRotorsThatTheFileLacks) {
   EXPECT_EQ(armature[6], 0.0);
 }
 
+TEST_F(AnyRobotConfigFile, GivesItsRotorsInsteadOfThoseOfTheFilesActuators) {
+  std::string text = kArm;
+  for (const std::string motor : {R"(name="drive")", R"(name="servo")"}) {
+    text.insert(text.find(motor), R"(armature="0.5" )");
+  }
+  write(folder_ / "models" / "arm.xml", text);
+  const std::string head =
+      "name: arm\ndriver: simulation\nrobot:\n  mjcf: models/arm.xml\n"
+      "  armature: {elbow: 0.3}\n";
+  const mjModel_& model = *load(head + kArmSafety).robot.model->mujoco();
+  EXPECT_EQ(model.actuator_armature[1], 0.0);
+  EXPECT_EQ(model.actuator_armature[0], 2.0);  // as it is at the joint, after a gear of 2
+}
+
 TEST_F(AnyRobotConfigFile, ChecksUnitsByTheKindOfAJoint) {
   const std::string text = std::string(kHead) + kArmSafety;
   EXPECT_EQ(load(text, {"safety.rail.soft_lower=-0.5 m", "safety.rail.default_kp=90 N/m"})
@@ -143,6 +157,10 @@ TEST_F(AnyRobotConfigFile, NamesKeysThatNobodyKnows) {
               HasSubstr("fingers"));
   EXPECT_THAT(message("name: arm\ndriver: simulation\nrobot: {mjcf: none.xml}\n"),
               HasSubstr("my.yml:3:15: robot.mjcf is none.xml: there is no such file"));
+  // Where the configuration names the file is where it says what is wrong with it.
+  EXPECT_THAT(
+      message("name: arm\ndriver: simulation\nrobot: {mjcf: models/arm.xml, joints: [knee]}\n"),
+      testing::StartsWith("my.yml:3:15: models/arm.xml: no joint or fixed tendon 'knee' can be"));
 }
 
 TEST_F(AnyRobotConfigFile, HasAPeriodOfItsOwn) {

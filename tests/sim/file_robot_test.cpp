@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
 
 #include <array>
 #include <cmath>
@@ -101,6 +102,20 @@ TEST_F(FileRobotTest, BeginsInTheFirstKeyFrameOrWhereItIsTold) {
               HasSubstr("knee"));
   EXPECT_THAT(message_of<Error>([&] { return FileRobot(config("  keyframe: down\n").robot); }),
               HasSubstr("no key frame 'down'"));
+}
+
+TEST_F(FileRobotTest, HasNoMoreJointsThanAnElementHas) {
+  std::string bodies;
+  for (std::size_t i = 0; i <= kMaxCountedJoints; ++i) {
+    bodies += "<body pos='" + std::to_string(i) + " 0 0'><joint/><geom size='0.1'/></body>";
+  }
+  write(folder_ / "many.xml", "<mujoco><worldbody>" + bodies + "</worldbody></mujoco>");
+  FileRobotOptions options;
+  options.model = std::make_shared<const ModelFile>(ModelFileOptions{.path = folder_ / "many.xml"});
+  options.limits.assign(kMaxCountedJoints + 1, config().robot.limits[0]);
+  EXPECT_EQ(message_of<InvalidArgument>([&] { return FileSimulator(options); }),
+            "the model has 129 driven joints, a robot has at most 128; name those to be driven "
+            "(robot.joints)");
 }
 
 TEST_F(FileRobotTest, HasObjectsThatTheConfigurationAdds) {
@@ -306,6 +321,22 @@ TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
   };
   EXPECT_THAT(refused({.stop_margin = 0.5}), HasSubstr("stop_margin is for TriFingers"));
   EXPECT_THAT(refused({.motor_gain = -1.0}), HasSubstr("motor_gain"));
+}
+
+TEST_F(FileRobotTest, VariesRotorAndDampingThatTheFileGivesToAnActuator) {
+  std::string text = kArm;
+  const std::string motor = R"(name="drive")";
+  text.insert(text.find(motor), R"(armature="0.5" damping="0.1 0.2" )");
+  write(folder_ / "arm.xml", text);
+  const FileSimulator simulator(config().robot);
+  const mjModel& original = *simulator.model().mujoco();
+  const RobotModel::Compiled varied = simulator.make_varied_model();
+  const RobotModel::Data data = simulator.model().make_data();
+  simulator.vary({.rotor_inertia = 2.0, .joint_damping = 3.0}, *varied, *data);
+  EXPECT_EQ(varied->actuator_armature[1], 2.0 * original.actuator_armature[1]);
+  EXPECT_EQ(varied->actuator_damping[1], 3.0 * original.actuator_damping[1]);
+  EXPECT_EQ(varied->actuator_dampingpoly[mjNPOLY], 3.0 * original.actuator_dampingpoly[mjNPOLY]);
+  EXPECT_GT(original.actuator_dampingpoly[mjNPOLY], 0.0);
 }
 
 TEST_F(FileRobotTest, BeginsWithJointsWithoutMotorsElsewhere) {

@@ -41,6 +41,10 @@ class File {
   /// The whole configuration.
   [[nodiscard]] Node root() const;
 
+  /// Replaces the value that `node` of this configuration has by a text. Messages about it still
+  /// name the place where it was written. Nodes that were found before keep the old value.
+  void replace(const Node& node, std::string text);
+
   /// The whole configuration as one YAML text, with the extended files and the overrides, without
   /// comments.
   [[nodiscard]] std::string text() const;

@@ -20,7 +20,9 @@ namespace trifinger {
 /// Which robot to make of a file.
 struct ModelFileOptions {
   std::filesystem::path path;  ///< MJCF or URDF.
-  /// Folder with the meshes of a URDF, or of an MJCF that does not name one.
+  /// Folder with the meshes. A mesh is looked for by the longest end of its path that is there, so
+  /// that for "package://arm/meshes/link.stl" it may be the folder of "arm", "meshes" or
+  /// "link.stl". Default: as the file says.
   std::optional<std::filesystem::path> mesh_folder{};
   /// Names of the joints that motors drive, in this order: hinges, slides, and fixed tendons, which
   /// couple some of these. Default: what the actuators of the file drive; if it has none, every
@@ -29,8 +31,9 @@ struct ModelFileOptions {
   /// Length of a step of the robot. The physics does the smallest number of steps in it of which
   /// none is longer than the file's `timestep`. Default: the file's `timestep`.
   std::optional<Nanoseconds> period{};
-  /// The inertia of its rotor at a hinge or slide of this name [kgm^2], [kg], instead of the file's
-  /// `armature`. Many files leave it out, although behind a gear it is most of what a motor feels.
+  /// The inertia of its rotor at a hinge or slide of this name [kgm^2], [kg], instead of `armature`
+  /// of the joint and its actuators in the file. Many files leave it out, although behind a gear it
+  /// is most of what a motor feels.
   std::function<std::optional<double>(const std::string& joint)> armature{};
   /// Objects in addition to those of the file. Each needs a position and a name that no body of the
   /// file has.
@@ -139,11 +142,13 @@ class ModelFile {
     double share;
   };
   struct Motor {
-    int ctrl{0};
-    std::vector<Part> parts;
+    int actuator{-1};
+    int ctrl{-1};  // its input
+    std::vector<Part> parts{};
     double sum_of_squares{1.0};  // of the shares
   };
 
+  bool name_joints();
   void find_joints();
   void add_motors();
   void set_step();

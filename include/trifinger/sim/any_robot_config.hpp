@@ -34,7 +34,7 @@ using AnyRobotConfig = std::variant<RobotConfig, FileRobotConfig>;
 /// configuration means the same everywhere.
 /// @throws config::ConfigError, InvalidArgument, SystemError
 [[nodiscard]] config::File load_config_file(const std::string& name,
-                                            std::vector<std::string> overrides = {});
+                                            const std::vector<std::string>& overrides = {});
 
 /// Whether a configuration that has been loaded is that of a robot from a file.
 [[nodiscard]] bool is_from_file(const config::File& file);
