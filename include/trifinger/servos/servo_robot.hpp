@@ -186,6 +186,9 @@ class ServoRobot final : public UntypedDriver {
   PerJoint<double> target_;      // NaN: no torque
   PerJoint<double> goals_;       // of joints, in ServoMode::kPosition
   std::vector<double> torques_;  // memory for `weight`
+  // Of `all_joints`; NaN where nobody measures.
+  std::vector<double> all_positions_;
+  std::vector<double> all_velocities_;
   std::array<double, dynamixel::kMaxMotors> sent_{};
 
   CountedObservation observation_;
