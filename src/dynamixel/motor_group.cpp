@@ -56,6 +56,8 @@ MotorGroupOptions checked(MotorGroupOptions options) {
 
 std::string motor_text(MotorId id) { return text_of("motor ", int{id}); }
 
+double position_of(std::int32_t raw) noexcept { return (raw - kPositionMiddle) * kPositionUnit; }
+
 bool is_position(OperatingMode mode) noexcept {
   return mode == OperatingMode::kPosition || mode == OperatingMode::kExtendedPosition ||
          mode == OperatingMode::kCurrentBasedPosition;
@@ -216,14 +218,15 @@ void MotorGroup::start() {
   for (std::size_t i = 0; i < size(); ++i) clear_errors(i);
   for (std::size_t i = 0; i < size(); ++i) set_up(i);
   bus_.set_return_delay(options_.return_delay);
+  for (std::size_t i = 0; i < size(); ++i) {
+    // One by one: a motor whose answer to the common read is lost must not seem to be at 0 rad.
+    readings_[i].measured = bus_.port().now();
+    readings_[i].position = position_of(get(i, regs::kPresentPosition));
+    readings_[i].has_torque = i < num_driven();
+  }
   // Last, because the watchdogs begin to count.
   const auto watchdog = static_cast<std::int32_t>(options_.watchdog / kWatchdogUnit);
   for (std::size_t i = 0; i < num_driven(); ++i) set(i, regs::kBusWatchdog, watchdog);
-  const Instant now = bus_.port().now();
-  for (std::size_t i = 0; i < size(); ++i) {
-    readings_[i].measured = now;
-    readings_[i].has_torque = i < num_driven();
-  }
   is_started_ = true;
   read_all();
 }
@@ -257,7 +260,7 @@ void MotorGroup::read_all() noexcept {
     };
     reading.current = value(regs::kPresentCurrent) * models_[i]->current_unit;
     reading.velocity = value(regs::kPresentVelocity) * kVelocityUnit;
-    reading.position = (value(regs::kPresentPosition) - kPositionMiddle) * kPositionUnit;
+    reading.position = position_of(value(regs::kPresentPosition));
     reading.measured = answer.answer.asked;
     // The alert does not say which error it is.
     if (answer.answer.alert && trouble_.kind == Trouble::kNone) look(i, Look::kTorque);

@@ -6,8 +6,11 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,6 +27,37 @@ namespace regs = registers;
 
 MotorGroupOptions claw(OperatingMode mode) { return {.ids = kClawIds, .mode = mode}; }
 
+// The port of a line, which tells of everything that the host sends before the line has it.
+class ToldPort final : public Port {
+ public:
+  using Told = std::function<void(std::span<const std::uint8_t>)>;
+
+  ToldPort(std::unique_ptr<Port> port, const Told& told) : port_(std::move(port)), told_(told) {}
+
+  [[nodiscard]] Instant now() const noexcept override { return port_->now(); }
+  [[nodiscard]] int baud() const noexcept override { return port_->baud(); }
+  [[nodiscard]] bool is_open() const noexcept override { return port_->is_open(); }
+  [[nodiscard]] bool write(std::span<const std::uint8_t> bytes,
+                           Instant deadline) noexcept override {
+    if (told_) told_(bytes);
+    return port_->write(bytes, deadline);
+  }
+  [[nodiscard]] std::size_t read(std::span<std::uint8_t> bytes,
+                                 Instant deadline) noexcept override {
+    return port_->read(bytes, deadline);
+  }
+  void sleep_until(Instant instant) noexcept override { port_->sleep_until(instant); }
+
+ private:
+  std::unique_ptr<Port> port_;
+  const Told& told_;
+};
+
+// What a packet asks.
+Instruction instruction_in(std::span<const std::uint8_t> packet) {
+  return static_cast<Instruction>(packet[7]);
+}
+
 // Nine emulated motors and a group of them, in simulated time.
 class GroupRig {
  public:
@@ -31,7 +65,8 @@ class GroupRig {
       : plant(kClawIds.size()), line(motors_of(kClawIds, 4'000'000, 500us), plant, kBegin, bus) {
     auto made = std::make_unique<EmulatedPort>(line, 4'000'000, kBegin);
     port = made.get();
-    group = std::make_unique<MotorGroup>(std::move(made), std::move(options));
+    group = std::make_unique<MotorGroup>(std::make_unique<ToldPort>(std::move(made), before_packet),
+                                         std::move(options));
   }
 
   void cycle(int count, double goal) const {
@@ -46,6 +81,7 @@ class GroupRig {
 
   InertiaPlant plant;
   EmulatedBus line;
+  ToldPort::Told before_packet{};
   EmulatedPort* port{nullptr};  // the group owns it
   std::unique_ptr<MotorGroup> group;
 };
@@ -105,6 +141,27 @@ TEST(MotorGroup, StartsWhereTheMotorsAre) {
   rig.cycle(500, std::nan(""));
   for (std::size_t i = 0; i < 9; ++i) {
     EXPECT_NEAR(rig.plant.position(i), 0.1 * static_cast<double>(i), 2 * kPositionUnit);
+  }
+}
+
+TEST(MotorGroup, KnowsWhereMotorsAreThoughTheFirstReadOfAllIsLost) {
+  for (const OperatingMode mode : {OperatingMode::kCurrent, OperatingMode::kPosition}) {
+    GroupRig rig({.ids = {10, 11, 12, 20, 21, 22, 30, 31}, .sensors = {32}, .mode = mode});
+    for (std::size_t i = 0; i < 9; ++i) {
+      rig.plant.set_position(i, 0.1 * static_cast<double>(i + 1));
+    }
+    rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+      const bool is_of_all = instruction_in(packet) == Instruction::kFastSyncRead;
+      rig.line.set_faults({.lost = is_of_all ? 1.0 : 0.0});
+    };
+    rig.group->start();
+    EXPECT_EQ(rig.line.counts().lost, 1U);
+    for (std::size_t i = 0; i < 9; ++i) {
+      const MotorReading& reading = rig.group->readings()[i];
+      EXPECT_EQ(reading.missing, 1U);
+      EXPECT_NEAR(reading.position, 0.1 * static_cast<double>(i + 1), 2 * kPositionUnit);
+    }
+    EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
   }
 }
 
