@@ -115,12 +115,19 @@ const Register& MotorGroup::goal_register() const noexcept {
   }
 }
 
+template <class Exchange>
+Answer MotorGroup::try_often(const Exchange& exchange) {
+  Answer answer = exchange();
+  for (int i = 1; i < options_.attempts && !answer; ++i) {
+    bus_.drop_late_answers();
+    answer = exchange();
+  }
+  return answer;
+}
+
 std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
   std::int32_t value = 0;
-  Answer answer;
-  for (int i = 0; i < options_.attempts && !answer; ++i) {
-    answer = bus_.read(ids_[motor], which, value);
-  }
+  const Answer answer = try_often([&] { return bus_.read(ids_[motor], which, value); });
   if (answer) return value;
   throw Error(text_of(
       motor_text(ids_[motor]), " does not let ", which.name, " be read: ", name_of(answer.outcome),
@@ -130,10 +137,7 @@ std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
 }
 
 void MotorGroup::set(std::size_t motor, const Register& which, std::int32_t value) {
-  Answer answer;
-  for (int i = 0; i < options_.attempts && !answer; ++i) {
-    answer = bus_.write(ids_[motor], which, value);
-  }
+  const Answer answer = try_often([&] { return bus_.write(ids_[motor], which, value); });
   if (answer) return;
   const std::string what =
       text_of(motor_text(ids_[motor]), " does not take ", value, " as ", which.name);
@@ -151,8 +155,7 @@ void MotorGroup::set_if_different(std::size_t motor, const Register& which, std:
 void MotorGroup::identify(std::size_t motor) {
   const MotorId id = ids_[motor];
   Identity identity;
-  Answer answer;
-  for (int i = 0; i < options_.attempts && !answer; ++i) answer = bus_.ping(id, identity);
+  const Answer answer = try_often([&] { return bus_.ping(id, identity); });
   if (!answer) {
     throw Error(text_of(motor_text(id), " does not answer at ", bus_.port().baud(),
                         " baud: ", name_of(answer.outcome),
@@ -193,7 +196,13 @@ void MotorGroup::set_up(std::size_t motor) {
                    static_cast<std::int32_t>(options_.return_delay / kReturnDelayUnit));
   readings_[motor] = {};
   if (motor >= num_driven()) return;
-  set_if_different(motor, regs::kOperatingMode, static_cast<std::int32_t>(options_.mode));
+  const auto mode = static_cast<std::int32_t>(options_.mode);
+  set_if_different(motor, regs::kOperatingMode, mode);
+  // In another mode, goals would have another meaning.
+  if (const std::int32_t found = get(motor, regs::kOperatingMode); found != mode) {
+    throw Error(text_of(motor_text(ids_[motor]), " is in mode ", found, ", but was set to mode ",
+                        mode, "; recover to set it again"));
+  }
   limits_[motor] = read_limits(motor);
   std::int32_t goal = 0;
   if (is_position(options_.mode)) {

@@ -53,9 +53,14 @@ class ToldPort final : public Port {
   const Told& told_;
 };
 
-// What a packet asks.
+// What a packet asks of whom.
+MotorId id_in(std::span<const std::uint8_t> packet) { return packet[4]; }
 Instruction instruction_in(std::span<const std::uint8_t> packet) {
   return static_cast<Instruction>(packet[7]);
+}
+bool is_read_of(const Register& which, std::span<const std::uint8_t> packet) {
+  return instruction_in(packet) == Instruction::kRead &&
+         number_in(packet.subspan(8, 2)) == which.address;
 }
 
 // Nine emulated motors and a group of them, in simulated time.
@@ -235,6 +240,41 @@ TEST(MotorGroup, ReadsSensorsAndGivesThemNoTorque) {
               const GroupRig twice({.ids = {1, 2}, .sensors = {2}});
             }).find("same motor twice"),
             std::string::npos);
+}
+
+TEST(MotorGroup, TakesNoLateAnswerForThatToAnotherRead) {
+  // The return delay is read twice, because its first answer is late. Both answers are 0, which as
+  // an operating mode would mean that the motor follows currents already.
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  for (std::size_t i = 0; i < 9; ++i) rig.line.motor(i).set_value(regs::kReturnDelay, 0);
+  ASSERT_EQ(rig.line.motor(0).value(regs::kOperatingMode),
+            static_cast<int>(OperatingMode::kPosition));
+  int reads = 0;
+  rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+    rig.line.set_faults({});
+    if (id_in(packet) != 10 || !is_read_of(regs::kReturnDelay, packet)) return;
+    // The first one comes shortly after its time limit, the second one shortly after the first.
+    ++reads;
+    if (reads == 1) rig.line.set_faults({.late = 1.0, .delay = 4700us});
+    if (reads == 2) rig.line.set_faults({.late = 1.0, .delay = 2000us});
+  };
+  rig.group->start();
+  EXPECT_GE(reads, 2);
+  EXPECT_GT(rig.group->counts().late, 0U);
+  EXPECT_EQ(rig.line.motor(0).value(regs::kOperatingMode),
+            static_cast<int>(OperatingMode::kCurrent));
+}
+
+TEST(MotorGroup, DoesNotUseAMotorThatKeepsAnotherMode) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  int reads = 0;
+  rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+    if (id_in(packet) != 10 || !is_read_of(regs::kOperatingMode, packet)) return;
+    if (++reads == 2) rig.line.motor(0).set_value(regs::kOperatingMode, 1);
+  };
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+  EXPECT_NE(text.find("motor 10 is in mode 1, but was set to mode 0"), std::string::npos) << text;
 }
 
 TEST(MotorGroup, SaysWhichMotorDoesNotAnswer) {

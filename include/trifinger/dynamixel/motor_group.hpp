@@ -125,6 +125,9 @@ class MotorGroup {
   };
 
   [[nodiscard]] GoalLimits read_limits(std::size_t motor);
+  // Tries an exchange until it succeeds, at most as often as the options say.
+  template <class Exchange>
+  [[nodiscard]] Answer try_often(const Exchange& exchange);
   [[nodiscard]] std::int32_t get(std::size_t motor, const Register& which);
   void set(std::size_t motor, const Register& which, std::int32_t value);
   // Writes only what is different, because the memory that is kept wears.
