@@ -189,7 +189,6 @@ void MotorGroup::clear_errors(std::size_t motor) {
 }
 
 void MotorGroup::set_up(std::size_t motor) {
-  set(motor, regs::kStatusReturnLevel, 2);
   set(motor, regs::kBusWatchdog, 0);
   set(motor, regs::kTorqueEnable, 0);
   set_if_different(motor, regs::kReturnDelay,
@@ -224,6 +223,8 @@ void MotorGroup::start() {
   trouble_ = {};
   bus_.set_return_delay(kReturnDelayUnit * regs::kReturnDelay.highest);
   for (std::size_t i = 0; i < size(); ++i) identify(i);
+  // Before anything is read: a motor may have been told to answer nothing but pings.
+  for (std::size_t i = 0; i < size(); ++i) set(i, regs::kStatusReturnLevel, 2);
   for (std::size_t i = 0; i < size(); ++i) clear_errors(i);
   for (std::size_t i = 0; i < size(); ++i) set_up(i);
   bus_.set_return_delay(options_.return_delay);

@@ -106,6 +106,16 @@ TEST(MotorGroup, SetsUpMotorsThatAreNew) {
   }
 }
 
+TEST(MotorGroup, SetsUpMotorsThatAnswerNothingButPings) {
+  for (const std::int32_t level : {0, 1}) {
+    GroupRig rig(claw(OperatingMode::kCurrent));
+    rig.line.motor(2).set_value(regs::kStatusReturnLevel, level);
+    rig.group->start();
+    EXPECT_EQ(rig.line.motor(2).value(regs::kStatusReturnLevel), 2);
+    EXPECT_EQ(rig.line.motor(2).value(regs::kTorqueEnable), 1);
+  }
+}
+
 TEST(MotorGroup, DrivesCurrentsAndMeasuresThem) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();
