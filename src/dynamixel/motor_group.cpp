@@ -209,9 +209,7 @@ void MotorGroup::set_up(std::size_t motor) {
                       limits_[motor].highest);
   }
   if (options_.mode == OperatingMode::kCurrentBasedPosition) {
-    const std::int32_t most = get(motor, regs::kCurrentLimit);
-    const double wanted = options_.max_current / models_[motor]->current_unit;
-    set(motor, regs::kGoalCurrent, wanted < most ? static_cast<std::int32_t>(wanted) : most);
+    set(motor, regs::kGoalCurrent, read_largest_current(motor));
   }
   set(motor, goal_register(), goal);
   last_goals_[motor] = goal;
@@ -294,14 +292,26 @@ std::int32_t MotorGroup::raw_goal(std::size_t motor, double goal) const noexcept
       std::clamp(raw, static_cast<double>(limits.lowest), static_cast<double>(limits.highest))));
 }
 
+// The user must know which torque applies, so a motor that gives less than was asked for is an
+// error.
+std::int32_t MotorGroup::read_largest_current(std::size_t motor) {
+  const std::int32_t stored = get(motor, regs::kCurrentLimit);
+  if (std::isinf(options_.max_current)) return stored;
+  const double unit = models_[motor]->current_unit;
+  // Rounded towards 0, so that no goal is above the limit.
+  const double wanted = std::floor(options_.max_current / unit);
+  if (wanted <= stored) return static_cast<std::int32_t>(wanted);
+  throw Error(text_of(motor_text(ids_[motor]), " (", models_[motor]->name, ") gives at most ",
+                      stored * unit, " A, as its register current_limit says, but max_current is ",
+                      options_.max_current,
+                      " A; lower max_current, or raise the register if the type of motor allows it"));
+}
+
 // A motor refuses a goal beyond its limits without a word, and keeps the one before.
 MotorGroup::GoalLimits MotorGroup::read_limits(std::size_t motor) {
   switch (options_.mode) {
     case OperatingMode::kCurrent: {
-      const std::int32_t stored = get(motor, regs::kCurrentLimit);
-      // Rounded towards 0, so that no goal is above the limit.
-      const double wanted = std::floor(options_.max_current / models_[motor]->current_unit);
-      const auto most = wanted < stored ? static_cast<std::int32_t>(wanted) : stored;
+      const std::int32_t most = read_largest_current(motor);
       return {.lowest = -most, .highest = most};
     }
     case OperatingMode::kVelocity: {

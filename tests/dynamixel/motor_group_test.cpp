@@ -220,6 +220,22 @@ TEST(MotorGroup, KeepsToTheLimitsThatAreStoredInAMotor) {
   }
 }
 
+TEST(MotorGroup, DoesNotStartAMotorThatGivesLessCurrentThanWasAskedFor) {
+  for (const OperatingMode mode : {OperatingMode::kCurrent, OperatingMode::kCurrentBasedPosition}) {
+    MotorGroupOptions options = claw(mode);
+    options.max_current = 0.3;
+    GroupRig rig(options);
+    rig.line.motor(5).set_value(regs::kCurrentLimit, 100);
+    const std::string text =
+        trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+    EXPECT_NE(text.find("motor 22 (XM430-W210) gives at most 0.269 A"), std::string::npos) << text;
+    EXPECT_NE(text.find("but max_current is 0.3 A"), std::string::npos) << text;
+    rig.line.motor(5).set_value(regs::kCurrentLimit, 111);
+    rig.group->start();
+    EXPECT_EQ(rig.line.motor(5).value(regs::kTorqueEnable), 1);
+  }
+}
+
 TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();

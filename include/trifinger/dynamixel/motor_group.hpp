@@ -26,6 +26,7 @@ struct MotorGroupOptions {
   /// What goals are: currents [A], velocities [rad/s], or positions [rad]. `kPwm` is not possible.
   OperatingMode mode{OperatingMode::kCurrent};
   /// No goal asks for more [A]. In `kCurrentBasedPosition` it is the current that positions use.
+  /// Infinite: as much as is stored in each motor; otherwise all motors must allow this much.
   double max_current{std::numeric_limits<double>::infinity()};
   bool is_fast{true};  ///< Reads with "fast sync read"; needs firmware 45 or later in all motors.
   Nanoseconds return_delay{0};  ///< Written to the motors. A multiple of 2 µs up to 508 µs.
@@ -125,6 +126,7 @@ class MotorGroup {
   };
 
   [[nodiscard]] GoalLimits read_limits(std::size_t motor);
+  [[nodiscard]] std::int32_t read_largest_current(std::size_t motor);
   // Tries an exchange until it succeeds, at most as often as the options say.
   template <class Exchange>
   [[nodiscard]] Answer try_often(const Exchange& exchange);
