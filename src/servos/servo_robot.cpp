@@ -306,6 +306,7 @@ DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
     is_running_ = false;
     chain_.forget();
     request_ = link_->request_start();
+    may_have_torque_ = true;
   }
   std::int32_t code = 0;
   if (!refresh(code)) return DriverReport::fault(code);
@@ -325,7 +326,7 @@ DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
 }
 
 void ServoRobot::release() noexcept {
-  is_running_ = false;
+  is_running_ = may_have_torque_ = false;
   request_ = link_->request_release();
 }
 
@@ -438,7 +439,8 @@ DriverReport ServoRobot::stop(TimeIndex step) noexcept {
     send();
     return DriverReport::busy();
   }
-  if (is_running_) release();
+  // Also motors that are only being set up: they would get torque after the end.
+  if (may_have_torque_) release();
   static_cast<void>(link_->read(snapshot_));
   return snapshot_.request < request_ ? DriverReport::busy() : DriverReport::ready();
 }
