@@ -219,6 +219,9 @@ void MotorGroup::set_up(std::size_t motor) {
 void MotorGroup::start() {
   is_started_ = false;
   trouble_ = {};
+  // Reading shows whether the line has gone while nobody used it.
+  bus_.drop_late_answers();
+  if (!bus_.port().is_open()) bus_.port().reopen();
   bus_.set_return_delay(kReturnDelayUnit * regs::kReturnDelay.highest);
   for (std::size_t i = 0; i < size(); ++i) identify(i);
   // Before anything is read: a motor may have been told to answer nothing but pings.
@@ -301,10 +304,10 @@ std::int32_t MotorGroup::read_largest_current(std::size_t motor) {
   // Rounded towards 0, so that no goal is above the limit.
   const double wanted = std::floor(options_.max_current / unit);
   if (wanted <= stored) return static_cast<std::int32_t>(wanted);
-  throw Error(text_of(motor_text(ids_[motor]), " (", models_[motor]->name, ") gives at most ",
-                      stored * unit, " A, as its register current_limit says, but max_current is ",
-                      options_.max_current,
-                      " A; lower max_current, or raise the register if the type of motor allows it"));
+  throw Error(text_of(
+      motor_text(ids_[motor]), " (", models_[motor]->name, ") gives at most ", stored * unit,
+      " A, as its register current_limit says, but max_current is ", options_.max_current,
+      " A; lower max_current, or raise the register if the type of motor allows it"));
 }
 
 // A motor refuses a goal beyond its limits without a word, and keeps the one before.

@@ -37,6 +37,7 @@ class ToldPort final : public Port {
   [[nodiscard]] Instant now() const noexcept override { return port_->now(); }
   [[nodiscard]] int baud() const noexcept override { return port_->baud(); }
   [[nodiscard]] bool is_open() const noexcept override { return port_->is_open(); }
+  void reopen() override { port_->reopen(); }
   [[nodiscard]] bool write(std::span<const std::uint8_t> bytes,
                            Instant deadline) noexcept override {
     if (told_) told_(bytes);
@@ -381,12 +382,18 @@ TEST(MotorGroup, StopsByTheWatchdogIfTheHostStalls) {
   EXPECT_GT(rig.line.motor(0).torque(), 0.0);
 }
 
-TEST(MotorGroup, NoticesThatTheLineHasGone) {
+TEST(MotorGroup, NoticesThatTheLineHasGoneAndOpensItAgain) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();
-  rig.port->set_open(false);
+  rig.port->set_plugged(false);
   rig.cycle(1, 0.0);
   EXPECT_EQ(rig.group->trouble().kind, Trouble::kLineGone);
+  EXPECT_THROW(rig.group->start(), Error);
+  rig.port->set_plugged(true);
+  rig.group->start();
+  rig.cycle(5, 0.1);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_GT(rig.line.motor(0).current(), 0.0);
 }
 
 TEST(MotorGroup, NoLongerDrivesAfterATrouble) {

@@ -94,13 +94,16 @@ TEST(ServoFaults, AMotorThatHasRestartedIsNamed) {
   EXPECT_THAT(rig.fault(), StartsWith("J20: motor 20 has switched its torque off"));
 }
 
-TEST(ServoFaults, AnUnpluggedAdapterEndsTheSession) {
+TEST(ServoFaults, AnUnpluggedAdapterEndsTheSessionUntilItIsPluggedInAgain) {
   Rig rig;
   rig.begin();
-  rig.motors.port->set_open(false);
+  rig.motors.port->set_plugged(false);
   run_to_the_end(rig);
   EXPECT_THAT(rig.fault(), StartsWith("the serial line to the motors has gone"));
-  rig.motors.port->set_open(true);
+  const DriverReport report = rig.prepare();
+  EXPECT_EQ(report.state, DriverReport::State::kFault);
+  EXPECT_THAT(std::string(rig.robot.fault_text(report.fault_code)), HasSubstr("not plugged in"));
+  rig.motors.port->set_plugged(true);
   // Its motors have stopped by themselves.
   rig.motors.port->sleep_until(rig.motors.now() + 1s);
   for (std::size_t i = 0; i < kJoints; ++i) EXPECT_EQ(rig.motor(i).torque(), 0.0) << i;

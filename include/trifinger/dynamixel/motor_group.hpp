@@ -85,7 +85,8 @@ class MotorGroup {
 
   /// Finds the motors, sets them up, and switches torque on. Goals are then 0 A or 0 rad/s, or the
   /// positions where the motors are. The position of every motor is then known. What motors keep
-  /// without supply is written only if it changes. Forgets all troubles.
+  /// without supply is written only if it changes. Forgets all troubles, and opens the line again
+  /// if it had gone.
   /// @throws Error that names the motor, what was expected and what to do
   void start();
 
