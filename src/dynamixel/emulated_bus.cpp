@@ -129,38 +129,26 @@ void EmulatedBus::carry_out(const Packet& packet, Instant heard) {
     if (!is_for_all && id != packet.id) continue;
     EmulatedMotor* const motor = find(static_cast<MotorId>(id));
     if (!hears(motor)) continue;
-    const Instant begin = free + motor->return_delay();
+    // A write may change number and delay; the answer has those from before.
+    const Nanoseconds delay = motor->return_delay();
     const EmulatedMotor::Reply reply = motor->execute(packet.instruction, packet.parameters, data_);
     const bool is_answered = !is_for_all || packet.instruction == Instruction::kPing;
     if (is_answered && reply.is_sent) {
-      // A write may change the number; the answer still has the one that was asked.
-      std::size_t size = 0;
-      parameters_[0] = reply.error;
-      std::copy_n(data_.begin(), reply.size, parameters_.begin() + 1);
-      size = encode({.id = static_cast<MotorId>(id),
-                     .instruction = Instruction::kStatus,
-                     .parameters = std::span(parameters_).first(reply.size + 1)},
-                    packet_);
-      const Instant sent = begin + options_.response;
-      put_on_line(std::span(packet_).first(size), sent);
-      free = sent + time_of(size);
+      free = answer(static_cast<MotorId>(id), reply, free + delay + options_.response);
     }
     if (!is_for_all) return;
   }
 }
 
-Instant EmulatedBus::answer(const EmulatedMotor& motor, const EmulatedMotor::Reply& reply,
-                            Instant begin) {
-  if (!reply.is_sent) return begin;
+Instant EmulatedBus::answer(MotorId id, const EmulatedMotor::Reply& reply, Instant begin) {
   parameters_[0] = reply.error;
   std::copy_n(data_.begin(), reply.size, parameters_.begin() + 1);
-  const std::size_t size = encode({.id = motor.id(),
+  const std::size_t size = encode({.id = id,
                                    .instruction = Instruction::kStatus,
                                    .parameters = std::span(parameters_).first(reply.size + 1)},
                                   packet_);
-  const Instant sent = begin + motor.return_delay() + options_.response;
-  put_on_line(std::span(packet_).first(size), sent);
-  return sent + time_of(size);
+  put_on_line(std::span(packet_).first(size), begin);
+  return begin + time_of(size);
 }
 
 void EmulatedBus::read_many(const Packet& packet, Instant heard) {
@@ -180,7 +168,10 @@ void EmulatedBus::read_many(const Packet& packet, Instant heard) {
       free += time_of(kPacketFrame + 1 + size);
       continue;
     }
-    free = answer(*motor, motor->read(address, size, data_), free);
+    const EmulatedMotor::Reply reply = motor->read(address, size, data_);
+    if (reply.is_sent) {
+      free = answer(motor->id(), reply, free + motor->return_delay() + options_.response);
+    }
   }
 }
 

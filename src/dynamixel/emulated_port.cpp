@@ -3,7 +3,14 @@
 
 #include <algorithm>
 
+#include "trifinger/base/error.hpp"
+
 namespace trifinger::dynamixel {
+
+void EmulatedPort::reopen() {
+  if (!is_plugged_) throw Error("the emulated adapter is not plugged in; plug it in");
+  is_open_ = true;
+}
 
 bool EmulatedPort::write(std::span<const std::uint8_t> bytes, Instant /*deadline*/) noexcept {
   if (!is_open_) return false;

@@ -56,6 +56,8 @@ MotorGroupOptions checked(MotorGroupOptions options) {
 
 std::string motor_text(MotorId id) { return text_of("motor ", int{id}); }
 
+double position_of(std::int32_t raw) noexcept { return (raw - kPositionMiddle) * kPositionUnit; }
+
 bool is_position(OperatingMode mode) noexcept {
   return mode == OperatingMode::kPosition || mode == OperatingMode::kExtendedPosition ||
          mode == OperatingMode::kCurrentBasedPosition;
@@ -113,12 +115,19 @@ const Register& MotorGroup::goal_register() const noexcept {
   }
 }
 
+template <class Exchange>
+Answer MotorGroup::try_often(const Exchange& exchange) {
+  Answer answer = exchange();
+  for (int i = 1; i < options_.attempts && !answer; ++i) {
+    bus_.drop_late_answers();
+    answer = exchange();
+  }
+  return answer;
+}
+
 std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
   std::int32_t value = 0;
-  Answer answer;
-  for (int i = 0; i < options_.attempts && !answer; ++i) {
-    answer = bus_.read(ids_[motor], which, value);
-  }
+  const Answer answer = try_often([&] { return bus_.read(ids_[motor], which, value); });
   if (answer) return value;
   throw Error(text_of(
       motor_text(ids_[motor]), " does not let ", which.name, " be read: ", name_of(answer.outcome),
@@ -128,10 +137,7 @@ std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
 }
 
 void MotorGroup::set(std::size_t motor, const Register& which, std::int32_t value) {
-  Answer answer;
-  for (int i = 0; i < options_.attempts && !answer; ++i) {
-    answer = bus_.write(ids_[motor], which, value);
-  }
+  const Answer answer = try_often([&] { return bus_.write(ids_[motor], which, value); });
   if (answer) return;
   const std::string what =
       text_of(motor_text(ids_[motor]), " does not take ", value, " as ", which.name);
@@ -149,8 +155,7 @@ void MotorGroup::set_if_different(std::size_t motor, const Register& which, std:
 void MotorGroup::identify(std::size_t motor) {
   const MotorId id = ids_[motor];
   Identity identity;
-  Answer answer;
-  for (int i = 0; i < options_.attempts && !answer; ++i) answer = bus_.ping(id, identity);
+  const Answer answer = try_often([&] { return bus_.ping(id, identity); });
   if (!answer) {
     throw Error(text_of(motor_text(id), " does not answer at ", bus_.port().baud(),
                         " baud: ", name_of(answer.outcome),
@@ -184,14 +189,19 @@ void MotorGroup::clear_errors(std::size_t motor) {
 }
 
 void MotorGroup::set_up(std::size_t motor) {
-  set(motor, regs::kStatusReturnLevel, 2);
   set(motor, regs::kBusWatchdog, 0);
   set(motor, regs::kTorqueEnable, 0);
   set_if_different(motor, regs::kReturnDelay,
                    static_cast<std::int32_t>(options_.return_delay / kReturnDelayUnit));
   readings_[motor] = {};
   if (motor >= num_driven()) return;
-  set_if_different(motor, regs::kOperatingMode, static_cast<std::int32_t>(options_.mode));
+  const auto mode = static_cast<std::int32_t>(options_.mode);
+  set_if_different(motor, regs::kOperatingMode, mode);
+  // In another mode, goals would have another meaning.
+  if (const std::int32_t found = get(motor, regs::kOperatingMode); found != mode) {
+    throw Error(text_of(motor_text(ids_[motor]), " is in mode ", found, ", but was set to mode ",
+                        mode, "; recover to set it again"));
+  }
   limits_[motor] = read_limits(motor);
   std::int32_t goal = 0;
   if (is_position(options_.mode)) {
@@ -199,9 +209,7 @@ void MotorGroup::set_up(std::size_t motor) {
                       limits_[motor].highest);
   }
   if (options_.mode == OperatingMode::kCurrentBasedPosition) {
-    const std::int32_t most = get(motor, regs::kCurrentLimit);
-    const double wanted = options_.max_current / models_[motor]->current_unit;
-    set(motor, regs::kGoalCurrent, wanted < most ? static_cast<std::int32_t>(wanted) : most);
+    set(motor, regs::kGoalCurrent, read_largest_current(motor));
   }
   set(motor, goal_register(), goal);
   last_goals_[motor] = goal;
@@ -211,19 +219,25 @@ void MotorGroup::set_up(std::size_t motor) {
 void MotorGroup::start() {
   is_started_ = false;
   trouble_ = {};
+  // Reading shows whether the line has gone while nobody used it.
+  bus_.drop_late_answers();
+  if (!bus_.port().is_open()) bus_.port().reopen();
   bus_.set_return_delay(kReturnDelayUnit * regs::kReturnDelay.highest);
   for (std::size_t i = 0; i < size(); ++i) identify(i);
+  // Before anything is read: a motor may have been told to answer nothing but pings.
+  for (std::size_t i = 0; i < size(); ++i) set(i, regs::kStatusReturnLevel, 2);
   for (std::size_t i = 0; i < size(); ++i) clear_errors(i);
   for (std::size_t i = 0; i < size(); ++i) set_up(i);
   bus_.set_return_delay(options_.return_delay);
+  for (std::size_t i = 0; i < size(); ++i) {
+    // One by one: a motor whose answer to the common read is lost must not seem to be at 0 rad.
+    readings_[i].measured = bus_.port().now();
+    readings_[i].position = position_of(get(i, regs::kPresentPosition));
+    readings_[i].has_torque = i < num_driven();
+  }
   // Last, because the watchdogs begin to count.
   const auto watchdog = static_cast<std::int32_t>(options_.watchdog / kWatchdogUnit);
   for (std::size_t i = 0; i < num_driven(); ++i) set(i, regs::kBusWatchdog, watchdog);
-  const Instant now = bus_.port().now();
-  for (std::size_t i = 0; i < size(); ++i) {
-    readings_[i].measured = now;
-    readings_[i].has_torque = i < num_driven();
-  }
   is_started_ = true;
   read_all();
 }
@@ -257,7 +271,7 @@ void MotorGroup::read_all() noexcept {
     };
     reading.current = value(regs::kPresentCurrent) * models_[i]->current_unit;
     reading.velocity = value(regs::kPresentVelocity) * kVelocityUnit;
-    reading.position = (value(regs::kPresentPosition) - kPositionMiddle) * kPositionUnit;
+    reading.position = position_of(value(regs::kPresentPosition));
     reading.measured = answer.answer.asked;
     // The alert does not say which error it is.
     if (answer.answer.alert && trouble_.kind == Trouble::kNone) look(i, Look::kTorque);
@@ -281,14 +295,26 @@ std::int32_t MotorGroup::raw_goal(std::size_t motor, double goal) const noexcept
       std::clamp(raw, static_cast<double>(limits.lowest), static_cast<double>(limits.highest))));
 }
 
+// The user must know which torque applies, so a motor that gives less than was asked for is an
+// error.
+std::int32_t MotorGroup::read_largest_current(std::size_t motor) {
+  const std::int32_t stored = get(motor, regs::kCurrentLimit);
+  if (std::isinf(options_.max_current)) return stored;
+  const double unit = models_[motor]->current_unit;
+  // Rounded towards 0, so that no goal is above the limit.
+  const double wanted = std::floor(options_.max_current / unit);
+  if (wanted <= stored) return static_cast<std::int32_t>(wanted);
+  throw Error(text_of(
+      motor_text(ids_[motor]), " (", models_[motor]->name, ") gives at most ", stored * unit,
+      " A, as its register current_limit says, but max_current is ", options_.max_current,
+      " A; lower max_current, or raise the register if the type of motor allows it"));
+}
+
 // A motor refuses a goal beyond its limits without a word, and keeps the one before.
 MotorGroup::GoalLimits MotorGroup::read_limits(std::size_t motor) {
   switch (options_.mode) {
     case OperatingMode::kCurrent: {
-      const std::int32_t stored = get(motor, regs::kCurrentLimit);
-      // Rounded towards 0, so that no goal is above the limit.
-      const double wanted = std::floor(options_.max_current / models_[motor]->current_unit);
-      const auto most = wanted < stored ? static_cast<std::int32_t>(wanted) : stored;
+      const std::int32_t most = read_largest_current(motor);
       return {.lowest = -most, .highest = most};
     }
     case OperatingMode::kVelocity: {

@@ -38,10 +38,6 @@ MotorRunner::MotorRunner(std::unique_ptr<MotorGroup> group, Nanoseconds period,
 void MotorRunner::look() noexcept {
   snapshot_.count = group_->size();
   std::ranges::copy(group_->readings(), snapshot_.readings.begin());
-  for (std::size_t i = 0; i < group_->size(); ++i) {
-    const MotorModel& model = group_->model(i);
-    snapshot_.current_limits[i] = model.current_limit * model.current_unit;
-  }
   snapshot_.counts = group_->counts();
   snapshot_.cycles = group_->cycles();
   snapshot_.trouble = group_->trouble();

@@ -43,19 +43,39 @@ SerialPort::SerialPort(const std::string& path, const SerialOptions& options)
   trifinger::detail::require(options.baud >= 300 && options.baud <= 20'000'000,
                              "the baud rate of " + path + " is " + std::to_string(options.baud) +
                                  ", must be 300 to 20000000");
-  const std::string doing = "open the serial device " + path;
-  device_ = ipc::FileDescriptor([&path] { return open_device(path); });
+  open();
+}
+
+void SerialPort::open() {
+  close();
+  device_ = ipc::FileDescriptor([this] { return open_device(path_); });
   if (!device_) {
     const int error = errno;
-    throw SystemError(doing + std::string(remedy_of(error)), error);
+    throw SystemError("open the serial device " + path_ + std::string(remedy_of(error)), error);
   }
+  try {
+    set_up();
+  } catch (...) {
+    close();
+    throw;
+  }
+}
+
+// A device that is kept open would have another name when it is plugged in again.
+void SerialPort::close() noexcept {
+  if (!device_) return;
+  static_cast<void>(::ioctl(device_.get(), TIOCNXCL));
+  device_ = ipc::FileDescriptor();
+}
+
+void SerialPort::set_up() {
   termios2 settings{};
   if (::ioctl(device_.get(), TCGETS2, &settings) != 0) {
-    throw InvalidArgument(path + " is no serial device; choose one of 'ls /dev/serial/by-id'");
+    throw InvalidArgument(path_ + " is no serial device; choose one of 'ls /dev/serial/by-id'");
   }
   // The lock keeps out programs that lock, TIOCEXCL all others.
   if (::flock(device_.get(), LOCK_EX | LOCK_NB) != 0) {
-    throw SystemError(doing + std::string(remedy_of(EBUSY)), EBUSY);
+    throw SystemError("open the serial device " + path_ + std::string(remedy_of(EBUSY)), EBUSY);
   }
   static_cast<void>(::ioctl(device_.get(), TIOCEXCL));
 
@@ -63,30 +83,29 @@ SerialPort::SerialPort(const std::string& path, const SerialOptions& options)
   settings.c_oflag = 0;
   settings.c_lflag = 0;
   settings.c_cflag = CS8 | CREAD | CLOCAL | BOTHER | (BOTHER << IBSHIFT);
-  settings.c_ispeed = static_cast<speed_t>(options.baud);
-  settings.c_ospeed = static_cast<speed_t>(options.baud);
+  settings.c_ispeed = static_cast<speed_t>(options_.baud);
+  settings.c_ospeed = static_cast<speed_t>(options_.baud);
   settings.c_cc[VMIN] = 0;
   settings.c_cc[VTIME] = 0;
   if (::ioctl(device_.get(), TCSETS2, &settings) != 0) {
-    throw SystemError("set " + path + " to " + std::to_string(options.baud) + " baud", errno);
+    throw SystemError("set " + path_ + " to " + std::to_string(options_.baud) + " baud", errno);
   }
   // A driver takes the nearest rate that it can make, and says which.
   if (::ioctl(device_.get(), TCGETS2, &settings) == 0) {
     const auto made = static_cast<double>(settings.c_ospeed);
-    const double wanted = options.baud;
+    const double wanted = options_.baud;
     if (made < 0.97 * wanted || made > 1.03 * wanted) {
-      throw InvalidArgument(path + " cannot make " + std::to_string(options.baud) +
+      throw InvalidArgument(path_ + " cannot make " + std::to_string(options_.baud) +
                             " baud, the nearest rate is " + std::to_string(settings.c_ospeed) +
                             "; choose a rate of the adapter");
     }
   }
   static_cast<void>(::ioctl(device_.get(), TCFLSH, TCIOFLUSH));
-  if (options.low_latency) lower_latency();
+  lacks_.clear();
+  if (options_.low_latency) lower_latency();
 }
 
-SerialPort::~SerialPort() {
-  if (device_) static_cast<void>(::ioctl(device_.get(), TIOCNXCL));
-}
+SerialPort::~SerialPort() { close(); }
 
 void SerialPort::lower_latency() {
   serial_struct serial{};
@@ -107,46 +126,46 @@ void SerialPort::lower_latency() {
 }
 
 bool SerialPort::wait_for(short events, Instant deadline) noexcept {
-  while (is_open_) {
+  while (is_open()) {
     const Nanoseconds left = std::max(Nanoseconds(deadline - now()), Nanoseconds::zero());
     timespec time{.tv_sec = left.count() / 1'000'000'000, .tv_nsec = left.count() % 1'000'000'000};
     pollfd device{.fd = device_.get(), .events = events, .revents = 0};
     const int ready = ::ppoll(&device, 1, &time, nullptr);
     if (ready > 0) {
       // A line that was hung up can be read for ever, and gives nothing.
-      is_open_ = (device.revents & (POLLHUP | POLLERR | POLLNVAL)) == 0;
-      if (is_open_) return true;
+      if ((device.revents & (POLLHUP | POLLERR | POLLNVAL)) == 0) return true;
+      close();
     } else if (ready == 0) {
       return false;
-    } else {
-      is_open_ = errno == EINTR;
+    } else if (errno != EINTR) {
+      close();
     }
   }
   return false;
 }
 
 bool SerialPort::write(std::span<const std::uint8_t> bytes, Instant deadline) noexcept {
-  while (!bytes.empty() && is_open_) {
+  while (!bytes.empty() && is_open()) {
     const ssize_t written = ::write(device_.get(), bytes.data(), bytes.size());
     if (written > 0) {
       bytes = bytes.subspan(static_cast<std::size_t>(written));
     } else if (written == 0 || errno == EAGAIN) {
       if (!wait_for(POLLOUT, deadline)) return false;
     } else if (errno != EINTR) {
-      is_open_ = false;
+      close();
     }
   }
   return bytes.empty();
 }
 
 std::size_t SerialPort::read(std::span<std::uint8_t> bytes, Instant deadline) noexcept {
-  while (is_open_) {
+  while (is_open()) {
     const ssize_t received = ::read(device_.get(), bytes.data(), bytes.size());
     if (received > 0) return static_cast<std::size_t>(received);
     // With VMIN 0, nothing to read is 0 bytes; so is a line that has been hung up, which poll
     // tells.
     if (received < 0 && errno != EAGAIN && errno != EINTR) {
-      is_open_ = false;
+      close();
     } else if (!wait_for(POLLIN, deadline)) {
       return 0;
     }

@@ -30,6 +30,9 @@ class Writer {
     std::memcpy(next_, values.begin(), values.size() * sizeof(T));
     next_ += values.size() * sizeof(T);
   }
+  void write(std::span<const double> values) noexcept {
+    next_ = std::ranges::copy(std::as_bytes(values), next_).out;
+  }
 
  private:
   std::byte* next_;
@@ -106,10 +109,17 @@ void write_element(const CountedAction& action, void* element) noexcept {
 }
 
 void write_element(const CountedObservation& observation, void* element) noexcept {
+  write_element(observation, {}, {}, element);
+}
+
+void write_element(const CountedObservation& observation, std::span<const double> joint_position,
+                   std::span<const double> joint_velocity, void* element) noexcept {
   Writer writer(element);
   writer.write(observation.position);
   writer.write(observation.velocity);
   writer.write(observation.torque);
+  writer.write(joint_position);
+  writer.write(joint_velocity);
 }
 
 void write_element(const CountedAppliedAction& applied, void* element) noexcept {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <set>
 
@@ -124,6 +123,8 @@ ServoRobot::ServoRobot(Options options, std::unique_ptr<dynamixel::MotorLink> mo
       target_(num_joints(), kNan),
       goals_(num_joints(), 0.0),
       torques_(num_joints(), 0.0),
+      all_positions_(options_.all_joints.size(), kNan),
+      all_velocities_(options_.all_joints.size(), kNan),
       observation_(num_joints()),
       desired_(num_joints()),
       held_(num_joints()) {
@@ -159,27 +160,20 @@ bool ServoRobot::refresh(std::int32_t& code) noexcept {
     observation_.velocity[i] = servo.joint_velocity(reading.velocity);
     observation_.torque[i] = servo.joint_torque(reading.current * options_.torque_constant);
   }
+  for (std::size_t i = 0; i < all_positions_.size(); ++i) {
+    const auto& source = options_.all_joints[i];
+    if (!source) continue;
+    const MotorReading& reading = snapshot_.readings[*source];
+    const Servo& servo = *source < num_joints() ? options_.motors[*source]
+                                                : options_.sensors[*source - num_joints()];
+    all_positions_[i] = servo.joint_position(reading.position);
+    all_velocities_[i] = servo.joint_velocity(reading.velocity);
+  }
   return true;
 }
 
 void ServoRobot::write_observation(void* element) const noexcept {
-  write_element(observation_, element);
-  if (options_.all_joints.empty()) return;
-  auto* next = static_cast<std::byte*>(element) + 3 * num_joints() * sizeof(double);
-  const auto write = [&next](double value) {
-    std::memcpy(next, &value, sizeof(value));
-    next += sizeof(value);
-  };
-  const auto servo = [this](std::size_t source) -> const Servo& {
-    return source < num_joints() ? options_.motors[source]
-                                 : options_.sensors[source - num_joints()];
-  };
-  for (const auto& source : options_.all_joints) {
-    write(source ? servo(*source).joint_position(snapshot_.readings[*source].position) : kNan);
-  }
-  for (const auto& source : options_.all_joints) {
-    write(source ? servo(*source).joint_velocity(snapshot_.readings[*source].velocity) : kNan);
-  }
+  write_element(observation_, all_positions_, all_velocities_, element);
 }
 
 // How far a joint is from its initial position.
@@ -312,6 +306,7 @@ DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
     is_running_ = false;
     chain_.forget();
     request_ = link_->request_start();
+    may_have_torque_ = true;
   }
   std::int32_t code = 0;
   if (!refresh(code)) return DriverReport::fault(code);
@@ -331,7 +326,7 @@ DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
 }
 
 void ServoRobot::release() noexcept {
-  is_running_ = false;
+  is_running_ = may_have_torque_ = false;
   request_ = link_->request_release();
 }
 
@@ -444,7 +439,8 @@ DriverReport ServoRobot::stop(TimeIndex step) noexcept {
     send();
     return DriverReport::busy();
   }
-  if (is_running_) release();
+  // Also motors that are only being set up: they would get torque after the end.
+  if (may_have_torque_) release();
   static_cast<void>(link_->read(snapshot_));
   return snapshot_.request < request_ ? DriverReport::busy() : DriverReport::ready();
 }

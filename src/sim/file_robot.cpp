@@ -329,15 +329,11 @@ std::vector<double> FileRobot::configuration() const {
 }
 
 void FileRobot::write_observation(void* element) const noexcept {
-  write_element(state_.observation, element);
-  if (model().drives_all()) return;
-  auto* next = static_cast<std::byte*>(element) + 3 * num_joints() * sizeof(double);
-  const auto write = [&next](double value) {
-    std::memcpy(next, &value, sizeof(value));
-    next += sizeof(value);
-  };
-  std::ranges::for_each(state_.model_position, write);
-  std::ranges::for_each(state_.model_velocity, write);
+  if (model().drives_all()) {
+    write_element(state_.observation, element);
+  } else {
+    write_element(state_.observation, state_.model_position, state_.model_velocity, element);
+  }
 }
 
 // Call this after the owner has moved the robot: the next session begins here. In a session that

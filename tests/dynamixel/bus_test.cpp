@@ -170,7 +170,7 @@ TEST(Bus, GoesOnWithoutASilentMotor) {
 
 TEST(Bus, EndsEveryCallWhenTheLineHasGone) {
   Rig rig;
-  rig.port->set_open(false);
+  rig.port->set_plugged(false);
   Identity identity;
   EXPECT_EQ(rig.bus.ping(10, identity).outcome, Outcome::kLineGone);
   EXPECT_EQ(rig.bus.sync_read(rig.ids, kPresent, kPresentSize, rig.answers), 0U);

@@ -106,6 +106,26 @@ TEST(Terminals, TellTheirUserThatTheyHaveGone) {
   EXPECT_EQ(bus.ping(1, identity).outcome, Outcome::kLineGone);
 }
 
+TEST(Terminals, CanBeOpenedAgainAfterTheyHadGone) {
+  const trifinger::test::Folder folder;
+  const std::string link = folder.path() / "claw";
+  InertiaPlant plant(1);
+  auto emulator =
+      std::make_unique<Emulator>(motors_of({1}, 4'000'000, 0us), plant, EmulatedBusOptions{}, link);
+  Bus bus(std::make_unique<SerialPort>(link, SerialOptions{.baud = 4'000'000}), kPatient);
+  emulator.reset();
+  Identity identity;
+  EXPECT_EQ(bus.ping(1, identity).outcome, Outcome::kLineGone);
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return bus.port().reopen(), 0; });
+  EXPECT_NE(text.find("check the adapter's plug"), std::string::npos) << text;
+  EXPECT_FALSE(bus.port().is_open());
+  emulator =
+      std::make_unique<Emulator>(motors_of({1}, 4'000'000, 0us), plant, EmulatedBusOptions{}, link);
+  bus.port().reopen();
+  EXPECT_TRUE(bus.ping(1, identity));
+}
+
 TEST(Terminals, HaveALinkAsLongAsTheyLive) {
   const trifinger::test::Folder folder;
   const std::string link = folder.path() / "claw";

@@ -6,8 +6,11 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,6 +27,43 @@ namespace regs = registers;
 
 MotorGroupOptions claw(OperatingMode mode) { return {.ids = kClawIds, .mode = mode}; }
 
+// The port of a line, which tells of everything that the host sends before the line has it.
+class ToldPort final : public Port {
+ public:
+  using Told = std::function<void(std::span<const std::uint8_t>)>;
+
+  ToldPort(std::unique_ptr<Port> port, const Told& told) : port_(std::move(port)), told_(told) {}
+
+  [[nodiscard]] Instant now() const noexcept override { return port_->now(); }
+  [[nodiscard]] int baud() const noexcept override { return port_->baud(); }
+  [[nodiscard]] bool is_open() const noexcept override { return port_->is_open(); }
+  void reopen() override { port_->reopen(); }
+  [[nodiscard]] bool write(std::span<const std::uint8_t> bytes,
+                           Instant deadline) noexcept override {
+    if (told_) told_(bytes);
+    return port_->write(bytes, deadline);
+  }
+  [[nodiscard]] std::size_t read(std::span<std::uint8_t> bytes,
+                                 Instant deadline) noexcept override {
+    return port_->read(bytes, deadline);
+  }
+  void sleep_until(Instant instant) noexcept override { port_->sleep_until(instant); }
+
+ private:
+  std::unique_ptr<Port> port_;
+  const Told& told_;
+};
+
+// What a packet asks of whom.
+MotorId id_in(std::span<const std::uint8_t> packet) { return packet[4]; }
+Instruction instruction_in(std::span<const std::uint8_t> packet) {
+  return static_cast<Instruction>(packet[7]);
+}
+bool is_read_of(const Register& which, std::span<const std::uint8_t> packet) {
+  return instruction_in(packet) == Instruction::kRead &&
+         number_in(packet.subspan(8, 2)) == which.address;
+}
+
 // Nine emulated motors and a group of them, in simulated time.
 class GroupRig {
  public:
@@ -31,7 +71,8 @@ class GroupRig {
       : plant(kClawIds.size()), line(motors_of(kClawIds, 4'000'000, 500us), plant, kBegin, bus) {
     auto made = std::make_unique<EmulatedPort>(line, 4'000'000, kBegin);
     port = made.get();
-    group = std::make_unique<MotorGroup>(std::move(made), std::move(options));
+    group = std::make_unique<MotorGroup>(std::make_unique<ToldPort>(std::move(made), before_packet),
+                                         std::move(options));
   }
 
   void cycle(int count, double goal) const {
@@ -46,6 +87,7 @@ class GroupRig {
 
   InertiaPlant plant;
   EmulatedBus line;
+  ToldPort::Told before_packet{};
   EmulatedPort* port{nullptr};  // the group owns it
   std::unique_ptr<MotorGroup> group;
 };
@@ -62,6 +104,16 @@ TEST(MotorGroup, SetsUpMotorsThatAreNew) {
     EXPECT_EQ(motor.value(regs::kReturnDelay), 0);
     EXPECT_EQ(motor.value(regs::kBusWatchdog), 5);
     EXPECT_EQ(rig.group->model(i).number, kXm430W210.number);
+  }
+}
+
+TEST(MotorGroup, SetsUpMotorsThatAnswerNothingButPings) {
+  for (const std::int32_t level : {0, 1}) {
+    GroupRig rig(claw(OperatingMode::kCurrent));
+    rig.line.motor(2).set_value(regs::kStatusReturnLevel, level);
+    rig.group->start();
+    EXPECT_EQ(rig.line.motor(2).value(regs::kStatusReturnLevel), 2);
+    EXPECT_EQ(rig.line.motor(2).value(regs::kTorqueEnable), 1);
   }
 }
 
@@ -108,6 +160,27 @@ TEST(MotorGroup, StartsWhereTheMotorsAre) {
   }
 }
 
+TEST(MotorGroup, KnowsWhereMotorsAreThoughTheFirstReadOfAllIsLost) {
+  for (const OperatingMode mode : {OperatingMode::kCurrent, OperatingMode::kPosition}) {
+    GroupRig rig({.ids = {10, 11, 12, 20, 21, 22, 30, 31}, .sensors = {32}, .mode = mode});
+    for (std::size_t i = 0; i < 9; ++i) {
+      rig.plant.set_position(i, 0.1 * static_cast<double>(i + 1));
+    }
+    rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+      const bool is_of_all = instruction_in(packet) == Instruction::kFastSyncRead;
+      rig.line.set_faults({.lost = is_of_all ? 1.0 : 0.0});
+    };
+    rig.group->start();
+    EXPECT_EQ(rig.line.counts().lost, 1U);
+    for (std::size_t i = 0; i < 9; ++i) {
+      const MotorReading& reading = rig.group->readings()[i];
+      EXPECT_EQ(reading.missing, 1U);
+      EXPECT_NEAR(reading.position, 0.1 * static_cast<double>(i + 1), 2 * kPositionUnit);
+    }
+    EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  }
+}
+
 TEST(MotorGroup, SendsNoGoalThatIsTooLargeOrNoNumber) {
   MotorGroupOptions options = claw(OperatingMode::kCurrent);
   options.max_current = 0.3;
@@ -148,6 +221,22 @@ TEST(MotorGroup, KeepsToTheLimitsThatAreStoredInAMotor) {
   }
 }
 
+TEST(MotorGroup, DoesNotStartAMotorThatGivesLessCurrentThanWasAskedFor) {
+  for (const OperatingMode mode : {OperatingMode::kCurrent, OperatingMode::kCurrentBasedPosition}) {
+    MotorGroupOptions options = claw(mode);
+    options.max_current = 0.3;
+    GroupRig rig(options);
+    rig.line.motor(5).set_value(regs::kCurrentLimit, 100);
+    const std::string text =
+        trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+    EXPECT_NE(text.find("motor 22 (XM430-W210) gives at most 0.269 A"), std::string::npos) << text;
+    EXPECT_NE(text.find("but max_current is 0.3 A"), std::string::npos) << text;
+    rig.line.motor(5).set_value(regs::kCurrentLimit, 111);
+    rig.group->start();
+    EXPECT_EQ(rig.line.motor(5).value(regs::kTorqueEnable), 1);
+  }
+}
+
 TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();
@@ -178,6 +267,41 @@ TEST(MotorGroup, ReadsSensorsAndGivesThemNoTorque) {
               const GroupRig twice({.ids = {1, 2}, .sensors = {2}});
             }).find("same motor twice"),
             std::string::npos);
+}
+
+TEST(MotorGroup, TakesNoLateAnswerForThatToAnotherRead) {
+  // The return delay is read twice, because its first answer is late. Both answers are 0, which as
+  // an operating mode would mean that the motor follows currents already.
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  for (std::size_t i = 0; i < 9; ++i) rig.line.motor(i).set_value(regs::kReturnDelay, 0);
+  ASSERT_EQ(rig.line.motor(0).value(regs::kOperatingMode),
+            static_cast<int>(OperatingMode::kPosition));
+  int reads = 0;
+  rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+    rig.line.set_faults({});
+    if (id_in(packet) != 10 || !is_read_of(regs::kReturnDelay, packet)) return;
+    // The first one comes shortly after its time limit, the second one shortly after the first.
+    ++reads;
+    if (reads == 1) rig.line.set_faults({.late = 1.0, .delay = 4700us});
+    if (reads == 2) rig.line.set_faults({.late = 1.0, .delay = 2000us});
+  };
+  rig.group->start();
+  EXPECT_GE(reads, 2);
+  EXPECT_GT(rig.group->counts().late, 0U);
+  EXPECT_EQ(rig.line.motor(0).value(regs::kOperatingMode),
+            static_cast<int>(OperatingMode::kCurrent));
+}
+
+TEST(MotorGroup, DoesNotUseAMotorThatKeepsAnotherMode) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  int reads = 0;
+  rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+    if (id_in(packet) != 10 || !is_read_of(regs::kOperatingMode, packet)) return;
+    if (++reads == 2) rig.line.motor(0).set_value(regs::kOperatingMode, 1);
+  };
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+  EXPECT_NE(text.find("motor 10 is in mode 1, but was set to mode 0"), std::string::npos) << text;
 }
 
 TEST(MotorGroup, SaysWhichMotorDoesNotAnswer) {
@@ -258,12 +382,18 @@ TEST(MotorGroup, StopsByTheWatchdogIfTheHostStalls) {
   EXPECT_GT(rig.line.motor(0).torque(), 0.0);
 }
 
-TEST(MotorGroup, NoticesThatTheLineHasGone) {
+TEST(MotorGroup, NoticesThatTheLineHasGoneAndOpensItAgain) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();
-  rig.port->set_open(false);
+  rig.port->set_plugged(false);
   rig.cycle(1, 0.0);
   EXPECT_EQ(rig.group->trouble().kind, Trouble::kLineGone);
+  EXPECT_THROW(rig.group->start(), Error);
+  rig.port->set_plugged(true);
+  rig.group->start();
+  rig.cycle(5, 0.1);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_GT(rig.line.motor(0).current(), 0.0);
 }
 
 TEST(MotorGroup, NoLongerDrivesAfterATrouble) {

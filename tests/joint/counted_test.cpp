@@ -63,6 +63,16 @@ TEST(CountedJoints, AreAtLeastOneAndAtMostSoMany) {
   EXPECT_NO_THROW((void)describe_counted("arm", hinges(kMaxCountedJoints)));
 }
 
+TEST(CountedJoints, AreFollowedByTheJointsThatAreOnlyMeasured) {
+  CountedObservation observation(2);
+  observation.torque[1] = 0.5;
+  constexpr std::array kPosition{1.0, 2.0, 3.0};
+  constexpr std::array kVelocity{4.0, 5.0, 6.0};
+  std::array<double, 3 * 2 + 2 * 3> element{};
+  write_element(observation, kPosition, kVelocity, element.data());
+  EXPECT_THAT(element, testing::ElementsAre(0, 0, 0, 0, 0, 0.5, 1, 2, 3, 4, 5, 6));
+}
+
 TEST(CountedJoints, ComeBackFromAnElementAsTheyWere) {
   JointAction<5> packed;
   for (std::size_t i = 0; i < 5; ++i) {

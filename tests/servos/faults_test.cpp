@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <memory>
+#include <span>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "servos/rig.hpp"
 #include "trifinger/dynamixel/control_table.hpp"
@@ -90,13 +94,16 @@ TEST(ServoFaults, AMotorThatHasRestartedIsNamed) {
   EXPECT_THAT(rig.fault(), StartsWith("J20: motor 20 has switched its torque off"));
 }
 
-TEST(ServoFaults, AnUnpluggedAdapterEndsTheSession) {
+TEST(ServoFaults, AnUnpluggedAdapterEndsTheSessionUntilItIsPluggedInAgain) {
   Rig rig;
   rig.begin();
-  rig.motors.port->set_open(false);
+  rig.motors.port->set_plugged(false);
   run_to_the_end(rig);
   EXPECT_THAT(rig.fault(), StartsWith("the serial line to the motors has gone"));
-  rig.motors.port->set_open(true);
+  const DriverReport report = rig.prepare();
+  EXPECT_EQ(report.state, DriverReport::State::kFault);
+  EXPECT_THAT(std::string(rig.robot.fault_text(report.fault_code)), HasSubstr("not plugged in"));
+  rig.motors.port->set_plugged(true);
   // Its motors have stopped by themselves.
   rig.motors.port->sleep_until(rig.motors.now() + 1s);
   for (std::size_t i = 0; i < kJoints; ++i) EXPECT_EQ(rig.motor(i).torque(), 0.0) << i;
@@ -128,6 +135,54 @@ TEST(ServoFaults, CurrentsEndWhenTheLoopGivesNoActions) {
   for (int i = 0; i < 60; ++i) static_cast<void>(rig.observe());
   EXPECT_EQ(rig.value(0, registers::kGoalCurrent), 0);
   ASSERT_TRUE(rig.step(action));  // It goes on.
+}
+
+// Motors that take their time: a request is carried out when the test says so.
+class SlowMotors final : public dynamixel::MotorLink {
+ public:
+  bool read(dynamixel::MotorSnapshot& snapshot) noexcept override {
+    snapshot = newest;
+    return true;
+  }
+  void set_goals(std::span<const double> /*goals*/) noexcept override {}
+  std::uint64_t request_start() noexcept override { return request(true); }
+  std::uint64_t request_release() noexcept override { return request(false); }
+  void cut() noexcept override {}
+  [[nodiscard]] Instant now() const noexcept override { return {}; }
+
+  dynamixel::MotorSnapshot newest{};
+  std::uint64_t requests{0};
+  bool is_start{false};  // what was requested last
+
+ private:
+  std::uint64_t request(bool start) {
+    is_start = start;
+    return ++requests;
+  }
+};
+
+TEST(ServoFaults, AStopReleasesMotorsThatAreStillBeingSetUp) {
+  using Phase = dynamixel::MotorSnapshot::Phase;
+  auto made = std::make_unique<SlowMotors>();
+  SlowMotors& motors = *made;
+  ServoRobot robot(claw_options(), std::move(made));
+  for (const Phase reached : {Phase::kStarting, Phase::kRunning}) {
+    ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kBusy);
+    motors.newest.phase = reached;
+    motors.newest.request = motors.requests;
+    ASSERT_TRUE(motors.is_start);
+    EXPECT_EQ(robot.stop(0).state, DriverReport::State::kBusy);
+    EXPECT_FALSE(motors.is_start);
+    // The stop ends when the motors have been released.
+    EXPECT_EQ(robot.stop(1).state, DriverReport::State::kBusy);
+    motors.newest.phase = Phase::kReleased;
+    motors.newest.request = motors.requests;
+    EXPECT_EQ(robot.stop(2).state, DriverReport::State::kReady);
+    // A stop of motors that have no torque asks for nothing.
+    const std::uint64_t requests = motors.requests;
+    EXPECT_EQ(robot.stop(0).state, DriverReport::State::kReady);
+    EXPECT_EQ(motors.requests, requests);
+  }
 }
 
 TEST(ServoFaults, AnotherThreadCutsTheTorque) {

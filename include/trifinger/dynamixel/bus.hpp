@@ -120,6 +120,11 @@ class Bus {
   [[nodiscard]] Outcome sync_write(std::span<const MotorId> ids, std::uint16_t address,
                                    std::size_t size, std::span<const std::uint8_t> data) noexcept;
 
+  /// Waits until answers that are late have come, and counts them. Call this before an exchange is
+  /// tried again: the late answer to a read could otherwise pass for that to another read of the
+  /// same motor.
+  void drop_late_answers() noexcept;
+
   /// Waits until everything that was sent has left.
   void wait_until_sent() noexcept { port_->sleep_until(sent_); }
 

@@ -128,8 +128,8 @@ class EmulatedBus {
   void read_many(const Packet& packet, Instant heard);
   void fast_read_many(const Packet& packet, Instant heard);
   void write_many(const Packet& packet) noexcept;
-  // Sends an answer after `begin`. Returns when the line is free again.
-  Instant answer(const EmulatedMotor& motor, const EmulatedMotor::Reply& reply, Instant begin);
+  // Sends the answer of a motor, with what is in `data_`. Returns when the line is free again.
+  Instant answer(MotorId id, const EmulatedMotor::Reply& reply, Instant begin);
   void put_on_line(std::span<const std::uint8_t> bytes, Instant begin);
   void collide(Instant begin) noexcept;
 

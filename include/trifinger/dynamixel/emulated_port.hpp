@@ -18,12 +18,16 @@ class EmulatedPort final : public Port {
   EmulatedPort(EmulatedBus& bus, int baud, Instant now) noexcept
       : bus_(bus), baud_(baud), now_(now) {}
 
-  /// From now on the line has gone, or is there again.
-  void set_open(bool is_open) noexcept { is_open_ = is_open; }
+  /// Unplugs the adapter, or plugs it in again. After that the host must open the line again.
+  void set_plugged(bool is_plugged) noexcept {
+    is_plugged_ = is_plugged;
+    is_open_ = is_open_ && is_plugged;
+  }
 
   [[nodiscard]] Instant now() const noexcept override { return now_; }
   [[nodiscard]] int baud() const noexcept override { return baud_; }
   [[nodiscard]] bool is_open() const noexcept override { return is_open_; }
+  void reopen() override;
   [[nodiscard]] bool write(std::span<const std::uint8_t> bytes, Instant deadline) noexcept override;
   [[nodiscard]] std::size_t read(std::span<std::uint8_t> bytes, Instant deadline) noexcept override;
   void sleep_until(Instant instant) noexcept override;
@@ -32,6 +36,7 @@ class EmulatedPort final : public Port {
   EmulatedBus& bus_;
   int baud_;
   Instant now_;
+  bool is_plugged_{true};
   bool is_open_{true};
 };
 

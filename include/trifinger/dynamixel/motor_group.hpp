@@ -26,6 +26,7 @@ struct MotorGroupOptions {
   /// What goals are: currents [A], velocities [rad/s], or positions [rad]. `kPwm` is not possible.
   OperatingMode mode{OperatingMode::kCurrent};
   /// No goal asks for more [A]. In `kCurrentBasedPosition` it is the current that positions use.
+  /// Infinite: as much as is stored in each motor; otherwise all motors must allow this much.
   double max_current{std::numeric_limits<double>::infinity()};
   bool is_fast{true};  ///< Reads with "fast sync read"; needs firmware 45 or later in all motors.
   Nanoseconds return_delay{0};  ///< Written to the motors. A multiple of 2 µs up to 508 µs.
@@ -83,8 +84,9 @@ class MotorGroup {
              Nanoseconds slack = BusOptions{}.slack);
 
   /// Finds the motors, sets them up, and switches torque on. Goals are then 0 A or 0 rad/s, or the
-  /// positions where the motors are. What motors keep without supply is written only if it changes.
-  /// Forgets all troubles.
+  /// positions where the motors are. The position of every motor is then known. What motors keep
+  /// without supply is written only if it changes. Forgets all troubles, and opens the line again
+  /// if it had gone.
   /// @throws Error that names the motor, what was expected and what to do
   void start();
 
@@ -125,6 +127,10 @@ class MotorGroup {
   };
 
   [[nodiscard]] GoalLimits read_limits(std::size_t motor);
+  [[nodiscard]] std::int32_t read_largest_current(std::size_t motor);
+  // Tries an exchange until it succeeds, at most as often as the options say.
+  template <class Exchange>
+  [[nodiscard]] Answer try_often(const Exchange& exchange);
   [[nodiscard]] std::int32_t get(std::size_t motor, const Register& which);
   void set(std::size_t motor, const Register& which, std::int32_t value);
   // Writes only what is different, because the memory that is kept wears.

@@ -27,7 +27,6 @@ struct MotorSnapshot {
   std::uint64_t request{0};  ///< Number of the newest request that this answers.
   std::size_t count{0};      ///< Number of motors, sensors included.
   std::array<MotorReading, kMaxMotors> readings{};
-  std::array<double, kMaxMotors> current_limits{};  ///< Of each model [A].
   BusCounts counts{};
   std::uint64_t cycles{0};
   GroupTrouble trouble{};

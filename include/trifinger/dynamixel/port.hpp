@@ -16,7 +16,7 @@ namespace trifinger::dynamixel {
 /// The host's end of a serial line, with the clock of that line: the monotonic clock, or the time
 /// of an emulated line in the same thread.
 ///
-/// One thread at a time uses a port. No call allocates or throws.
+/// One thread at a time uses a port. No call but `reopen` allocates or throws.
 class Port {
  public:
   Port() = default;
@@ -27,8 +27,11 @@ class Port {
   [[nodiscard]] virtual Instant now() const noexcept = 0;
   /// Bits per second. A byte takes ten bits.
   [[nodiscard]] virtual int baud() const noexcept = 0;
-  /// False once the line has gone, for example because its adapter was unplugged. It never returns.
+  /// False once the line has gone, for example because its adapter was unplugged, until `reopen`.
   [[nodiscard]] virtual bool is_open() const noexcept = 0;
+  /// Opens a line again that has gone.
+  /// @throws Error with the remedy if it is not there
+  virtual void reopen() = 0;
 
   /// Hands all bytes over for sending. Waits while the line takes none, but not longer than
   /// `deadline`. False if it did not take all.
@@ -67,7 +70,8 @@ class SerialPort final : public Port {
 
   [[nodiscard]] Instant now() const noexcept override { return std::chrono::steady_clock::now(); }
   [[nodiscard]] int baud() const noexcept override { return options_.baud; }
-  [[nodiscard]] bool is_open() const noexcept override { return is_open_; }
+  [[nodiscard]] bool is_open() const noexcept override { return static_cast<bool>(device_); }
+  void reopen() override { open(); }
   [[nodiscard]] bool write(std::span<const std::uint8_t> bytes, Instant deadline) noexcept override;
   [[nodiscard]] std::size_t read(std::span<std::uint8_t> bytes, Instant deadline) noexcept override;
   void sleep_until(Instant instant) noexcept override;
@@ -75,13 +79,15 @@ class SerialPort final : public Port {
  private:
   // Waits until the device can do one of `events`. False at the deadline or if it has gone.
   bool wait_for(short events, Instant deadline) noexcept;
+  void open();
+  void set_up();
   void lower_latency();
+  void close() noexcept;
 
   std::string path_;
   SerialOptions options_;
-  ipc::FileDescriptor device_;
+  ipc::FileDescriptor device_;  // none once the line has gone
   std::vector<std::string> lacks_;
-  bool is_open_{true};
 };
 
 }  // namespace trifinger::dynamixel

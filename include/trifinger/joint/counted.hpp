@@ -141,6 +141,11 @@ void write_element(const CountedAction& action, void* element) noexcept TRIFINGE
 void write_element(const CountedObservation& observation,
                    void* element) noexcept TRIFINGER_REALTIME;
 void write_element(const CountedAppliedAction& applied, void* element) noexcept TRIFINGER_REALTIME;
+/// For a robot that measures more joints than it drives: `joint_position` and `joint_velocity`
+/// follow the observation.
+void write_element(const CountedObservation& observation, std::span<const double> joint_position,
+                   std::span<const double> joint_velocity,
+                   void* element) noexcept TRIFINGER_REALTIME;
 /// @}
 
 /// How a joint moves.

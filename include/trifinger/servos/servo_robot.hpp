@@ -177,7 +177,8 @@ class ServoRobot final : public UntypedDriver {
   dynamixel::MotorSnapshot snapshot_{};
   std::uint64_t request_{0};
   std::uint64_t lost_before_{0};  // answers lost before this session
-  bool is_running_{false};
+  bool may_have_torque_{false};   // since the request to start; only a release takes it away
+  bool is_running_{false};        // Motors have started, and the robot knows where they are.
 
   Phase phase_{Phase::kStarting};
   TimeIndex phase_steps_{0};
@@ -186,6 +187,9 @@ class ServoRobot final : public UntypedDriver {
   PerJoint<double> target_;      // NaN: no torque
   PerJoint<double> goals_;       // of joints, in ServoMode::kPosition
   std::vector<double> torques_;  // memory for `weight`
+  // Of `all_joints`; NaN where nobody measures.
+  std::vector<double> all_positions_;
+  std::vector<double> all_velocities_;
   std::array<double, dynamixel::kMaxMotors> sent_{};
 
   CountedObservation observation_;
