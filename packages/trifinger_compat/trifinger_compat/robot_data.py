@@ -38,19 +38,17 @@ _numbers = iter(range(1 << 62))
 def session_name(prefix: str) -> str:
     """The session that a program means by "trifinger" or "finger".
 
-    TRIFINGER_COMPAT_ROBOT names another. If nothing of that name runs, but one robot does, that is
-    meant.
+    TRIFINGER_COMPAT_ROBOT names another. If nothing of that name runs, but one robot of that type
+    does, it is meant.
     """
-    if prefix in ("trifinger", "finger") and (chosen := os.environ.get(VARIABLE)):
+    if prefix not in ("trifinger", "finger"):
+        return prefix
+    if chosen := os.environ.get(VARIABLE):
         return chosen
-    alive = [
-        info.name
-        for info in trifinger.list_sessions()
-        if not info.is_companion and info.backend_is_alive
-    ]
-    if prefix not in alive and prefix in ("trifinger", "finger") and len(alive) == 1:
-        return alive[0]
-    return prefix
+    alive = [info for info in trifinger.list_sessions() if info.backend_is_alive]
+    of_type = [info.name for info in alive if info.type == prefix and not info.is_companion]
+    is_there = any(info.name == prefix for info in alive)
+    return of_type[0] if len(of_type) == 1 and not is_there else prefix
 
 
 class TimeSeries:
@@ -154,6 +152,7 @@ def _translated(get: Callable[..., Any], t: int) -> Any:
 class BaseData:
     """The series of a robot."""
 
+    session_type: ClassVar[str] = ""  # of the robots that have these series; empty: any
     action_class: ClassVar[Any]
     observation_class: ClassVar[Any]
 
@@ -183,13 +182,33 @@ class BaseData:
                 self._controls = True
             return self._robot
 
-    def is_available(self) -> bool:
-        """True if a back-end runs."""
-        return any(
-            info.name == self.name and info.backend_is_alive for info in trifinger.list_sessions()
+    def _session(self) -> trifinger.SessionInfo | None:
+        return next(
+            (
+                info
+                for info in trifinger.list_sessions()
+                if info.name == self.name and info.backend_is_alive
+            ),
+            None,
         )
 
+    def is_available(self) -> bool:
+        """True if a back-end runs."""
+        return self._session() is not None
+
+    def require_type(self) -> None:
+        """Raises RuntimeError if the robot of this name is of another type."""
+        info = self._session()
+        if info is not None and self.session_type not in ("", info.type):
+            raise RuntimeError(
+                f"the robot '{self.name}' is of the type '{info.type}', must be "
+                f"'{self.session_type}' for this program; name another one with {VARIABLE}, or "
+                "control this one with trifinger.connect()"
+            )
+
     def _attach(self, how: Callable[[str], trifinger.Frontend]) -> trifinger.Frontend:
+        # Before it is controlled, since letting go would end its session.
+        self.require_type()
         try:
             return how(self.name)
         except SessionNotFound:
@@ -198,6 +217,7 @@ class BaseData:
                 raise
         while not self.is_available():
             time.sleep(0.01)
+        self.require_type()
         return how(self.name)
 
     def detach(self) -> None:
@@ -260,13 +280,15 @@ class MultiProcessData(BaseData):
     def __init__(
         self, shared_memory_id_prefix: str, is_master: bool, history_size: int = 1000
     ) -> None:
-        """Raises RuntimeError if there is no such robot, and this is not the master."""
+        """Raises RuntimeError if this is not the master, and no such robot of this type runs."""
         prefix = shared_memory_id_prefix.strip("/_") or "trifinger"
         name = prefix if is_master else session_name(prefix)
         super().__init__(name, is_master, history_size)
         if not is_master and not self.is_available():
             # Says which robots there are.
             trifinger.observe(name)
+        if not is_master:
+            self.require_type()
 
 
 class RobotFrontend:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import robot_fingers
 import robot_interfaces
-from backend import new_name, running, started
+import trifinger
+from backend import new_name, other_robot, running, started
 from robot_interfaces.py_trifinger_types import Action, Observation
 from trifinger_cameras import tricamera
 from trifinger_compat import robot_data
@@ -171,6 +172,32 @@ def test_without_a_robot_a_front_end_says_how_to_get_one(
     monkeypatch.setenv(robot_data.VARIABLE, "nobody-runs-this")
     with pytest.raises(RuntimeError, match="trifinger run"):
         robot_fingers.TriFingerPlatformFrontend()
+
+
+def test_a_robot_of_another_type_is_never_controlled(monkeypatch: pytest.MonkeyPatch) -> None:
+    with other_robot("dclaw") as name, monkeypatch.context() as patch:
+        claw = next(info for info in trifinger.list_sessions() if info.name == name)
+        patch.setattr(trifinger, "list_sessions", lambda: [claw])  # the only one that runs
+        assert robot_data.session_name("trifinger") == "trifinger"
+        patch.setenv(robot_data.VARIABLE, name)
+        with pytest.raises(RuntimeError, match=f"'{name}' is of the type 'dclaw', must be 'trif"):
+            robot_fingers.TriFingerPlatformFrontend()
+        data = robot_interfaces.trifinger.MultiProcessData(name, True)
+        for read in (lambda: data.robot, data.controlled):
+            with pytest.raises(RuntimeError, match="of the type 'dclaw'"):
+                read()
+        now = next(info for info in trifinger.list_sessions() if info.name == name)
+        assert (now.controller_pid, now.session_id) == (None, claw.session_id)
+
+
+def test_the_one_robot_of_the_type_is_found_among_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    with other_robot("dclaw") as claw, running() as name:
+        names = {claw, name}
+        sessions = [info for info in trifinger.list_sessions() if info.name in names]
+        with monkeypatch.context() as patch:
+            patch.setattr(trifinger, "list_sessions", lambda: sessions)
+            assert robot_data.session_name("trifinger") == name
+            assert robot_data.session_name("finger") == "finger"
 
 
 def test_a_robot_of_a_program_takes_so_many_actions_and_no_more() -> None:
