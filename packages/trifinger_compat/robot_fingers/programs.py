@@ -108,6 +108,21 @@ def _save(record: str, arguments: Any) -> None:
                 target.write_bytes(files[name].read_bytes())
 
 
+def _started(arguments: Any, config: str, *values: Any, **options: Any) -> RobotBackend:
+    """A robot that runs; says why and ends the program if it cannot."""
+    try:
+        return RobotBackend(
+            MultiProcessData(arguments.name, True),
+            config,
+            *values,
+            first_action_timeout=arguments.first_action_timeout,
+            max_number_of_actions=arguments.max_number_of_actions,
+            **options,
+        )
+    except RuntimeError as error:
+        sys.exit(str(error))
+
+
 def _until_end(backend: RobotBackend, arguments: Any) -> RobotBackendTerminationReason:
     """Says that the robot is ready, waits for its end and says why it has ended."""
     signal.signal(signal.SIGTERM, lambda *_: backend.ask_to_end())
@@ -133,18 +148,9 @@ def _run(
     has_log = _wants_logs(arguments)
     if has_log and not arguments.max_number_of_actions:
         parser.error("--robot-logfile and --camera-logfile need --max-number-of-actions")
-    data = MultiProcessData(arguments.name, True)
     with tempfile.TemporaryDirectory() as folder:
         record = folder if has_log else None
-        backend = RobotBackend(
-            data,
-            config,
-            overrides,
-            real_time=real_time,
-            first_action_timeout=arguments.first_action_timeout,
-            max_number_of_actions=arguments.max_number_of_actions,
-            record=record,
-        )
+        backend = _started(arguments, config, overrides, real_time=real_time, record=record)
         reason = _until_end(backend, arguments)
         if record is not None:
             _save(record, arguments)
@@ -194,13 +200,7 @@ def trifinger_robot_backend(words: Sequence[str] | None = None) -> int:
     )
     _add_ignored(parser)
     arguments = parser.parse_args(words)
-    backend = RobotBackend(
-        MultiProcessData(arguments.name, True),
-        arguments.config,
-        first_action_timeout=arguments.first_action_timeout,
-        max_number_of_actions=arguments.max_number_of_actions,
-    )
-    reason = _until_end(backend, arguments)
+    reason = _until_end(_started(arguments, arguments.config), arguments)
     is_whole = reason is RobotBackendTerminationReason.MAXIMUM_NUMBER_OF_ACTIONS_REACHED
     if reason >= 0 and arguments.fail_on_incomplete_run and not is_whole:
         return INCOMPLETE

@@ -192,9 +192,10 @@ class BaseData:
             None,
         )
 
-    def is_available(self) -> bool:
-        """True if a back-end runs."""
-        return self._session() is not None
+    def is_available(self, process: int | None = None) -> bool:
+        """True if a back-end runs; only the one with this process id counts if it is given."""
+        info = self._session()
+        return info is not None and process in (None, info.backend_pid)
 
     def require_type(self) -> None:
         """Raises RuntimeError if the robot of this name is of another type."""
@@ -374,7 +375,16 @@ class RobotBackend:
         max_number_of_actions: int = 0,
         record: str | None = None,
     ) -> None:
-        """Starts the robot of a configuration; `first_action_timeout` [s]."""
+        """Starts the robot of a configuration; `first_action_timeout` [s].
+
+        Raises RuntimeError if a robot of this name runs already, or if this one cannot begin.
+        """
+        name = robot_data.name
+        if robot_data.is_available():
+            raise RuntimeError(
+                f"a robot '{name}' runs already; stop it with `trifinger stop {name}`, or choose "
+                "another name"
+            )
         self._data = robot_data
         self._max_actions = max_number_of_actions
         self._reason = RobotBackendTerminationReason.NOT_TERMINATED
@@ -387,23 +397,24 @@ class RobotBackend:
         }
         if first_action_timeout != float("inf"):
             values["backend.first_action_timeout"] = first_action_timeout
-        words = [program.path(), "run", config, "--name", robot_data.name]
+        words = [program.path(), "run", config, "--name", name]
         words += ["--real-time" if real_time else "--non-real-time"]
         for key, value in values.items():
             words += ["--set", f"{key}={value}"]
         if record is not None:
             words += ["--record", record, "--images", "raw"]
-        notes.write(robot_data.name, max_number_of_actions)
+        notes.write(name, max_number_of_actions)
         self._process = subprocess.Popen(words, stdout=subprocess.DEVNULL, start_new_session=True)
-        while not robot_data.is_available():
+        # Another process may start a robot of this name at the same time.
+        while not robot_data.is_available(self._process.pid):
             if self._process.poll() is not None:
-                notes.remove(robot_data.name)
+                notes.remove(name)
                 raise RuntimeError(
-                    f"the back-end '{robot_data.name}' ended with the status "
-                    f"{self._process.returncode} when it should begin"
+                    f"the back-end '{name}' ended with the status {self._process.returncode} when "
+                    "it should begin"
                 )
             time.sleep(0.01)
-        self._robot = trifinger.observe(robot_data.name)
+        self._robot = trifinger.observe(name)
         self._watch = threading.Thread(target=self._watch_session, daemon=True)
         self._watch.start()
 

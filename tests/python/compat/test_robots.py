@@ -190,6 +190,33 @@ def test_a_robot_of_another_type_is_never_controlled(monkeypatch: pytest.MonkeyP
         assert (now.controller_pid, now.session_id) == (None, claw.session_id)
 
 
+def test_a_back_end_leaves_another_robot_of_its_name_alone() -> None:
+    with running() as name:
+        data = robot_interfaces.trifinger.MultiProcessData(name, True)
+        with pytest.raises(RuntimeError, match=f"'{name}' runs already; .* `trifinger stop"):
+            robot_fingers.pybullet_drivers.create_trifinger_backend(data, False, False)
+        with started("pybullet_backend", "--name", name) as second:
+            assert second.stdout is not None
+            assert second.stdout.read() == ""
+            assert second.wait() == 1
+        assert data.is_available()
+
+
+def test_a_back_end_waits_for_the_robot_that_it_started() -> None:
+    class Late(robot_interfaces.trifinger.MultiProcessData):  # type: ignore[name-defined,misc]
+        """Another process starts a robot of this name after the first look."""
+
+        looks = 0
+
+        def is_available(self, process: int | None = None) -> bool:
+            self.looks += 1
+            return self.looks > 1 and bool(super().is_available(process))
+
+    ended = pytest.raises(RuntimeError, match=r"the back-end '.*' ended with the status")
+    with running() as name, ended:
+        robot_fingers.pybullet_drivers.create_trifinger_backend(Late(name, True), False, False)
+
+
 def test_the_one_robot_of_the_type_is_found_among_others(monkeypatch: pytest.MonkeyPatch) -> None:
     with other_robot("dclaw") as claw, running() as name:
         names = {claw, name}
