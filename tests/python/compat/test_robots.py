@@ -227,6 +227,27 @@ def test_the_one_robot_of_the_type_is_found_among_others(monkeypatch: pytest.Mon
             assert robot_data.session_name("finger") == "finger"
 
 
+def test_a_robot_by_its_name_is_that_of_the_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    robot = robot_fingers.Robot.create_by_name("fingerone")
+    assert "'fingerone' is simulated: TRIFINGER_COMPAT_CONFIG" in capfd.readouterr().err
+    robot.backend.request_shutdown()
+    config = tmp_path / "mine.yml"
+    config.write_text(
+        "extends: finger_one.yml\nname: mine\nfingers:\n"
+        "  {height: 0.34, initial_position: [0, 0.1, -0.2], soft_tips: true}\n"
+    )
+    monkeypatch.setenv("TRIFINGER_COMPAT_CONFIG", str(config))
+    robot = robot_fingers.Robot.create_by_name("fingerone")
+    assert "simulated" not in capfd.readouterr().err
+    t = robot.frontend.append_desired_action(robot.Action())
+    assert robot.frontend.get_observation(t).position == pytest.approx([0, 0.1, -0.2], abs=1e-3)
+    robot.backend.request_shutdown()
+    with pytest.raises(ValueError, match="Invalid robot 'five'"):
+        robot_fingers.Robot.create_by_name("five")
+
+
 def test_a_robot_of_a_program_takes_so_many_actions_and_no_more() -> None:
     data = robot_interfaces.trifinger.SingleProcessData()
     backend = robot_fingers.pybullet_drivers.create_trifinger_backend(
