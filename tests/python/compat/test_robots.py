@@ -156,6 +156,25 @@ def test_the_original_programs_for_data_and_robot_work_together(
     assert len(read) >= min(500, limit)
 
 
+def test_a_late_action_is_repeated_whatever_the_configuration_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, config = new_name(), tmp_path / "mine.yml"
+    # As in the configurations of real robots.
+    text = (Path(__file__).parents[3] / "config" / "trifinger_edu.yml").read_text()
+    config.write_text(text.replace("policy: repeat", "policy: stop"))
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    with started("trifinger_backend", "--name", name, "--config", config) as robot:
+        assert robot.stdout is not None
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        frontend.append_desired_action(frontend.Action(position=HOME))
+        frontend.wait_until_timeindex(300)
+        assert frontend.get_robot_status(299).action_repetitions > 100
+        robot.terminate()
+        robot.wait()
+
+
 def test_without_a_robot_there_are_no_logs(tmp_path: Path) -> None:
     words = ["--name", new_name(), "--robot-logfile", tmp_path / "robot_data.dat"]
     with started("trifinger_data_backend", *words) as data:
