@@ -17,6 +17,8 @@ from trifinger.commands import program
 from trifinger.log.original import export
 from trifinger_compat.robot_data import RobotBackend
 
+from robot_fingers.pybullet_drivers import simulator_overrides
+
 CUBE = "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
 PERIOD, DELAY = 0.1, 0.09  # of poses and images [s]
 INCOMPLETE = 20  # exit status, by the original
@@ -40,6 +42,7 @@ def simulation_overrides(scene: str, *, has_cameras: bool) -> dict[str, object]:
         "objects": {"cube": CUBE, "dice": _dice() if scene == "dice" else "", "none": "[]"}[scene],
         "simulation.object_period": PERIOD,
         "simulation.object_delay": DELAY,
+        **simulator_overrides("trifingerpro"),
     }
     if has_cameras:
         values |= {

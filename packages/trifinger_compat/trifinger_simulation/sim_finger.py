@@ -19,10 +19,6 @@ from trifinger_simulation import finger_types_data
 from trifinger_simulation.action import Action
 from trifinger_simulation.observation import Observation
 
-# Gains of the One and the Edu, and of all in the first generations.
-_KP, _KD = (10.0, 10.0, 10.0), (0.1, 0.3, 0.001)
-_SAFETY_KD = (0.08, 0.08, 0.04)
-
 
 def int_to_rgba(color: int, alpha: int = 0xFF) -> tuple[float, float, float, float]:
     """The colour 0xRRGGBB as four numbers from 0 to 1."""
@@ -83,15 +79,11 @@ class SimFinger:
 
     def _configure(self, generation: Generation) -> None:
         """Sets what differs between generations."""
-        is_pro = self.finger_type in ("fingerpro", "trifingerpro")
+        gains = generation.gains(self.finger_type)
         self.max_motor_torque = generation.max_torque
-        self.position_gains = np.array(
-            (generation.pro_kp if is_pro else _KP) * self.number_of_fingers
-        )
-        self.velocity_gains = np.array(
-            (generation.pro_kd if is_pro else _KD) * self.number_of_fingers
-        )
-        self.safety_kd = np.array(_SAFETY_KD * self.number_of_fingers)
+        self.position_gains = np.array(gains.kp * self.number_of_fingers)
+        self.velocity_gains = np.array(gains.kd * self.number_of_fingers)
+        self.safety_kd = np.array(generation.safety_kd * self.number_of_fingers)
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -16,6 +16,7 @@ from robot_interfaces.py_trifinger_types import Action, Observation
 from trifinger_cameras import tricamera
 from trifinger_compat import robot_data
 from trifinger_object_tracking import py_object_tracker, py_tricamera_types
+from trifinger_simulation import SimFinger
 from trifinger_simulation.real_finger import RealFinger
 
 HOME = [0, 0.9, -1.7] * 3
@@ -42,13 +43,41 @@ def test_a_front_end_has_the_rules_of_the_original(frontend: Any) -> None:
     desired, applied = frontend.get_desired_action(t), frontend.get_applied_action(t)
     assert desired.position == pytest.approx(HOME)
     assert np.isnan(desired.position_kp).all()
-    assert not np.isnan(applied.position_kp).any()
+    assert applied.position_kp == pytest.approx([15, 15, 9] * 3)
+    assert applied.position_kd == pytest.approx([0.5, 1, 0.5] * 3)
     assert frontend.get_robot_status(t).error_status == 0
     assert frontend.get_timestamp_ms(t) > frontend.get_timestamp_ms(0) > 1.6e12
     frontend.wait_until_timeindex(t)
     frontend.wait_until_time_index(t)
     with pytest.raises(ValueError, match="negative"):
         frontend.get_robot_observation(-1)
+
+
+def test_a_simulated_back_end_has_the_limits_of_the_simulator(frontend: Any) -> None:
+    wide = [-0.9, 1.7, -2.9] * 3  # beyond the soft limits of the real robot
+    # Gains of the simulator, some beyond what the real robot takes.
+    action = Action(position=wide, position_kp=[60, 60, 60] * 3, position_kd=[0.5, 1, 0.5] * 3)
+    simulated = SimFinger("trifingerpro")
+    simulated.reset_finger_positions_and_velocities(HOME)
+    for _ in range(100):
+        t = frontend.append_desired_action(action)
+        simulated.append_desired_action(action)
+        frontend.get_robot_observation(t + 1)
+    applied, expected = frontend.get_applied_action(t), simulated.get_applied_action(t)
+    for name in ("torque", "position", "position_kp", "position_kd"):
+        assert getattr(applied, name) == pytest.approx(getattr(expected, name), abs=1e-3), name
+    assert applied.position == pytest.approx(wide)
+
+
+def test_a_simulated_finger_has_the_gains_of_the_simulator() -> None:
+    data = robot_interfaces.finger.SingleProcessData()
+    backend = robot_fingers.pybullet_drivers.create_single_finger_backend(data, False, False)
+    frontend = robot_interfaces.finger.Frontend(data)
+    action = robot_interfaces.finger.Action(position=[0, -0.7, -1.5])
+    applied = frontend.get_applied_action(frontend.append_desired_action(action))
+    assert applied.position_kp == pytest.approx([10, 10, 10])
+    assert applied.position_kd == pytest.approx([0.1, 0.3, 0.001])
+    backend.request_shutdown()
 
 
 def test_poses_come_ten_times_per_second_and_90_steps_late(frontend: Any) -> None:
