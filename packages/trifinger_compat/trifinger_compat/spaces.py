@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +19,18 @@ if TYPE_CHECKING:
 
 
 def gym_package() -> Any:
-    """Gymnasium, or the older Gym if there is only that."""
-    try:
-        import gymnasium
-    except ImportError:
-        import gym  # type: ignore[import-not-found]
+    """The older Gym if the program has imported it, else Gymnasium."""
+    if "gym" in sys.modules:
+        return sys.modules["gym"]
+    import gymnasium
 
-        return gym
     return gymnasium
+
+
+def registry() -> Mapping[str, Any]:
+    """The registered environments by their names."""
+    environments: Mapping[str, Any] = gym_package().envs.registration.registry
+    return environments
 
 
 @cache

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Environments of 2020-08. Importing this registers them."""
 
-from trifinger_compat.spaces import gym_package as _gym_package
+from trifinger_compat.spaces import gym_package as _gym_package, registry as _registry
 
 _ID = "rrc_simulation/real_robot_challenge_phase_1-v1"
 
@@ -9,7 +9,7 @@ _ID = "rrc_simulation/real_robot_challenge_phase_1-v1"
 def _register() -> None:
     gym = _gym_package()
     for name in (_ID, "real_robot_challenge_phase_1-v1"):
-        if name not in gym.registry:
+        if name not in _registry():
             gym.register(
                 id=name,
                 entry_point="rrc_simulation.gym_wrapper.envs.cube_env:RealRobotChallengePhase1",
