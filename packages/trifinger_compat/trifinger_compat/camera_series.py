@@ -194,10 +194,10 @@ class LogReaderBase:
         return observation
 
 
-def to_entry(stamp: float, observation: Any) -> CameraEntry:
-    """The element of a log for an observation that arrived at a time [ms]."""
+def to_entry(stamp: float, observation: Any, *, has_object: bool) -> CameraEntry:
+    """The element of a log, with or without poses, for an observation that arrived at `stamp` [ms]."""
     poses = []
-    if hasattr(observation, "object_pose"):
+    if has_object:
         poses = [from_pose(observation.object_pose), from_pose(observation.filtered_object_pose)]
     cameras = observation.cameras
     return CameraEntry(
@@ -221,9 +221,17 @@ class RunningCameras:
         self._companion = self._cameras.companion
         self._eyes: dict[bool, RobotEyes] = {}  # with and without objects
 
+    def range(self) -> tuple[int, int]:
+        """The first number that can be read, and the one after the newest."""
+        return self._companion.range("observation")
+
+    def has(self, t: int) -> bool:
+        """True if images number `t` have come."""
+        return self.range()[1] > t
+
     def newest(self) -> int:
         """The number of the newest images; waits for the first ones."""
-        while (end := self._companion.range("observation")[1]) == 0:
+        while (end := self.range()[1]) == 0:
             time.sleep(WAIT)
         return end - 1
 

@@ -3,7 +3,7 @@
 
 from trifinger_compat.camera_backends import (
     CameraBackend as Backend,
-    CameraLogger as Logger,
+    CameraObjectLogger as Logger,
     PyBulletTriCameraObjectTrackerDriver as PyBulletTriCameraObjectTrackerDriver,
     SingleProcessCameras as SingleProcessData,
     TriCameraObjectTrackerDriver as TriCameraObjectTrackerDriver,

@@ -3,12 +3,15 @@
 
 import copy
 import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import robot_fingers
+import robot_fingers.programs
 import robot_interfaces
 import trifinger
 from backend import new_name, other_robot, running, started
@@ -144,6 +147,81 @@ def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> N
         log = tricamera.LogReader(tmp_path / name)
         assert 1 <= len(log.data) <= 3
         assert np.array_equal(log.data[0].cameras[2].image.shape, (540, 540))
+
+
+def test_images_and_poses_of_a_program_are_kept_for_their_reader(tmp_path: Path) -> None:
+    path = tmp_path / "camera_data.dat"
+    with own_robot(objects=robot_fingers.programs.CUBE) as data:
+        images = tricamera.SingleProcessData()
+        driver = py_tricamera_types.PyBulletTriCameraObjectTrackerDriver(None, data)
+        backend = py_tricamera_types.Backend(driver, images)
+        loggers = [tricamera.Logger(images, 2), py_tricamera_types.Logger(images, 2)]
+        readers = [tricamera.LogReader, py_tricamera_types.LogReader]
+        for logger in loggers:
+            logger.start()
+        tricamera.Frontend(images).get_observation(2)
+        backend.shutdown()
+    for logger, reader in zip(loggers, readers, strict=True):
+        logger.stop_and_save(path)
+        kept = reader(path).data
+        assert 1 <= len(kept) <= 2
+        assert hasattr(kept[0], "object_pose") == logger.has_object
+    assert kept[0].object_pose.position == pytest.approx([0, 0, 0.0325], abs=1e-3)
+
+
+@contextmanager
+def own_robot(**overrides: object) -> Iterator[Any]:
+    """The data of a simulated robot of this program, after its first step."""
+    data = robot_interfaces.trifinger.SingleProcessData()
+    robot = robot_data.RobotBackend(data, "trifinger_pro", overrides, real_time=False)
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    frontend.get_observation(frontend.append_desired_action(Action(position=HOME)))
+    yield data
+    robot.request_shutdown()
+
+
+def test_cameras_that_fail_say_so_to_all_who_wait(tmp_path: Path) -> None:
+    with own_robot(objects="[]") as data:
+        images = tricamera.SingleProcessData()
+        logger = py_tricamera_types.Logger(images, 2)
+        logger.start()
+        driver = py_tricamera_types.PyBulletTriCameraObjectTrackerDriver(None, data)
+        backend = py_tricamera_types.Backend(driver, images)
+        frontend = py_tricamera_types.Frontend(images)
+        for wait in (frontend.get_latest_observation, lambda: frontend.get_observation(3)):
+            with pytest.raises(RuntimeError, match="no more images come: the robot has no object"):
+                wait()
+        with pytest.raises(RuntimeError, match=r"logger of images ended after 0: .* no object"):
+            logger.stop_and_save(tmp_path / "camera_data.dat")
+        assert not (tmp_path / "camera_data.dat").exists()
+        backend.shutdown()
+
+
+def test_a_logger_of_cameras_that_never_began_can_be_stopped(tmp_path: Path) -> None:
+    logger = tricamera.Logger(tricamera.SingleProcessData(), 2)
+    logger.start()
+    logger.stop_and_save(tmp_path / "camera_data.dat")
+    assert tricamera.LogReader(tmp_path / "camera_data.dat").data == []
+
+
+def test_images_of_a_robot_without_an_object_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "camera_data.dat"
+    with running("--render-images", "--object", "none") as name:
+        monkeypatch.setenv(robot_data.VARIABLE, name)
+        data = tricamera.MultiProcessData("tricamera", False)
+        logger, wrong = tricamera.Logger(data, 1), py_tricamera_types.Logger(data, 1)
+        logger.start()
+        wrong.start()
+        robot = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(130):
+            robot.get_robot_observation(robot.append_desired_action(robot.Action(position=HOME)))
+        tricamera.Frontend(data).get_observation(0)
+        logger.stop_and_save(path)
+        assert len(tricamera.LogReader(path).data) == 1
+        with pytest.raises(RuntimeError, match="does not know where an object is"):
+            wrong.stop_and_save(path)
 
 
 @pytest.mark.usefixtures("frontend")
