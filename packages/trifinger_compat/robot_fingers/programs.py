@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,10 @@ from robot_fingers.pybullet_drivers import simulator_overrides
 CUBE = "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
 PERIOD, DELAY = 0.1, 0.09  # of poses and images [s]
 INCOMPLETE = 20  # exit status, by the original
+_NO_CAMERAS = (
+    "the robot has no cameras; give --render-images to pybullet_backend, or a section 'cameras' "
+    "to the configuration (docs/cameras.md)"
+)
 
 
 def _dice() -> str:
@@ -99,7 +103,19 @@ def _say_ready(arguments: Any) -> None:
     print("The robot is ready.", flush=True)
 
 
-def _save(record: str, arguments: Any) -> None:
+def _settings(overrides: Mapping[str, object]) -> list[str]:
+    return [word for key, value in overrides.items() for word in ("--set", f"{key}={value}")]
+
+
+def _has_cameras(config: str, overrides: Mapping[str, object]) -> bool:
+    command = [program.path(), "config", config, *_settings(overrides)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # What is wrong with a configuration is said when it is run.
+    return done.returncode != 0 or "\ncameras." in done.stdout
+
+
+def _save(record: str, arguments: Any) -> bool:
+    """Writes the logs that were asked for; False if there were no images to write."""
     session = trifinger.Log(record).session(arguments.name)
     with tempfile.TemporaryDirectory() as folder:
         files = {path.name: path for path in export(session, Path(folder))}
@@ -109,6 +125,10 @@ def _save(record: str, arguments: Any) -> None:
         ):
             if target is not None and name in files:
                 target.write_bytes(files[name].read_bytes())
+    if arguments.camera_logfile is None or "camera_data.dat" in files:
+        return True
+    print(f"{arguments.camera_logfile} is not written: {_NO_CAMERAS}", file=sys.stderr)
+    return False
 
 
 def _started(arguments: Any, config: str, *values: Any, **options: Any) -> RobotBackend:
@@ -151,6 +171,8 @@ def _run(
     has_log = _wants_logs(arguments)
     if has_log and not arguments.max_number_of_actions:
         parser.error("--robot-logfile and --camera-logfile need --max-number-of-actions")
+    if arguments.camera_logfile is not None and not _has_cameras(config, overrides):
+        parser.error(f"--camera-logfile: {_NO_CAMERAS}")
     with tempfile.TemporaryDirectory() as folder:
         record = folder if has_log else None
         backend = _started(arguments, config, overrides, real_time=real_time, record=record)
@@ -239,5 +261,6 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
             if not any(Path(folder).iterdir()):
                 print(f"no robot '{arguments.name}' ran: there are no logs", file=sys.stderr)
                 return 1
-            _save(folder, arguments)
+            if not _save(folder, arguments):
+                return 1
     return max(0, status)

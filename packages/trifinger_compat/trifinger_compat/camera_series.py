@@ -195,7 +195,7 @@ class LogReaderBase:
 
 
 def to_entry(stamp: float, observation: Any, *, has_object: bool) -> CameraEntry:
-    """The element of a log, with or without poses, for an observation that arrived at `stamp` [ms]."""
+    """The element of a log for an observation that arrived at `stamp` [ms], with poses or not."""
     poses = []
     if has_object:
         poses = [from_pose(observation.object_pose), from_pose(observation.filtered_object_pose)]

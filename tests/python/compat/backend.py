@@ -28,7 +28,7 @@ def new_name() -> str:
     return f"compat-{uuid.uuid4().hex[:12]}"
 
 
-def started(program: str, *words: str | Path) -> "subprocess.Popen[str]":
+def started(program: str, *words: str | Path, stderr: int | None = None) -> "subprocess.Popen[str]":
     """A program of robot_fingers.programs that runs, and its output."""
     text = f"import sys; from robot_fingers.programs import {program}; sys.exit({program}())"
     return subprocess.Popen(
@@ -36,6 +36,7 @@ def started(program: str, *words: str | Path) -> "subprocess.Popen[str]":
         env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
 

@@ -3,6 +3,7 @@
 
 import copy
 import pickle
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -280,6 +281,39 @@ def test_a_late_action_is_repeated_whatever_the_configuration_says(
         assert frontend.get_robot_status(299).action_repetitions > 100
         robot.terminate()
         robot.wait()
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [("pybullet_backend", ["--cameras"]), ("trifinger_backend", ["--config", "trifinger_pro"])],
+)
+def test_a_log_of_cameras_needs_cameras(program: str, words: list[str], tmp_path: Path) -> None:
+    name, log = new_name(), tmp_path / "camera_data.dat"
+    more = ("--name", name, "-a", "60", "--camera-logfile", log)
+    with started(program, *words, *more, stderr=subprocess.PIPE) as refused:
+        said, errors = refused.communicate()
+        assert (refused.returncode, said) == (2, "")
+        assert "the robot has no cameras; give --render-images to pybullet_backend" in errors
+
+
+def test_the_data_of_a_robot_without_cameras_has_no_log_of_cameras(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, log = new_name(), tmp_path / "camera_data.dat"
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    words = ("--name", name, "--camera-logfile", log)
+    with (
+        started("trifinger_data_backend", *words, stderr=subprocess.PIPE) as data,
+        started("pybullet_backend", "--name", name, "-a", "20") as robot,
+    ):
+        assert robot.stdout is not None
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(20):
+            frontend.get_robot_observation(frontend.append_desired_action(frontend.Action()))
+        assert robot.wait() == 0
+        assert f"{log} is not written: the robot has no cameras" in data.communicate()[1]
+        assert data.returncode == 1
 
 
 def test_without_a_robot_there_are_no_logs(tmp_path: Path) -> None:
