@@ -22,6 +22,7 @@ from trifinger_simulation.trifinger_platform import (
 )
 
 from trifinger_compat import camera_files, camera_hdf5, camera_series
+from trifinger_compat.camera_info import TriCameraInfo, info_of
 from trifinger_compat.robot_data import BaseData
 from trifinger_compat.types import wxyz
 
@@ -36,7 +37,7 @@ class SingleProcessCameras:
         self._elements: deque[tuple[float, Any]] = deque(maxlen=history_size)
         self._changed = threading.Condition()
         self._count = 0
-        self._info: Any = None
+        self._info: TriCameraInfo | None = None
         self._error: BaseException | None = None
 
     def append(self, observation: Any) -> None:
@@ -91,9 +92,19 @@ class SingleProcessCameras:
                 raise ValueError(f"observation {t} was overwritten; the oldest one is {oldest}")
             return self._elements[t - oldest]
 
-    def info(self) -> Any:
-        """What is known about the cameras."""
-        return self._info
+    def info(self) -> TriCameraInfo:
+        """What is known about the cameras; waits for them."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._info is not None or self._error is not None)
+            if self._info is None:
+                raise RuntimeError(f"no cameras come: {self._error}") from self._error
+            return self._info
+
+    def tell(self, info: TriCameraInfo) -> None:
+        """Says what is known about the cameras."""
+        with self._changed:
+            self._info = info
+            self._changed.notify_all()
 
 
 class _RealDriver:
@@ -145,6 +156,10 @@ class PyBulletTriCameraDriver:
             for each, image in zip(observation.cameras, self._images(joints, pose), strict=True):
                 each.image = image
         return observation
+
+    def get_sensor_info(self) -> TriCameraInfo:
+        """What is known about the cameras, which are those of the robot's model."""
+        return info_of(camera_files.figures(), RATE)
 
     def _find_object(self, robot: trifinger.Frontend) -> ObjectPose | None:
         if self._objects is None:
@@ -208,6 +223,7 @@ class CameraBackend:
 
     def _run(self) -> None:
         try:
+            self._data.tell(self._driver.get_sensor_info())
             while True:
                 if (observation := self._driver.get_observation()) is not None:
                     self._data.append(observation)

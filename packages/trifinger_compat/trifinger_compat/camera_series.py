@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What cameras and trackers saw, live and in logs, by the original's names and rules."""
 
+import re
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,7 +19,8 @@ from trifinger_simulation.trifinger_platform import (
     TriCameraObservation,
 )
 
-from trifinger_compat import camera_hdf5
+from trifinger_compat import camera_files, camera_hdf5
+from trifinger_compat.camera_info import TriCameraInfo, info_of
 from trifinger_compat.clock import SINCE_1970
 from trifinger_compat.robot_data import session_name
 from trifinger_compat.types import Array
@@ -146,9 +148,10 @@ class TriCameraFrontend:
         newest: int = self._data.newest()
         return newest
 
-    def get_sensor_info(self) -> Any:
+    def get_sensor_info(self) -> TriCameraInfo:
         """What is known about the cameras."""
-        return self._data.info()
+        info: TriCameraInfo = self._data.info()
+        return info
 
 
 class LogReaderBase:
@@ -247,9 +250,12 @@ class RunningCameras:
         stamp = float(element["stamp"]["arrival_time"]) * 1e-9 + SINCE_1970
         return stamp * 1000, self._eyes[has_object].at(max(step, 0))
 
-    def info(self) -> Any:
-        """The text of the calibration."""
-        return self._cameras.calibration
+    def info(self) -> TriCameraInfo:
+        """What calibration says of the cameras, and their rate."""
+        calibration = camera_files.calibration(self._cameras.calibration)
+        configuration = self._robot.documents()["configuration.yml"]
+        rate = re.search(r"^cameras:\n(?:  .*\n)*?  rate: (\S+)$", configuration, re.MULTILINE)
+        return info_of(calibration, float(rate[1]) if rate is not None else 0.0)
 
 
 __all__ = [

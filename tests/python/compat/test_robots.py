@@ -15,12 +15,15 @@ import robot_fingers
 import robot_fingers.programs
 import robot_interfaces
 import trifinger
+import trifinger_cameras
+import trifinger_simulation
 from backend import new_name, other_robot, running, started
 from robot_interfaces.py_trifinger_types import Action, Observation
 from trifinger_cameras import tricamera
 from trifinger_compat import robot_data
 from trifinger_object_tracking import py_object_tracker, py_tricamera_types
 from trifinger_simulation import SimFinger
+from trifinger_simulation.camera import load_camera_parameters
 from trifinger_simulation.real_finger import RealFinger
 
 HOME = [0, 0.9, -1.7] * 3
@@ -124,7 +127,23 @@ def test_images_and_poses_of_a_robot_are_numbered(monkeypatch: pytest.MonkeyPatc
         assert seen.object_pose.position == pytest.approx([0, 0, 0.0325], abs=1e-3)
         assert frontend.get_timestamp_ms(newest) > 1.6e12
         assert frontend.get_latest_observation().cameras[0].timestamp >= seen.cameras[0].timestamp
-        assert "camera300" in frontend.get_sensor_info()
+        require_figures(frontend.get_sensor_info())
+
+
+def require_figures(info: Any) -> None:
+    assert type(info) is tricamera.TriCameraInfo
+    parameters = load_camera_parameters(
+        trifinger_simulation.get_data_dir() / "camera_params", "camera{id}_cropped.yml"
+    )
+    for camera, expected in zip(info.camera, parameters, strict=True):
+        assert type(camera) is trifinger_cameras.camera.CameraInfo
+        assert (camera.image_width, camera.image_height) == (540, 540)
+        assert camera.frame_rate_fps == pytest.approx(10)
+        assert camera.camera_matrix == pytest.approx(expected.camera_matrix)
+        assert camera.distortion_coefficients == pytest.approx(
+            np.atleast_2d(expected.distortion_coefficients), abs=1e-9
+        )
+        assert camera.tf_world_to_camera == pytest.approx(expected.tf_world_to_camera, abs=1e-9)
 
 
 def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> None:
@@ -137,6 +156,7 @@ def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> N
     logger = tricamera.Logger(images, 3)
     logger.start()
     seen = tricamera.Frontend(images).get_observation(2)
+    require_figures(tricamera.Frontend(images).get_sensor_info())
     backend.shutdown()
     robot.request_shutdown()
     assert [each.image.shape for each in seen.cameras] == [(540, 540)] * 3
