@@ -14,7 +14,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, ClassVar
 
-import numpy as np
 import trifinger
 from trifinger.commands import program
 from trifinger.errors import (
@@ -24,6 +23,7 @@ from trifinger.errors import (
     SessionNotFound,
     TimedOut,
 )
+from trifinger.log.original import error_status_of, tip_forces_of
 
 from trifinger_compat import notes
 from trifinger_compat.clock import SINCE_1970
@@ -254,7 +254,7 @@ class BaseData:
         observation.velocity = element["velocity"]
         observation.torque = element["torque"]
         if self.observation_class.TIPS:
-            observation.tip_force = np.clip(element["tip_force"] / 5 + 0.05, 0, 1)
+            observation.tip_force = tip_forces_of(element["tip_force"])
         return observation
 
 
@@ -262,8 +262,9 @@ def to_status(element: Any) -> Status:
     """A status as the original has it."""
     status = Status()
     status.action_repetitions = int(element["action_repeats"])
-    if element["fault_code"] >= 16:
-        status.set_error(ErrorStatus.BACKEND_ERROR, f"fault {int(element['fault_code'])}")
+    error = ErrorStatus(int(error_status_of(element["fault_code"])))
+    if error is not ErrorStatus.NO_ERROR:
+        status.set_error(error, f"fault {int(element['fault_code'])}")
     return status
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from robot_properties_fingers.kinematics import Kinematics, tip_links
+from trifinger.log.original import NEWTONS, OFFSET
 from trifinger_compat.generation import Generation, chosen
 from trifinger_compat.handles import Body
 from trifinger_compat.show import Show
@@ -164,9 +165,9 @@ class SimFinger:
     def _to_observation(values: tuple[Array, ...]) -> Observation:
         observation = Observation.__new__(Observation)
         observation.position, observation.velocity, observation.torque, force = values
-        # The original's sensor: 5 N are 1, and nothing is 0.05.
-        force *= 0.2
-        force += 0.05
+        # As tip_forces_of(), in place.
+        force /= NEWTONS
+        force += OFFSET
         np.minimum(force, 1.0, out=force)
         observation.tip_force = force
         return observation

@@ -19,6 +19,7 @@ import trifinger_cameras
 import trifinger_simulation
 from backend import new_name, other_robot, running, started
 from robot_interfaces.py_trifinger_types import Action, Observation
+from trifinger.log import original
 from trifinger_cameras import tricamera
 from trifinger_compat import robot_data
 from trifinger_object_tracking import py_object_tracker, py_tricamera_types
@@ -543,6 +544,17 @@ def test_a_status_keeps_its_first_error() -> None:
     assert again.get_error_message() == "x" * 62 + "~"
     reasons = robot_interfaces.RobotBackendTerminationReason
     assert [int(reason) for reason in reasons] == [0, 1, 2, -1, -2, -3]
+
+
+@pytest.mark.parametrize(
+    ("fault_code", "error"),
+    # Clean ends, faults of the back-end, the driver's own, and one of the back-end that came later.
+    [(0, 0), (5, 0), (16, 2), (20, 2), (21, 1), (22, 1), (23, 2)],
+)
+def test_a_fault_of_the_driver_is_its_own(fault_code: int, error: int) -> None:
+    status = robot_data.to_status({"fault_code": fault_code, "action_repeats": 3})
+    assert (status.error_status, status.action_repetitions) == (error, 3)
+    assert original.error_status_of(np.array([0, fault_code])).tolist() == [0, error]
 
 
 def test_ways_of_least_jerk_end_before_the_end() -> None:
