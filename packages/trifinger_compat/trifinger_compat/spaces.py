@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +26,9 @@ def gym_package() -> Any:
     return gymnasium
 
 
-def registry() -> Mapping[str, Any]:
+def registry() -> dict[str, Any]:
     """The registered environments by their names."""
-    environments: Mapping[str, Any] = gym_package().envs.registration.registry
+    environments: dict[str, Any] = gym_package().envs.registration.registry
     return environments
 
 
