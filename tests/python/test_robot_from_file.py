@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
+from conftest import output_of
 from trifinger.view.scene import scene_of
 
 ARM = """<mujoco model="arm">
@@ -45,6 +48,26 @@ safety:
   shoulder: {soft_lower: -1.8, soft_upper: 1.8}
   elbow: {soft_lower: -2.2, soft_upper: 2.2, max_kp: 40}
 """
+
+
+# Seven joints in a row, which stand for the arm of the page.
+CHAIN = """<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <worldbody>{bodies}</worldbody>
+  <actuator>{motors}</actuator>
+</mujoco>
+""".format(
+    bodies="".join(
+        f'<body pos="0 0 0.1"><joint name="joint{i}" range="-4 4" armature="0.1"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 0.1" size="0.02"/>'
+        for i in range(1, 8)
+    )
+    + "</body>" * 7,
+    motors="".join(
+        f'<motor joint="joint{i}" ctrllimited="true" ctrlrange="-80 80"/>' for i in range(1, 8)
+    ),
+)
 
 
 @pytest.fixture
@@ -114,3 +137,15 @@ def test_its_sessions_are_recorded_and_drawn(arm: str, tmp_path: Path) -> None:
     assert scene.object_names == ("ball",)
     positions, _ = scene.poses(last.joint_position)
     assert positions.shape[0] == len(scene.bodies)
+
+
+def test_the_program_of_the_page_runs(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "any_robot.md").read_text()
+    fences = re.findall(r"```(yaml|python)\n(.*?)```", page, re.DOTALL)
+    [(_, configuration), (_, program)] = fences
+    (tmp_path / "panda.yml").write_text(configuration)
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "panda" / "robot.xml").write_text(CHAIN)
+    printed = output_of(sys.executable, "-c", program, cwd=tmp_path).strip("[] \n")
+    expected = [0, -0.4, 0, -2.4, 0, 2.0, 0.8]
+    np.testing.assert_allclose(list(map(float, printed.split())), expected, atol=0.01)
