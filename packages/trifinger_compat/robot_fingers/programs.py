@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Programs that run a robot for the programs of users."""
+"""Programs that run a robot for the programs of users.
+
+In a checkout, `python -m robot_fingers.programs NAME` runs one of them.
+"""
 
 import argparse
 import signal
@@ -264,3 +267,24 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
             if not _save(folder, arguments):
                 return 1
     return max(0, status)
+
+
+def main() -> int:
+    """Runs the program that the command line names; returns its exit status."""
+    programs = {
+        each.__name__: each
+        for each in (
+            pybullet_backend,
+            trifinger_backend,
+            trifinger_robot_backend,
+            trifinger_data_backend,
+        )
+    }
+    parser = argparse.ArgumentParser(prog="python -m robot_fingers.programs")
+    parser.add_argument("program", choices=programs)
+    arguments = parser.parse_args(sys.argv[1:2])
+    return programs[arguments.program](sys.argv[2:])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -30,9 +30,8 @@ def new_name() -> str:
 
 def started(program: str, *words: str | Path, stderr: int | None = None) -> "subprocess.Popen[str]":
     """A program of robot_fingers.programs that runs, and its output."""
-    text = f"import sys; from robot_fingers.programs import {program}; sys.exit({program}())"
     return subprocess.Popen(
-        [sys.executable, "-c", text, *map(str, words)],
+        [sys.executable, "-m", "robot_fingers.programs", program, *map(str, words)],
         env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

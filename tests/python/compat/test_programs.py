@@ -64,6 +64,23 @@ def make_gym(folder: Path) -> None:
     top.write_text(f'{top.read_text()}\ndel registry\n__version__ = "0.26.2"\n')
 
 
+def test_the_check_and_the_programs_run_in_a_checkout() -> None:
+    def run(*words: str) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-W", "error", "-m", *words]
+        return subprocess.run(
+            command, env=environment(), capture_output=True, text=True, check=False
+        )
+
+    checked = run("trifinger_compat.check", str(PROGRAMS / "pushing.py"))
+    assert (checked.returncode, checked.stderr) == (0, "")
+    helped = run("robot_fingers.programs", "pybullet_backend", "--help")
+    assert (helped.returncode, helped.stderr) == (0, "")
+    assert "--render-images" in helped.stdout
+    wrong = run("robot_fingers.programs", "nothing")
+    assert wrong.returncode == 2
+    assert "trifinger_data_backend" in wrong.stderr
+
+
 def test_pushing_with_inverse_kinematics() -> None:
     for text in said_by_both("pushing.py"):
         assert -0.04 < float(text.removeprefix("pushed ")) < -0.01
