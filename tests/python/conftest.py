@@ -34,6 +34,52 @@ with trifinger.run_fake(sys.argv[1], **eval(sys.argv[2])):
     sys.stdin.read()
 """
 
+# A robot from a file, with two motors, a joint without one and a ball.
+ARM = """<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder" axis="0 1 0" range="-2 2" damping="0.2" armature="0.01"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+      <body name="lower" pos="0 0 -0.2">
+        <joint name="elbow" axis="0 1 0" range="-2.5 2.5" damping="0.2" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+        <site name="hand" pos="0 0 -0.2"/>
+        <body name="flap" pos="0 0 -0.2">
+          <joint name="flap" axis="1 0 0" damping="0.01" stiffness="0.5" armature="0.001"/>
+          <geom type="box" size="0.01 0.02 0.005" pos="0 0.02 0"/>
+        </body>
+      </body>
+    </body>
+    <body name="ball" pos="0.5 0 1"><freejoint/><geom type="sphere" size="0.05"/></body>
+  </worldbody>
+  <actuator>
+    <motor joint="elbow" gear="4" ctrllimited="true" ctrlrange="-2 2"/>
+    <position joint="shoulder" kp="20" kv="1" forcerange="-9 9"/>
+  </actuator>
+</mujoco>
+"""
+
+ARM_CONFIGURATION = """name: arm
+driver: simulation
+robot:
+  mjcf: arm.xml
+  initial_position: {elbow: 0.3}
+safety:
+  every_joint: {safety_kd: 0.3, max_velocity: 3, braking: 4, default_kp: 20, default_kd: 1}
+  shoulder: {soft_lower: -1.8, soft_upper: 1.8}
+  elbow: {soft_lower: -2.2, soft_upper: 2.2, max_kp: 40}
+"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> str:
+    """The configuration of the robot ARM, a file."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "arm.yml").write_text(ARM_CONFIGURATION)
+    return str(tmp_path / "arm.yml")
+
 
 def output_of(
     *command: str | Path,

@@ -3,56 +3,34 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
+from conftest import ARM, output_of
 from trifinger.view.scene import scene_of
 
-ARM = """<mujoco model="arm">
+# Seven joints in a row, which stand for the arm of the page.
+CHAIN = """<mujoco>
   <compiler angle="radian"/>
   <option timestep="0.002"/>
-  <worldbody>
-    <body name="upper" pos="0 0 1">
-      <joint name="shoulder" axis="0 1 0" range="-2 2" damping="0.2" armature="0.01"/>
-      <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
-      <body name="lower" pos="0 0 -0.2">
-        <joint name="elbow" axis="0 1 0" range="-2.5 2.5" damping="0.2" armature="0.01"/>
-        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
-        <body name="flap" pos="0 0 -0.2">
-          <joint name="flap" axis="1 0 0" damping="0.01" stiffness="0.5" armature="0.001"/>
-          <geom type="box" size="0.01 0.02 0.005" pos="0 0.02 0"/>
-        </body>
-      </body>
-    </body>
-    <body name="ball" pos="0.5 0 1"><freejoint/><geom type="sphere" size="0.05"/></body>
-  </worldbody>
-  <actuator>
-    <motor joint="elbow" gear="4" ctrllimited="true" ctrlrange="-2 2"/>
-    <position joint="shoulder" kp="20" kv="1" forcerange="-9 9"/>
-  </actuator>
+  <worldbody>{bodies}</worldbody>
+  <actuator>{motors}</actuator>
 </mujoco>
-"""
-
-CONFIGURATION = """name: arm
-driver: simulation
-robot:
-  mjcf: arm.xml
-  initial_position: {elbow: 0.3}
-safety:
-  every_joint: {safety_kd: 0.3, max_velocity: 3, braking: 4, default_kp: 20, default_kd: 1}
-  shoulder: {soft_lower: -1.8, soft_upper: 1.8}
-  elbow: {soft_lower: -2.2, soft_upper: 2.2, max_kp: 40}
-"""
-
-
-@pytest.fixture
-def arm(tmp_path: Path) -> str:
-    """The configuration of a robot with two motors and a joint without one."""
-    (tmp_path / "arm.xml").write_text(ARM)
-    (tmp_path / "arm.yml").write_text(CONFIGURATION)
-    return str(tmp_path / "arm.yml")
+""".format(
+    bodies="".join(
+        f'<body pos="0 0 0.1"><joint name="joint{i}" range="-4 4" armature="0.1"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 0.1" size="0.02"/>'
+        for i in range(1, 8)
+    )
+    + "</body>" * 7,
+    motors="".join(
+        f'<motor joint="joint{i}" ctrllimited="true" ctrlrange="-80 80"/>' for i in range(1, 8)
+    ),
+)
 
 
 def test_a_robot_from_a_file_moves_like_any_other(arm: str) -> None:
@@ -114,3 +92,15 @@ def test_its_sessions_are_recorded_and_drawn(arm: str, tmp_path: Path) -> None:
     assert scene.object_names == ("ball",)
     positions, _ = scene.poses(last.joint_position)
     assert positions.shape[0] == len(scene.bodies)
+
+
+def test_the_program_of_the_page_runs(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "any_robot.md").read_text()
+    fences = re.findall(r"```(yaml|python)\n(.*?)```", page, re.DOTALL)
+    [(_, configuration), (_, program)] = fences
+    (tmp_path / "panda.yml").write_text(configuration)
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "panda" / "robot.xml").write_text(CHAIN)
+    printed = output_of(sys.executable, "-c", program, cwd=tmp_path).strip("[] \n")
+    expected = [0, -0.4, 0, -2.4, 0, 2.0, 0.8]
+    np.testing.assert_allclose(list(map(float, printed.split())), expected, atol=0.01)

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Programs that run a robot for the programs of users."""
+"""Programs that run a robot for the programs of users.
+
+In a checkout, `python -m robot_fingers.programs NAME` runs one of them.
+"""
 
 import argparse
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +20,15 @@ from trifinger.commands import program
 from trifinger.log.original import export
 from trifinger_compat.robot_data import RobotBackend
 
+from robot_fingers.pybullet_drivers import simulator_overrides
+
 CUBE = "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
 PERIOD, DELAY = 0.1, 0.09  # of poses and images [s]
 INCOMPLETE = 20  # exit status, by the original
+_NO_CAMERAS = (
+    "the robot has no cameras; give --render-images to pybullet_backend, or a section 'cameras' "
+    "to the configuration (docs/cameras.md)"
+)
 
 
 def _dice() -> str:
@@ -40,6 +49,7 @@ def simulation_overrides(scene: str, *, has_cameras: bool) -> dict[str, object]:
         "objects": {"cube": CUBE, "dice": _dice() if scene == "dice" else "", "none": "[]"}[scene],
         "simulation.object_period": PERIOD,
         "simulation.object_delay": DELAY,
+        **simulator_overrides("trifingerpro"),
     }
     if has_cameras:
         values |= {
@@ -96,7 +106,19 @@ def _say_ready(arguments: Any) -> None:
     print("The robot is ready.", flush=True)
 
 
-def _save(record: str, arguments: Any) -> None:
+def _settings(overrides: Mapping[str, object]) -> list[str]:
+    return [word for key, value in overrides.items() for word in ("--set", f"{key}={value}")]
+
+
+def _has_cameras(config: str, overrides: Mapping[str, object]) -> bool:
+    command = [program.path(), "config", config, *_settings(overrides)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # What is wrong with a configuration is said when it is run.
+    return done.returncode != 0 or "\ncameras." in done.stdout
+
+
+def _save(record: str, arguments: Any) -> bool:
+    """Writes the logs that were asked for; False if there were no images to write."""
     session = trifinger.Log(record).session(arguments.name)
     with tempfile.TemporaryDirectory() as folder:
         files = {path.name: path for path in export(session, Path(folder))}
@@ -106,6 +128,25 @@ def _save(record: str, arguments: Any) -> None:
         ):
             if target is not None and name in files:
                 target.write_bytes(files[name].read_bytes())
+    if arguments.camera_logfile is None or "camera_data.dat" in files:
+        return True
+    print(f"{arguments.camera_logfile} is not written: {_NO_CAMERAS}", file=sys.stderr)
+    return False
+
+
+def _started(arguments: Any, config: str, *values: Any, **options: Any) -> RobotBackend:
+    """A robot that runs; says why and ends the program if it cannot."""
+    try:
+        return RobotBackend(
+            MultiProcessData(arguments.name, True),
+            config,
+            *values,
+            first_action_timeout=arguments.first_action_timeout,
+            max_number_of_actions=arguments.max_number_of_actions,
+            **options,
+        )
+    except RuntimeError as error:
+        sys.exit(str(error))
 
 
 def _until_end(backend: RobotBackend, arguments: Any) -> RobotBackendTerminationReason:
@@ -133,18 +174,11 @@ def _run(
     has_log = _wants_logs(arguments)
     if has_log and not arguments.max_number_of_actions:
         parser.error("--robot-logfile and --camera-logfile need --max-number-of-actions")
-    data = MultiProcessData(arguments.name, True)
+    if arguments.camera_logfile is not None and not _has_cameras(config, overrides):
+        parser.error(f"--camera-logfile: {_NO_CAMERAS}")
     with tempfile.TemporaryDirectory() as folder:
         record = folder if has_log else None
-        backend = RobotBackend(
-            data,
-            config,
-            overrides,
-            real_time=real_time,
-            first_action_timeout=arguments.first_action_timeout,
-            max_number_of_actions=arguments.max_number_of_actions,
-            record=record,
-        )
+        backend = _started(arguments, config, overrides, real_time=real_time, record=record)
         reason = _until_end(backend, arguments)
         if record is not None:
             _save(record, arguments)
@@ -194,13 +228,7 @@ def trifinger_robot_backend(words: Sequence[str] | None = None) -> int:
     )
     _add_ignored(parser)
     arguments = parser.parse_args(words)
-    backend = RobotBackend(
-        MultiProcessData(arguments.name, True),
-        arguments.config,
-        first_action_timeout=arguments.first_action_timeout,
-        max_number_of_actions=arguments.max_number_of_actions,
-    )
-    reason = _until_end(backend, arguments)
+    reason = _until_end(_started(arguments, arguments.config), arguments)
     is_whole = reason is RobotBackendTerminationReason.MAXIMUM_NUMBER_OF_ACTIONS_REACHED
     if reason >= 0 and arguments.fail_on_incomplete_run and not is_whole:
         return INCOMPLETE
@@ -236,5 +264,27 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
             if not any(Path(folder).iterdir()):
                 print(f"no robot '{arguments.name}' ran: there are no logs", file=sys.stderr)
                 return 1
-            _save(folder, arguments)
+            if not _save(folder, arguments):
+                return 1
     return max(0, status)
+
+
+def main() -> int:
+    """Runs the program that the command line names; returns its exit status."""
+    programs = {
+        each.__name__: each
+        for each in (
+            pybullet_backend,
+            trifinger_backend,
+            trifinger_robot_backend,
+            trifinger_data_backend,
+        )
+    }
+    parser = argparse.ArgumentParser(prog="python -m robot_fingers.programs")
+    parser.add_argument("program", choices=programs)
+    arguments = parser.parse_args(sys.argv[1:2])
+    return programs[arguments.program](sys.argv[2:])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

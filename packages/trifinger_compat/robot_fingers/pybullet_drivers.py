@@ -1,11 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Back-ends of simulated robots, by the original's name. They need no PyBullet."""
 
+from trifinger_compat.generation import chosen
 from trifinger_compat.robot_data import BaseData, RobotBackend
+from trifinger_compat.world import CONFIGURATIONS
+
+
+def simulator_overrides(finger_type: str) -> dict[str, object]:
+    """What a configuration needs to have the gains of SimFinger, and no limits but its torque."""
+    generation = chosen()
+    gains = generation.gains(finger_type)
+    return {
+        "safety.max_torque": generation.max_torque,
+        "safety.continuous_torque": ".inf",
+        "safety.safety_kd": list(generation.safety_kd),
+        "safety.default_kp": list(gains.kp),
+        "safety.default_kd": list(gains.kd),
+        "safety.max_kp": 1000,
+        "safety.max_kd": 100,
+        "safety.max_velocity": ".inf",
+        # No joint gets there: the original's simulator has no limits of positions.
+        "safety.soft_lower": [-1e3] * 3,
+        "safety.soft_upper": [1e3] * 3,
+        "safety.hard_lower": [-2e3] * 3,
+        "safety.hard_upper": [2e3] * 3,
+    }
 
 
 def _create(
-    config: str,
+    finger_type: str,
     position: list[float],
     robot_data: BaseData,
     real_time_mode: bool,
@@ -14,8 +37,12 @@ def _create(
 ) -> RobotBackend:
     return RobotBackend(
         robot_data,
-        config,
-        {"fingers.initial_position": position, "backend.period": 0.001},
+        CONFIGURATIONS[finger_type],
+        {
+            "fingers.initial_position": position,
+            "backend.period": 0.001,
+            **simulator_overrides(finger_type),
+        },
         real_time=real_time_mode,
         first_action_timeout=first_action_timeout,
         max_number_of_actions=max_number_of_actions,
@@ -31,7 +58,7 @@ def create_trifinger_backend(
 ) -> RobotBackend:
     """Starts a simulated TriFingerPro; `trifinger view` shows it in a browser."""
     limits = (first_action_timeout, max_number_of_actions)
-    return _create("trifinger_pro", [0, 0.9, -1.7], robot_data, real_time_mode, *limits)
+    return _create("trifingerpro", [0, 0.9, -1.7], robot_data, real_time_mode, *limits)
 
 
 def create_single_finger_backend(
@@ -43,4 +70,4 @@ def create_single_finger_backend(
 ) -> RobotBackend:
     """Starts a simulated FingerOne; `trifinger view` shows it in a browser."""
     limits = (first_action_timeout, max_number_of_actions)
-    return _create("finger_one", [0, -0.7, -1.5], robot_data, real_time_mode, *limits)
+    return _create("fingerone", [0, -0.7, -1.5], robot_data, real_time_mode, *limits)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot with everything that belongs to it, in one object."""
 
+import os
+import sys
 import time
 from collections.abc import Callable, KeysView
 from typing import Any
@@ -10,6 +12,9 @@ import robot_interfaces
 from trifinger_compat.world import CONFIGURATIONS
 
 from robot_fingers import backends
+
+# The configuration of a real robot, for create_by_name().
+VARIABLE = "TRIFINGER_COMPAT_CONFIG"
 
 _ROBOTS: dict[str, tuple[Any, Callable[..., Any], str]] = {
     **{
@@ -37,7 +42,7 @@ _ROBOTS: dict[str, tuple[Any, Callable[..., Any], str]] = {
 
 
 class Robot:
-    """A robot with back-end, front-end and logger. Without a file it is simulated."""
+    """A robot with back-end, front-end and logger."""
 
     def __init__(
         self,
@@ -56,10 +61,23 @@ class Robot:
 
     @classmethod
     def create_by_name(cls, robot_name: str, logger_buffer_size: int = 0) -> "Robot":
-        """A robot of this type; ValueError if there is no such type."""
+        """A robot of this type; ValueError if there is no such type.
+
+        It is the robot of the configuration that TRIFINGER_COMPAT_CONFIG names. Without it, it is
+        simulated, which is said on stderr.
+        """
         if robot_name not in _ROBOTS:
             raise ValueError(f"Invalid robot '{robot_name}'. Valid ones are {', '.join(_ROBOTS)}")
-        return cls(*_ROBOTS[robot_name], logger_buffer_size)
+        robot_module, create_backend, simulated = _ROBOTS[robot_name]
+        config = os.environ.get(VARIABLE)
+        if not config:
+            config = simulated
+            print(
+                f"the robot '{robot_name}' is simulated: {VARIABLE} does not name the "
+                "configuration of a real one",
+                file=sys.stderr,
+            )
+        return cls(robot_module, create_backend, config, logger_buffer_size)
 
     @staticmethod
     def get_supported_robots() -> KeysView[str]:

@@ -29,4 +29,4 @@ __all__ = [
     Frontend,
     Logger,
     BinaryLogReader,
-) = _define(__name__, joints=3, tips=1)
+) = _define(__name__, joints=3, tips=1, session_type="finger")

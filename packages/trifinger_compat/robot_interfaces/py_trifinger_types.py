@@ -29,4 +29,4 @@ __all__ = [
     Frontend,
     Logger,
     BinaryLogReader,
-) = _define(__name__, joints=9, tips=3)
+) = _define(__name__, joints=9, tips=3, session_type="trifinger")

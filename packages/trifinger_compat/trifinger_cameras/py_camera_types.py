@@ -14,11 +14,14 @@ from trifinger_compat.camera_backends import (
     SingleProcessCameras as SingleProcessData,
     _RealDriver,
 )
+from trifinger_compat.camera_info import (
+    CameraInfo as CameraInfo,
+    CameraParameters as CameraParameters,
+)
 from trifinger_compat.camera_series import (
     RunningCameras as MultiProcessData,
     TriCameraFrontend as Frontend,
 )
-from trifinger_compat.types import Array
 from trifinger_simulation.trifinger_platform import CameraObservation as CameraObservation
 
 BaseData = SingleProcessData
@@ -43,25 +46,6 @@ __all__ = [
 ]
 
 Image: TypeAlias = Any
-
-
-class CameraParameters:
-    """What calibration says of a camera."""
-
-    def __init__(self) -> None:
-        self.image_width = 0
-        self.image_height = 0
-        self.camera_matrix: Array = np.zeros((3, 3))
-        self.distortion_coefficients: Array = np.zeros((1, 5))
-        self.tf_world_to_camera: Array = np.zeros((4, 4))
-
-
-class CameraInfo(CameraParameters):
-    """The same, with the number of images per second."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.frame_rate_fps = 0.0
 
 
 class OpenCVDriver(_RealDriver):

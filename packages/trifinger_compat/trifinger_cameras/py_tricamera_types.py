@@ -8,6 +8,7 @@ from trifinger_compat.camera_backends import (
     SingleProcessCameras as SingleProcessData,
     TriCameraDriver as TriCameraDriver,
 )
+from trifinger_compat.camera_info import TriCameraInfo as TriCameraInfo
 from trifinger_compat.camera_series import (
     LogReaderBase as LogReader,
     RunningCameras as MultiProcessData,
@@ -28,6 +29,7 @@ __all__ = [
     "PyBulletTriCameraDriver",
     "SingleProcessData",
     "TriCameraDriver",
+    "TriCameraInfo",
     "TriCameraLogger",
     "TriCameraObservation",
 ]

@@ -22,6 +22,7 @@ from trifinger_simulation.trifinger_platform import (
 )
 
 from trifinger_compat import camera_files, camera_hdf5, camera_series
+from trifinger_compat.camera_info import TriCameraInfo, info_of
 from trifinger_compat.robot_data import BaseData
 from trifinger_compat.types import wxyz
 
@@ -36,7 +37,8 @@ class SingleProcessCameras:
         self._elements: deque[tuple[float, Any]] = deque(maxlen=history_size)
         self._changed = threading.Condition()
         self._count = 0
-        self._info: Any = None
+        self._info: TriCameraInfo | None = None
+        self._error: BaseException | None = None
 
     def append(self, observation: Any) -> None:
         """Adds an observation that comes now."""
@@ -45,11 +47,32 @@ class SingleProcessCameras:
             self._count += 1
             self._changed.notify_all()
 
-    def newest(self) -> int:
-        """The number of the newest observation; waits for the first one."""
+    def fail(self, error: BaseException) -> None:
+        """Says that no more will come, and why: whoever waits gets an error."""
         with self._changed:
-            self._changed.wait_for(lambda: self._count > 0)
+            self._error = error
+            self._changed.notify_all()
+
+    def has(self, t: int) -> bool:
+        """True if observation number `t` has come; RuntimeError if it will not come."""
+        with self._changed:
+            if self._count <= t and self._error is not None:
+                self._wait_for(t)
+            return self._count > t
+
+    def newest(self) -> int:
+        """The number of the newest observation; waits for the first one.
+
+        Raises RuntimeError if none will come.
+        """
+        with self._changed:
+            self._wait_for(0)
             return self._count - 1
+
+    def _wait_for(self, t: int) -> None:
+        self._changed.wait_for(lambda: self._count > t or self._error is not None)
+        if self._count <= t:
+            raise RuntimeError(f"no more images come: {self._error}") from self._error
 
     def range(self) -> tuple[int, int]:
         """The first number that can be read, and the one after the newest."""
@@ -57,18 +80,31 @@ class SingleProcessCameras:
             return self._count - len(self._elements), self._count
 
     def element(self, t: int, has_object: bool = False) -> tuple[float, Any]:
-        """Time of arrival [ms] and observation number `t`; waits for it."""
+        """Time of arrival [ms] and observation number `t`; waits for it.
+
+        Raises RuntimeError if it will not come, ValueError if it was overwritten.
+        """
         del has_object
         with self._changed:
-            self._changed.wait_for(lambda: self._count > t)
+            self._wait_for(t)
             oldest = self._count - len(self._elements)
             if t < oldest:
                 raise ValueError(f"observation {t} was overwritten; the oldest one is {oldest}")
             return self._elements[t - oldest]
 
-    def info(self) -> Any:
-        """What is known about the cameras."""
-        return self._info
+    def info(self) -> TriCameraInfo:
+        """What is known about the cameras; waits for them."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._info is not None or self._error is not None)
+            if self._info is None:
+                raise RuntimeError(f"no cameras come: {self._error}") from self._error
+            return self._info
+
+    def tell(self, info: TriCameraInfo) -> None:
+        """Says what is known about the cameras."""
+        with self._changed:
+            self._info = info
+            self._changed.notify_all()
 
 
 class _RealDriver:
@@ -102,7 +138,7 @@ class PyBulletTriCameraDriver:
         self._object = ""
 
     def get_observation(self) -> Any:
-        """What the cameras see now."""
+        """What the cameras see now; None while nobody knows yet where the object is."""
         robot = self._data.robot
         observation: Any = (
             TriCameraObjectObservation() if self.has_object else TriCameraObservation()
@@ -114,19 +150,25 @@ class PyBulletTriCameraDriver:
             each.timestamp = now
         if self.has_object:
             if pose is None:
-                raise Error("the robot has no object; its configuration needs one")
+                return None
             observation.object_pose, observation.filtered_object_pose = pose, pose
         if self._render:
             for each, image in zip(observation.cameras, self._images(joints, pose), strict=True):
                 each.image = image
         return observation
 
+    def get_sensor_info(self) -> TriCameraInfo:
+        """What is known about the cameras, which are those of the robot's model."""
+        return info_of(camera_files.figures(), RATE)
+
     def _find_object(self, robot: trifinger.Frontend) -> ObjectPose | None:
         if self._objects is None:
             try:
                 self._objects = robot.companion("object")
-            except trifinger.SessionNotFound:
-                return None
+            except trifinger.SessionNotFound as error:
+                if not self.has_object:
+                    return None
+                raise Error("the robot has no object; its configuration needs one") from error
             names = self._objects.observation_dtype.names or ()
             self._object = next(name for name in names if name != "stamp")
         end = self._objects.range("observation")[1]
@@ -180,10 +222,15 @@ class CameraBackend:
         self._thread.start()
 
     def _run(self) -> None:
-        while True:
-            self._data.append(self._driver.get_observation())
-            if self._is_ending.wait(1 / RATE):
-                return
+        try:
+            self._data.tell(self._driver.get_sensor_info())
+            while True:
+                if (observation := self._driver.get_observation()) is not None:
+                    self._data.append(observation)
+                if self._is_ending.wait(1 / RATE):
+                    return
+        except Exception as error:  # those who wait for images get it
+            self._data.fail(error)
 
     def shutdown(self) -> None:
         """Ends the thread."""
@@ -194,8 +241,11 @@ class CameraBackend:
 class CameraLogger:
     """Keeps images from start() on, up to a number of them, in memory."""
 
+    has_object = False
+
     def __init__(self, camera_data: Any, buffer_limit: int) -> None:
         self._data, self._limit = camera_data, buffer_limit
+        self._error: Exception | None = None
         self._elements: list[tuple[float, Any]] = []
         self._is_ending = threading.Event()
         self._thread: threading.Thread | None = None
@@ -204,16 +254,25 @@ class CameraLogger:
         """Begins to keep images."""
         if self._thread is None:
             self._is_ending.clear()
+            self._error = None
             self._thread = threading.Thread(target=self._run, daemon=True)
             self._thread.start()
 
     def _run(self) -> None:
-        t = self._data.newest()
+        try:
+            self._keep()
+        except Exception as error:  # stop_and_save() raises it
+            self._error = error
+
+    def _keep(self) -> None:
+        t = max(0, self._data.range()[1] - 1)
         while len(self._elements) < self._limit:
-            while t <= self._data.newest() and len(self._elements) < self._limit:
-                self._elements.append(self._data.element(t, True))
+            # What is there when the end is asked for is kept.
+            is_ending = self._is_ending.wait(0.02)
+            while len(self._elements) < self._limit and self._data.has(t):
+                self._elements.append(self._data.element(t, self.has_object))
                 t += 1
-            if self._is_ending.wait(0.02):
+            if is_ending:
                 return
 
     def stop(self) -> None:
@@ -229,15 +288,27 @@ class CameraLogger:
         self._elements = []
 
     def stop_and_save(self, filename: str | Path) -> None:
-        """Stops, and writes what was kept."""
-        self.stop()
-        entries = self._entries()
+        """Stops, and writes what was kept; raises RuntimeError if images could not be kept."""
+        entries = self._stopped()
         write_camera_log(filename, len(entries), entries)
 
     def stop_and_save_hdf5(self, filename: str | Path) -> None:
-        """Stops, and writes what was kept as HDF5, without poses. Needs h5py."""
-        self.stop()
-        camera_hdf5.write(filename, self._entries(), camera_files.NAMES)
+        """The same as HDF5, without poses. Needs h5py."""
+        camera_hdf5.write(filename, self._stopped(), camera_files.NAMES)
 
-    def _entries(self) -> list[CameraEntry]:
-        return [camera_series.to_entry(stamp, observation) for stamp, observation in self._elements]
+    def _stopped(self) -> list[CameraEntry]:
+        self.stop()
+        if self._error is not None:
+            raise RuntimeError(
+                f"the logger of images ended after {len(self._elements)}: {self._error}"
+            ) from self._error
+        return [
+            camera_series.to_entry(stamp, observation, has_object=self.has_object)
+            for stamp, observation in self._elements
+        ]
+
+
+class CameraObjectLogger(CameraLogger):
+    """The same with the poses of the object."""
+
+    has_object = True

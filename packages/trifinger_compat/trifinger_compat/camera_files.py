@@ -20,8 +20,13 @@ MATRICES = ("camera_matrix", "distortion_coefficients", "tf_world_to_camera")
 @cache
 def figures() -> trifinger.CameraCalibration:
     """The cameras of the robot's model."""
+    return calibration(trifinger.CameraRenderer("trifinger_pro").calibration)
+
+
+def calibration(text: str) -> trifinger.CameraCalibration:
+    """The cameras of the text of a calibration."""
     with tempfile.NamedTemporaryFile("w", suffix=".yml") as file:
-        file.write(trifinger.CameraRenderer("trifinger_pro").calibration)
+        file.write(text)
         file.flush()
         return trifinger.CameraCalibration.read(file.name)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What cameras and trackers saw, live and in logs, by the original's names and rules."""
 
+import re
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,7 +19,8 @@ from trifinger_simulation.trifinger_platform import (
     TriCameraObservation,
 )
 
-from trifinger_compat import camera_hdf5
+from trifinger_compat import camera_files, camera_hdf5
+from trifinger_compat.camera_info import TriCameraInfo, info_of
 from trifinger_compat.clock import SINCE_1970
 from trifinger_compat.robot_data import session_name
 from trifinger_compat.types import Array
@@ -146,9 +148,10 @@ class TriCameraFrontend:
         newest: int = self._data.newest()
         return newest
 
-    def get_sensor_info(self) -> Any:
+    def get_sensor_info(self) -> TriCameraInfo:
         """What is known about the cameras."""
-        return self._data.info()
+        info: TriCameraInfo = self._data.info()
+        return info
 
 
 class LogReaderBase:
@@ -194,10 +197,10 @@ class LogReaderBase:
         return observation
 
 
-def to_entry(stamp: float, observation: Any) -> CameraEntry:
-    """The element of a log for an observation that arrived at a time [ms]."""
+def to_entry(stamp: float, observation: Any, *, has_object: bool) -> CameraEntry:
+    """The element of a log for an observation that arrived at `stamp` [ms], with poses or not."""
     poses = []
-    if hasattr(observation, "object_pose"):
+    if has_object:
         poses = [from_pose(observation.object_pose), from_pose(observation.filtered_object_pose)]
     cameras = observation.cameras
     return CameraEntry(
@@ -221,9 +224,17 @@ class RunningCameras:
         self._companion = self._cameras.companion
         self._eyes: dict[bool, RobotEyes] = {}  # with and without objects
 
+    def range(self) -> tuple[int, int]:
+        """The first number that can be read, and the one after the newest."""
+        return self._companion.range("observation")
+
+    def has(self, t: int) -> bool:
+        """True if images number `t` have come."""
+        return self.range()[1] > t
+
     def newest(self) -> int:
         """The number of the newest images; waits for the first ones."""
-        while (end := self._companion.range("observation")[1]) == 0:
+        while (end := self.range()[1]) == 0:
             time.sleep(WAIT)
         return end - 1
 
@@ -239,9 +250,12 @@ class RunningCameras:
         stamp = float(element["stamp"]["arrival_time"]) * 1e-9 + SINCE_1970
         return stamp * 1000, self._eyes[has_object].at(max(step, 0))
 
-    def info(self) -> Any:
-        """The text of the calibration."""
-        return self._cameras.calibration
+    def info(self) -> TriCameraInfo:
+        """What calibration says of the cameras, and their rate."""
+        calibration = camera_files.calibration(self._cameras.calibration)
+        configuration = self._robot.documents()["configuration.yml"]
+        rate = re.search(r"^cameras:\n(?:  .*\n)*?  rate: (\S+)$", configuration, re.MULTILINE)
+        return info_of(calibration, float(rate[1]) if rate is not None else 0.0)
 
 
 __all__ = [

@@ -10,10 +10,18 @@ names another.
 import os
 from dataclasses import dataclass, replace
 from math import radians
+from typing import NamedTuple
 
 from trifinger.errors import InvalidArgument
 
 VARIABLE = "TRIFINGER_COMPAT_GENERATION"
+
+
+class Gains(NamedTuple):
+    """Gains of positions of a finger, base to tip."""
+
+    kp: tuple[float, float, float]  # [Nm/rad]
+    kd: tuple[float, float, float]  # [Nms/rad]
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,13 @@ class Generation:
     episode_length: int  # [steps]
     space_type: str  # of the elements of spaces
     turns_faces: bool  # whether each face of the object may be up when an episode begins
+    safety_kd: tuple[float, float, float] = (0.08, 0.08, 0.04)  # [Nms/rad]
+
+    def gains(self, finger_type: str) -> "Gains":
+        """The gains of the original's simulator for a type of robot."""
+        if finger_type in ("fingerpro", "trifingerpro"):
+            return Gains(self.pro_kp, self.pro_kd)
+        return Gains((10.0, 10.0, 10.0), (0.1, 0.3, 0.001))
 
 
 LATEST = Generation(

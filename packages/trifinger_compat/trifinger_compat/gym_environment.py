@@ -3,8 +3,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from trifinger_compat.spaces import gym_package
 
 if TYPE_CHECKING:
@@ -20,9 +18,6 @@ class OldEnvironment(Env):
 
     metadata: dict[str, Any] = {"render.modes": ["human"], "render_modes": ["human"]}  # noqa: RUF012
     render_mode: str | None = None
-
-    def __init__(self) -> None:
-        self.np_random_of_task = np.random.RandomState()
 
     def render(self, mode: str = "human") -> None:
         """Does nothing: the window of the simulation is always up to date."""

@@ -12,8 +12,10 @@ from trifinger.errors import Error, HistoryLost
 from trifinger.log.original import (
     ACTION_FIELDS,
     OBSERVATION_FIELDS,
+    error_status_of,
     row_type,
     set_times,
+    tip_forces_of,
     write_robot_csv,
     write_robot_log,
 )
@@ -140,13 +142,12 @@ class BaseLogger:
         rows["time_index"] = np.arange(first, last)
         set_times(rows, statuses["time"] * 1e-9 + SINCE_1970)
         rows["action_repetitions"] = statuses["action_repeats"]
-        rows["error_status"] = np.where(statuses["fault_code"] >= 16, 2, 0)
+        rows["error_status"] = error_status_of(statuses["fault_code"])
         for name in OBSERVATION_FIELDS:
             if f"observation_{name}" in (self._row_type.names or ()):
                 values: Any = observations[name]
                 is_force = name == "tip_force"
-                values = np.clip(values / 5 + 0.05, 0, 1) if is_force else values
-                rows[f"observation_{name}"] = values
+                rows[f"observation_{name}"] = tip_forces_of(values) if is_force else values
         desired = robot.get_desired_actions(first, last)
         applied = robot.get_applied_actions(first, last)
         for name in ACTION_FIELDS:

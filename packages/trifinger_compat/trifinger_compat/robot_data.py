@@ -14,7 +14,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, ClassVar
 
-import numpy as np
 import trifinger
 from trifinger.commands import program
 from trifinger.errors import (
@@ -24,6 +23,7 @@ from trifinger.errors import (
     SessionNotFound,
     TimedOut,
 )
+from trifinger.log.original import error_status_of, tip_forces_of
 
 from trifinger_compat import notes
 from trifinger_compat.clock import SINCE_1970
@@ -38,19 +38,17 @@ _numbers = iter(range(1 << 62))
 def session_name(prefix: str) -> str:
     """The session that a program means by "trifinger" or "finger".
 
-    TRIFINGER_COMPAT_ROBOT names another. If nothing of that name runs, but one robot does, that is
-    meant.
+    TRIFINGER_COMPAT_ROBOT names another. If nothing of that name runs, but one robot of that type
+    does, it is meant.
     """
-    if prefix in ("trifinger", "finger") and (chosen := os.environ.get(VARIABLE)):
+    if prefix not in ("trifinger", "finger"):
+        return prefix
+    if chosen := os.environ.get(VARIABLE):
         return chosen
-    alive = [
-        info.name
-        for info in trifinger.list_sessions()
-        if not info.is_companion and info.backend_is_alive
-    ]
-    if prefix not in alive and prefix in ("trifinger", "finger") and len(alive) == 1:
-        return alive[0]
-    return prefix
+    alive = [info for info in trifinger.list_sessions() if info.backend_is_alive]
+    of_type = [info.name for info in alive if info.type == prefix and not info.is_companion]
+    is_there = any(info.name == prefix for info in alive)
+    return of_type[0] if len(of_type) == 1 and not is_there else prefix
 
 
 class TimeSeries:
@@ -154,6 +152,7 @@ def _translated(get: Callable[..., Any], t: int) -> Any:
 class BaseData:
     """The series of a robot."""
 
+    session_type: ClassVar[str] = ""  # of the robots that have these series; empty: any
     action_class: ClassVar[Any]
     observation_class: ClassVar[Any]
 
@@ -183,13 +182,34 @@ class BaseData:
                 self._controls = True
             return self._robot
 
-    def is_available(self) -> bool:
-        """True if a back-end runs."""
-        return any(
-            info.name == self.name and info.backend_is_alive for info in trifinger.list_sessions()
+    def _session(self) -> trifinger.SessionInfo | None:
+        return next(
+            (
+                info
+                for info in trifinger.list_sessions()
+                if info.name == self.name and info.backend_is_alive
+            ),
+            None,
         )
 
+    def is_available(self, process: int | None = None) -> bool:
+        """True if a back-end runs; only the one with this process id counts if it is given."""
+        info = self._session()
+        return info is not None and process in (None, info.backend_pid)
+
+    def require_type(self) -> None:
+        """Raises RuntimeError if the robot of this name is of another type."""
+        info = self._session()
+        if info is not None and self.session_type not in ("", info.type):
+            raise RuntimeError(
+                f"the robot '{self.name}' is of the type '{info.type}', must be "
+                f"'{self.session_type}' for this program; name another one with {VARIABLE}, or "
+                "control this one with trifinger.connect()"
+            )
+
     def _attach(self, how: Callable[[str], trifinger.Frontend]) -> trifinger.Frontend:
+        # Before it is controlled, since letting go would end its session.
+        self.require_type()
         try:
             return how(self.name)
         except SessionNotFound:
@@ -198,6 +218,7 @@ class BaseData:
                 raise
         while not self.is_available():
             time.sleep(0.01)
+        self.require_type()
         return how(self.name)
 
     def detach(self) -> None:
@@ -233,7 +254,7 @@ class BaseData:
         observation.velocity = element["velocity"]
         observation.torque = element["torque"]
         if self.observation_class.TIPS:
-            observation.tip_force = np.clip(element["tip_force"] / 5 + 0.05, 0, 1)
+            observation.tip_force = tip_forces_of(element["tip_force"])
         return observation
 
 
@@ -241,8 +262,9 @@ def to_status(element: Any) -> Status:
     """A status as the original has it."""
     status = Status()
     status.action_repetitions = int(element["action_repeats"])
-    if element["fault_code"] >= 16:
-        status.set_error(ErrorStatus.BACKEND_ERROR, f"fault {int(element['fault_code'])}")
+    error = ErrorStatus(int(error_status_of(element["fault_code"])))
+    if error is not ErrorStatus.NO_ERROR:
+        status.set_error(error, f"fault {int(element['fault_code'])}")
     return status
 
 
@@ -260,13 +282,15 @@ class MultiProcessData(BaseData):
     def __init__(
         self, shared_memory_id_prefix: str, is_master: bool, history_size: int = 1000
     ) -> None:
-        """Raises RuntimeError if there is no such robot, and this is not the master."""
+        """Raises RuntimeError if this is not the master, and no such robot of this type runs."""
         prefix = shared_memory_id_prefix.strip("/_") or "trifinger"
         name = prefix if is_master else session_name(prefix)
         super().__init__(name, is_master, history_size)
         if not is_master and not self.is_available():
             # Says which robots there are.
             trifinger.observe(name)
+        if not is_master:
+            self.require_type()
 
 
 class RobotFrontend:
@@ -352,7 +376,16 @@ class RobotBackend:
         max_number_of_actions: int = 0,
         record: str | None = None,
     ) -> None:
-        """Starts the robot of a configuration; `first_action_timeout` [s]."""
+        """Starts the robot of a configuration; `first_action_timeout` [s].
+
+        Raises RuntimeError if a robot of this name runs already, or if this one cannot begin.
+        """
+        name = robot_data.name
+        if robot_data.is_available():
+            raise RuntimeError(
+                f"a robot '{name}' runs already; stop it with `trifinger stop {name}`, or choose "
+                "another name"
+            )
         self._data = robot_data
         self._max_actions = max_number_of_actions
         self._reason = RobotBackendTerminationReason.NOT_TERMINATED
@@ -365,23 +398,24 @@ class RobotBackend:
         }
         if first_action_timeout != float("inf"):
             values["backend.first_action_timeout"] = first_action_timeout
-        words = [program.path(), "run", config, "--name", robot_data.name]
+        words = [program.path(), "run", config, "--name", name]
         words += ["--real-time" if real_time else "--non-real-time"]
         for key, value in values.items():
             words += ["--set", f"{key}={value}"]
         if record is not None:
             words += ["--record", record, "--images", "raw"]
-        notes.write(robot_data.name, max_number_of_actions)
+        notes.write(name, max_number_of_actions)
         self._process = subprocess.Popen(words, stdout=subprocess.DEVNULL, start_new_session=True)
-        while not robot_data.is_available():
+        # Another process may start a robot of this name at the same time.
+        while not robot_data.is_available(self._process.pid):
             if self._process.poll() is not None:
-                notes.remove(robot_data.name)
+                notes.remove(name)
                 raise RuntimeError(
-                    f"the back-end '{robot_data.name}' ended with the status "
-                    f"{self._process.returncode} when it should begin"
+                    f"the back-end '{name}' ended with the status {self._process.returncode} when "
+                    "it should begin"
                 )
             time.sleep(0.01)
-        self._robot = trifinger.observe(robot_data.name)
+        self._robot = trifinger.observe(name)
         self._watch = threading.Thread(target=self._watch_session, daemon=True)
         self._watch.start()
 

@@ -21,8 +21,12 @@ class RobotTypes(NamedTuple):
     binary_log_reader: type[BaseBinaryLogReader]
 
 
-def define(module: str, joints: int, tips: int = 0) -> RobotTypes:
-    """Makes the types of a module; pickles find them there. `tips` is the number of tip sensors."""
+def define(module: str, joints: int, tips: int = 0, session_type: str = "") -> RobotTypes:
+    """Makes the types of a module; pickles find them there.
+
+    `tips` is the number of tip sensors. `session_type` is that of the robot's sessions, or empty
+    if this project has no such robot.
+    """
 
     def derived(name: str, base: type, **members: Any) -> Any:
         own = {"__module__": module, "__doc__": base.__doc__, **members}
@@ -31,7 +35,8 @@ def define(module: str, joints: int, tips: int = 0) -> RobotTypes:
     action = derived("Action", BaseAction, JOINTS=joints, __slots__=())
     base = BaseTipObservation if tips else BaseObservation
     observation = derived("Observation", base, JOINTS=joints, TIPS=tips, __slots__=())
-    series = {"action_class": action, "observation_class": observation}
+    classes = {"action_class": action, "observation_class": observation}
+    series = {**classes, "session_type": session_type}
     return RobotTypes(
         action,
         observation,
@@ -39,5 +44,5 @@ def define(module: str, joints: int, tips: int = 0) -> RobotTypes:
         derived("MultiProcessData", MultiProcessData, **series),
         derived("Frontend", RobotFrontend, Action=action),
         derived("Logger", BaseLogger),
-        derived("BinaryLogReader", BaseBinaryLogReader, **series),
+        derived("BinaryLogReader", BaseBinaryLogReader, **classes),
     )

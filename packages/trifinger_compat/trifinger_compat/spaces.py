@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +18,18 @@ if TYPE_CHECKING:
 
 
 def gym_package() -> Any:
-    """Gymnasium, or the older Gym if there is only that."""
-    try:
-        import gymnasium
-    except ImportError:
-        import gym  # type: ignore[import-not-found]
+    """The older Gym if the program has imported it, else Gymnasium."""
+    if "gym" in sys.modules:
+        return sys.modules["gym"]
+    import gymnasium
 
-        return gym
     return gymnasium
+
+
+def registry() -> dict[str, Any]:
+    """The registered environments by their names."""
+    environments: dict[str, Any] = gym_package().envs.registration.registry
+    return environments
 
 
 @cache

@@ -3,11 +3,12 @@
 
 from trifinger_compat.camera_backends import (
     CameraBackend as Backend,
-    CameraLogger as Logger,
+    CameraObjectLogger as Logger,
     PyBulletTriCameraObjectTrackerDriver as PyBulletTriCameraObjectTrackerDriver,
     SingleProcessCameras as SingleProcessData,
     TriCameraObjectTrackerDriver as TriCameraObjectTrackerDriver,
 )
+from trifinger_compat.camera_info import TriCameraInfo as TriCameraInfo
 from trifinger_compat.camera_series import (
     LogReaderBase as _LogReader,
     RunningCameras as MultiProcessData,
@@ -33,6 +34,7 @@ __all__ = [
     "ObjectPose",
     "PyBulletTriCameraObjectTrackerDriver",
     "SingleProcessData",
+    "TriCameraInfo",
     "TriCameraObjectObservation",
     "TriCameraObjectTrackerDriver",
 ]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from robot_properties_fingers.kinematics import Kinematics, tip_links
+from trifinger.log.original import NEWTONS, OFFSET
 from trifinger_compat.generation import Generation, chosen
 from trifinger_compat.handles import Body
 from trifinger_compat.show import Show
@@ -18,10 +19,6 @@ from trifinger_compat.world import World, link_indices
 from trifinger_simulation import finger_types_data
 from trifinger_simulation.action import Action
 from trifinger_simulation.observation import Observation
-
-# Gains of the One and the Edu, and of all in the first generations.
-_KP, _KD = (10.0, 10.0, 10.0), (0.1, 0.3, 0.001)
-_SAFETY_KD = (0.08, 0.08, 0.04)
 
 
 def int_to_rgba(color: int, alpha: int = 0xFF) -> tuple[float, float, float, float]:
@@ -83,15 +80,11 @@ class SimFinger:
 
     def _configure(self, generation: Generation) -> None:
         """Sets what differs between generations."""
-        is_pro = self.finger_type in ("fingerpro", "trifingerpro")
+        gains = generation.gains(self.finger_type)
         self.max_motor_torque = generation.max_torque
-        self.position_gains = np.array(
-            (generation.pro_kp if is_pro else _KP) * self.number_of_fingers
-        )
-        self.velocity_gains = np.array(
-            (generation.pro_kd if is_pro else _KD) * self.number_of_fingers
-        )
-        self.safety_kd = np.array(_SAFETY_KD * self.number_of_fingers)
+        self.position_gains = np.array(gains.kp * self.number_of_fingers)
+        self.velocity_gains = np.array(gains.kd * self.number_of_fingers)
+        self.safety_kd = np.array(generation.safety_kd * self.number_of_fingers)
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -172,9 +165,9 @@ class SimFinger:
     def _to_observation(values: tuple[Array, ...]) -> Observation:
         observation = Observation.__new__(Observation)
         observation.position, observation.velocity, observation.torque, force = values
-        # The original's sensor: 5 N are 1, and nothing is 0.05.
-        force *= 0.2
-        force += 0.05
+        # As tip_forces_of(), in place.
+        force /= NEWTONS
+        force += OFFSET
         np.minimum(force, 1.0, out=force)
         observation.tip_force = force
         return observation

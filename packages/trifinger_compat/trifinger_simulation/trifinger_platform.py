@@ -166,7 +166,7 @@ class TriFingerPlatform:
 
         finger._world.core.keep_steps()
         self._action_types: list[tuple[int, type[Any]]] = []
-        self._published: list[tuple[int, Any]] = []
+        self._published: list[tuple[int, ObjectPose | None]] = []  # without their images
         self._begin_cameras()
 
     def _make_dice(self) -> None:
@@ -225,7 +225,7 @@ class TriFingerPlatform:
         self._delayed_due = _NO_EVENT
         self._next_camera_trigger = 0
         self._next_camera_event = 0
-        self._published.append((0, first))
+        self._published.append((0, getattr(first, "object_pose", None)))
 
     def _compute_camera_update_step_interval(self) -> int:
         """Steps between two images."""
@@ -241,7 +241,8 @@ class TriFingerPlatform:
         if k >= self._delayed_due:
             self._camera_observation_t = self._delayed_camera_observation
             self._delayed_due = _NO_EVENT
-            self._published.append((k, self._camera_observation_t))
+            pose = getattr(self._camera_observation_t, "object_pose", None)
+            self._published.append((k, pose))
         # The next image is taken only after this one is published.
         is_pending = self._delayed_due != _NO_EVENT
         self._next_camera_event = self._delayed_due if is_pending else self._next_camera_trigger
@@ -344,13 +345,13 @@ class TriFingerPlatform:
         actions = []
         types, published = iter(self._action_types), iter(self._published)
         next_type, next_published = next(types), next(published)
-        action_type, observation = next_type[1], next_published[1]
+        action_type, pose = next_type[1], next_published[1]
         for t, row in enumerate(rows):
             while next_type is not None and next_type[0] <= t:
                 action_type = next_type[1]
                 next_type = next(types, None)  # type: ignore[assignment]
             while next_published is not None and next_published[0] <= t:
-                observation = next_published[1]
+                pose = next_published[1]
                 next_published = next(published, None)  # type: ignore[assignment]
             numbers = np.split(row, (9, 18, 27, 36, 45))
             entry = {
@@ -359,6 +360,6 @@ class TriFingerPlatform:
                 "robot_observation": SimFinger._to_observation(tuple(map(np.copy, numbers[2:]))),
             }
             if has_object:
-                entry["object_pose"] = observation.object_pose
+                entry["object_pose"] = pose
             actions.append(entry)
         return actions

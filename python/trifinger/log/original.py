@@ -27,6 +27,7 @@ ACTION_FIELDS = ("torque", "position", "position_kp", "position_kd")
 OBSERVATION_FIELDS = ("position", "velocity", "torque", "tip_force")
 NEWTONS = 5.0  # of a tip force of 1
 OFFSET = 0.05  # of a tip that touches nothing
+DRIVER_ERROR, BACKEND_ERROR = 1, 2  # of "error_status"
 
 # x86's long double: 64 bits of mantissa, sign and 15 bits of exponent, 6 bytes without meaning.
 _STAMP = np.dtype([("mantissa", "<u8"), ("exponent", "<u2"), ("nothing", "V6")])
@@ -55,6 +56,20 @@ def set_times(rows: NDArray[np.void], seconds: Array) -> None:
     # 53 of the 64 bits come from a double; the first one is always set.
     rows["stamp"]["mantissa"] = (fraction * 2.0**53).astype(np.uint64) << np.uint64(11)
     rows["stamp"]["exponent"] = np.where(seconds > 0, exponent - 1 + _BIAS, 0)
+
+
+def error_status_of(fault_codes: NDArray[Any]) -> NDArray[np.int32]:
+    """The numbers that the original has for fault codes: 0 for clean ends."""
+    is_of_driver = np.isin(fault_codes, (21, 22))  # kDriver, kDriverHangs
+    is_fault = np.asarray(fault_codes) >= 16
+    status: NDArray[np.int32] = np.where(is_of_driver, DRIVER_ERROR, BACKEND_ERROR * is_fault)
+    return status.astype(np.int32)
+
+
+def tip_forces_of(newtons: Array) -> Array:
+    """Tip forces as the original has them, from 0 to 1."""
+    forces: Array = np.clip(np.asarray(newtons) / NEWTONS + OFFSET, 0, 1)
+    return forces
 
 
 def times_of(rows: NDArray[np.void]) -> Array:
@@ -245,12 +260,11 @@ def robot_rows(session: LoggedSession, first: int | None, last: int | None) -> N
     rows["time_index"] = steps.time_index
     set_times(rows, steps.times.astype("datetime64[ns]").astype(np.int64) * 1e-9)
     rows["action_repetitions"] = statuses["action_repeats"]
-    rows["error_status"] = np.where(statuses["fault_code"] >= 16, 2, 0)
+    rows["error_status"] = error_status_of(statuses["fault_code"])
     for name in OBSERVATION_FIELDS[:3]:
         rows[f"observation_{name}"] = observations[name]
     if tips:
-        force = observations["tip_force"] / NEWTONS + OFFSET
-        rows["observation_tip_force"] = np.clip(force, 0, 1)
+        rows["observation_tip_force"] = tip_forces_of(observations["tip_force"])
     for kind, actions in series.items():
         for name in ACTION_FIELDS:
             rows[f"{kind}_{name}"] = actions[name]

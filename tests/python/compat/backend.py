@@ -5,12 +5,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import trifinger
+from trifinger.commands import program
 
 PACKAGES = Path(__file__).parents[3] / "packages" / "trifinger_compat"
 
@@ -26,14 +28,14 @@ def new_name() -> str:
     return f"compat-{uuid.uuid4().hex[:12]}"
 
 
-def started(program: str, *words: str | Path) -> "subprocess.Popen[str]":
+def started(program: str, *words: str | Path, stderr: int | None = None) -> "subprocess.Popen[str]":
     """A program of robot_fingers.programs that runs, and its output."""
-    text = f"import sys; from robot_fingers.programs import {program}; sys.exit({program}())"
     return subprocess.Popen(
-        [sys.executable, "-c", text, *map(str, words)],
+        [sys.executable, "-m", "robot_fingers.programs", program, *map(str, words)],
         env=environment(),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
 
@@ -56,3 +58,24 @@ def running(*words: str | Path, ends: bool = False) -> Iterator[str]:
         process.kill()
         process.communicate()
     assert name not in [info.name for info in trifinger.list_sessions()]
+
+
+@contextmanager
+def other_robot(robot: str) -> Iterator[str]:
+    """The name of a robot of this project that runs in another process."""
+    name = new_name()
+    process = subprocess.Popen(
+        [program.path(), "run", robot, "--name", name, "--non-real-time"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+    )
+    try:
+        while not any(info.name == name for info in trifinger.list_sessions()):
+            assert process.poll() is None, process.returncode
+            time.sleep(0.01)
+        yield name
+        process.terminate()
+        process.wait()
+    finally:
+        process.kill()
+        process.wait()

@@ -121,6 +121,24 @@ def test_environments_are_registered(name: str) -> None:
     assert info == {"is_success": 0}
 
 
+@pytest.mark.parametrize("module", ["rrc_simulation", "trifinger_simulation"])
+def test_each_generation_makes_its_own_environment(module: str) -> None:
+    program = f"""
+import gymnasium, trifinger_simulation.gym_wrapper
+import {module}.gym_wrapper.envs.cube_env
+print(gymnasium.spec("real_robot_challenge_phase_1-v1").entry_point)
+"""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    place = "gym_wrapper.envs.cube_env:RealRobotChallengePhase1"
+    assert done.stdout.strip() == f"{module}.{place}"
+
+
 def test_actions_of_reaching_are_smoothed_more_and_more() -> None:
     parameters = {"num_episodes": 10, "start_after": 0.2, "stop_after": 0.6, "final_alpha": 0.8}
     env = TriFingerReach(0.001, "fingerone", smoothing_params=parameters)

@@ -2,12 +2,14 @@
 """Names whose figures no other file checks: limits, constants, types, ids and private members."""
 
 import datetime
+import re
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 import trifinger_simulation
+from backend import PACKAGES
 from trifinger_cameras import camera as camera_types
 from trifinger_simulation import (
     SimFinger,
@@ -42,6 +44,22 @@ def test_ranges_have_their_figures(name: str) -> None:
         assert found.gym.high == pytest.approx(high)
     assert TriFingerPlatform().spaces is TriFingerPlatform.spaces
     assert limits.n_fingers == 3
+
+
+def test_the_page_uninstalls_all_packages_of_the_same_names() -> None:
+    page = (PACKAGES.parents[1] / "docs" / "coming_from_the_original.md").read_text()
+    command = page[page.index("pip uninstall") : page.index("#", page.index("pip uninstall"))]
+    names = {path.parent.name for path in PACKAGES.glob("*/__init__.py")} - {"trifinger_compat"}
+    assert names == set(command.split()[2:]) - {"\\"}
+
+
+def test_the_page_and_the_benchmark_compare_with_the_same_speed() -> None:
+    root = PACKAGES.parents[1]
+    page = (root / "docs" / "coming_from_the_original.md").read_text()
+    benchmark = (root / "benchmarks" / "python_measures.py").read_text()
+    speed = re.search(r"ORIGINAL_PLATFORM = (\d+)\.0", benchmark)
+    assert speed is not None
+    assert f"| {int(speed[1]):,} steps/s".replace(",", " ") in page
 
 
 def test_constants_of_the_tasks() -> None:

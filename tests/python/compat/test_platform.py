@@ -269,6 +269,29 @@ def test_dice_are_light_blue_in_images() -> None:
         assert np.count_nonzero(found & mask) > 0.4 * np.count_nonzero(mask)
 
 
+def test_images_are_kept_only_as_long_as_they_are_published(tmp_path: Path) -> None:
+    class Picture(np.ndarray):  # type: ignore[type-arg]
+        """An image that a weak reference can name."""
+
+    taken: list[weakref.ref[Any]] = []
+
+    def get_images() -> list[Any]:
+        images = [np.zeros((2, 2, 3), dtype=np.uint8).view(Picture) for _ in range(3)]
+        taken.extend(map(weakref.ref, images))
+        return images
+
+    platform = TriFingerPlatform(camera_delay_steps=0)
+    platform.enable_cameras, platform.tricamera = True, SimpleNamespace(get_images=get_images)
+    for _ in range(501):
+        platform.append_desired_action(platform.Action())
+    gc.collect()
+    assert len(taken) == 3 * 6
+    assert sum(image() is not None for image in taken) == 3
+    platform.store_action_log(tmp_path / "log.p")
+    actions = pickle.loads((tmp_path / "log.p").read_bytes())["actions"]
+    assert len({action["object_pose"].timestamp for action in actions}) == 6
+
+
 def test_platforms_are_independent_and_equal_ones_are_equal_bit_for_bit() -> None:
     first, second = TriFingerPlatform(), TriFingerPlatform()
     assert first.simfinger._pybullet_client_id != second.simfinger._pybullet_client_id

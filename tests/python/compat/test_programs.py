@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Programs of the kinds that exist, in simulation and on a back-end in another process."""
 
+import importlib.util
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
+import gymnasium
 import pytest
 from backend import environment, running
 from trifinger_compat import check
@@ -15,11 +18,11 @@ PROGRAMS = Path(__file__).parent / "programs"
 pytestmark = pytest.mark.release
 
 
-def said(program: str, *words: str | Path, robot: str = "") -> str:
+def said(program: str, *words: str | Path, **variables: str) -> str:
     command = [sys.executable, str(PROGRAMS / program), *map(str, words)]
     done = subprocess.run(
         command,
-        env=environment(**{VARIABLE: robot} if robot else {}),
+        env=environment(**variables),
         capture_output=True,
         text=True,
         check=False,
@@ -32,13 +35,50 @@ def said_by_both(program: str, *words: str | Path) -> tuple[str, str]:
     """What a program says in simulation, and with a robot in another process."""
     simulated = said(program, "sim", *words)
     with running() as robot:
-        return simulated, said(program, "real", *words, robot=robot)
+        return simulated, said(program, "real", *words, **{VARIABLE: robot})
 
 
 def test_a_gym_environment_around_the_platform() -> None:
     for text in said_by_both("gym_environment.py"):
         assert text.startswith("reward -")
         assert text.endswith("after 300 steps")
+
+
+def test_a_program_that_uses_gym(tmp_path: Path) -> None:
+    if importlib.util.find_spec("gym") is None:
+        make_gym(tmp_path)
+    path = os.pathsep.join([environment()["PYTHONPATH"], str(tmp_path)])
+    assert said("with_gym.py", PYTHONPATH=path).startswith("worked with 0.26")
+
+
+def make_gym(folder: Path) -> None:
+    """Makes a package of the interface of Gym 0.26: a copy of Gymnasium with classes of its own."""
+    source = Path(gymnasium.__file__).parent
+    for path in source.rglob("*.py"):
+        text = path.read_text().replace("gymnasium", "gym")
+        copy = folder / "gym" / path.relative_to(source)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_text(text)
+    top = folder / "gym" / "__init__.py"
+    # At the top of Gym there is no registry.
+    top.write_text(f'{top.read_text()}\ndel registry\n__version__ = "0.26.2"\n')
+
+
+def test_the_check_and_the_programs_run_in_a_checkout() -> None:
+    def run(*words: str) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-W", "error", "-m", *words]
+        return subprocess.run(
+            command, env=environment(), capture_output=True, text=True, check=False
+        )
+
+    checked = run("trifinger_compat.check", str(PROGRAMS / "pushing.py"))
+    assert (checked.returncode, checked.stderr) == (0, "")
+    helped = run("robot_fingers.programs", "pybullet_backend", "--help")
+    assert (helped.returncode, helped.stderr) == (0, "")
+    assert "--render-images" in helped.stdout
+    wrong = run("robot_fingers.programs", "nothing")
+    assert wrong.returncode == 2
+    assert "trifinger_data_backend" in wrong.stderr
 
 
 def test_pushing_with_inverse_kinematics() -> None:
@@ -68,7 +108,9 @@ def test_a_log_reader(tmp_path: Path) -> None:
     robot, camera = tmp_path / "robot_data.dat", tmp_path / "camera_data.dat"
     words = ["-a", "200", "--render-images", "--robot-logfile", robot, "--camera-logfile", camera]
     with running(*words, ends=True) as name:
-        evaluated = said("evaluate_policy.py", "real", tmp_path / "goal.json", "-", robot=name)
+        evaluated = said(
+            "evaluate_policy.py", "real", tmp_path / "goal.json", "-", **{VARIABLE: name}
+        )
     text = said("read_log.py", tmp_path)
     seen, rest = text.split(" steps ")
     reward = float(rest.split()[0])

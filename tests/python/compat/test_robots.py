@@ -3,18 +3,28 @@
 
 import copy
 import pickle
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import robot_fingers
+import robot_fingers.programs
 import robot_interfaces
-from backend import new_name, running, started
+import trifinger
+import trifinger_cameras
+import trifinger_simulation
+from backend import new_name, other_robot, running, started
 from robot_interfaces.py_trifinger_types import Action, Observation
+from trifinger.log import original
 from trifinger_cameras import tricamera
 from trifinger_compat import robot_data
 from trifinger_object_tracking import py_object_tracker, py_tricamera_types
+from trifinger_simulation import SimFinger
+from trifinger_simulation.camera import load_camera_parameters
 from trifinger_simulation.real_finger import RealFinger
 
 HOME = [0, 0.9, -1.7] * 3
@@ -41,13 +51,41 @@ def test_a_front_end_has_the_rules_of_the_original(frontend: Any) -> None:
     desired, applied = frontend.get_desired_action(t), frontend.get_applied_action(t)
     assert desired.position == pytest.approx(HOME)
     assert np.isnan(desired.position_kp).all()
-    assert not np.isnan(applied.position_kp).any()
+    assert applied.position_kp == pytest.approx([15, 15, 9] * 3)
+    assert applied.position_kd == pytest.approx([0.5, 1, 0.5] * 3)
     assert frontend.get_robot_status(t).error_status == 0
     assert frontend.get_timestamp_ms(t) > frontend.get_timestamp_ms(0) > 1.6e12
     frontend.wait_until_timeindex(t)
     frontend.wait_until_time_index(t)
     with pytest.raises(ValueError, match="negative"):
         frontend.get_robot_observation(-1)
+
+
+def test_a_simulated_back_end_has_the_limits_of_the_simulator(frontend: Any) -> None:
+    wide = [-0.9, 1.7, -2.9] * 3  # beyond the soft limits of the real robot
+    # Gains of the simulator, some beyond what the real robot takes.
+    action = Action(position=wide, position_kp=[60, 60, 60] * 3, position_kd=[0.5, 1, 0.5] * 3)
+    simulated = SimFinger("trifingerpro")
+    simulated.reset_finger_positions_and_velocities(HOME)
+    for _ in range(100):
+        t = frontend.append_desired_action(action)
+        simulated.append_desired_action(action)
+        frontend.get_robot_observation(t + 1)
+    applied, expected = frontend.get_applied_action(t), simulated.get_applied_action(t)
+    for name in ("torque", "position", "position_kp", "position_kd"):
+        assert getattr(applied, name) == pytest.approx(getattr(expected, name), abs=1e-3), name
+    assert applied.position == pytest.approx(wide)
+
+
+def test_a_simulated_finger_has_the_gains_of_the_simulator() -> None:
+    data = robot_interfaces.finger.SingleProcessData()
+    backend = robot_fingers.pybullet_drivers.create_single_finger_backend(data, False, False)
+    frontend = robot_interfaces.finger.Frontend(data)
+    action = robot_interfaces.finger.Action(position=[0, -0.7, -1.5])
+    applied = frontend.get_applied_action(frontend.append_desired_action(action))
+    assert applied.position_kp == pytest.approx([10, 10, 10])
+    assert applied.position_kd == pytest.approx([0.1, 0.3, 0.001])
+    backend.request_shutdown()
 
 
 def test_poses_come_ten_times_per_second_and_90_steps_late(frontend: Any) -> None:
@@ -90,7 +128,23 @@ def test_images_and_poses_of_a_robot_are_numbered(monkeypatch: pytest.MonkeyPatc
         assert seen.object_pose.position == pytest.approx([0, 0, 0.0325], abs=1e-3)
         assert frontend.get_timestamp_ms(newest) > 1.6e12
         assert frontend.get_latest_observation().cameras[0].timestamp >= seen.cameras[0].timestamp
-        assert "camera300" in frontend.get_sensor_info()
+        require_figures(frontend.get_sensor_info())
+
+
+def require_figures(info: Any) -> None:
+    assert type(info) is tricamera.TriCameraInfo
+    parameters = load_camera_parameters(
+        trifinger_simulation.get_data_dir() / "camera_params", "camera{id}_cropped.yml"
+    )
+    for camera, expected in zip(info.camera, parameters, strict=True):
+        assert type(camera) is trifinger_cameras.camera.CameraInfo
+        assert (camera.image_width, camera.image_height) == (540, 540)
+        assert camera.frame_rate_fps == pytest.approx(10)
+        assert camera.camera_matrix == pytest.approx(expected.camera_matrix)
+        assert camera.distortion_coefficients == pytest.approx(
+            np.atleast_2d(expected.distortion_coefficients), abs=1e-9
+        )
+        assert camera.tf_world_to_camera == pytest.approx(expected.tf_world_to_camera, abs=1e-9)
 
 
 def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> None:
@@ -103,6 +157,7 @@ def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> N
     logger = tricamera.Logger(images, 3)
     logger.start()
     seen = tricamera.Frontend(images).get_observation(2)
+    require_figures(tricamera.Frontend(images).get_sensor_info())
     backend.shutdown()
     robot.request_shutdown()
     assert [each.image.shape for each in seen.cameras] == [(540, 540)] * 3
@@ -114,6 +169,81 @@ def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> N
         log = tricamera.LogReader(tmp_path / name)
         assert 1 <= len(log.data) <= 3
         assert np.array_equal(log.data[0].cameras[2].image.shape, (540, 540))
+
+
+def test_images_and_poses_of_a_program_are_kept_for_their_reader(tmp_path: Path) -> None:
+    path = tmp_path / "camera_data.dat"
+    with own_robot(objects=robot_fingers.programs.CUBE) as data:
+        images = tricamera.SingleProcessData()
+        driver = py_tricamera_types.PyBulletTriCameraObjectTrackerDriver(None, data)
+        backend = py_tricamera_types.Backend(driver, images)
+        loggers = [tricamera.Logger(images, 2), py_tricamera_types.Logger(images, 2)]
+        readers = [tricamera.LogReader, py_tricamera_types.LogReader]
+        for logger in loggers:
+            logger.start()
+        tricamera.Frontend(images).get_observation(2)
+        backend.shutdown()
+    for logger, reader in zip(loggers, readers, strict=True):
+        logger.stop_and_save(path)
+        kept = reader(path).data
+        assert 1 <= len(kept) <= 2
+        assert hasattr(kept[0], "object_pose") == logger.has_object
+    assert kept[0].object_pose.position == pytest.approx([0, 0, 0.0325], abs=1e-3)
+
+
+@contextmanager
+def own_robot(**overrides: object) -> Iterator[Any]:
+    """The data of a simulated robot of this program, after its first step."""
+    data = robot_interfaces.trifinger.SingleProcessData()
+    robot = robot_data.RobotBackend(data, "trifinger_pro", overrides, real_time=False)
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    frontend.get_observation(frontend.append_desired_action(Action(position=HOME)))
+    yield data
+    robot.request_shutdown()
+
+
+def test_cameras_that_fail_say_so_to_all_who_wait(tmp_path: Path) -> None:
+    with own_robot(objects="[]") as data:
+        images = tricamera.SingleProcessData()
+        logger = py_tricamera_types.Logger(images, 2)
+        logger.start()
+        driver = py_tricamera_types.PyBulletTriCameraObjectTrackerDriver(None, data)
+        backend = py_tricamera_types.Backend(driver, images)
+        frontend = py_tricamera_types.Frontend(images)
+        for wait in (frontend.get_latest_observation, lambda: frontend.get_observation(3)):
+            with pytest.raises(RuntimeError, match="no more images come: the robot has no object"):
+                wait()
+        with pytest.raises(RuntimeError, match=r"logger of images ended after 0: .* no object"):
+            logger.stop_and_save(tmp_path / "camera_data.dat")
+        assert not (tmp_path / "camera_data.dat").exists()
+        backend.shutdown()
+
+
+def test_a_logger_of_cameras_that_never_began_can_be_stopped(tmp_path: Path) -> None:
+    logger = tricamera.Logger(tricamera.SingleProcessData(), 2)
+    logger.start()
+    logger.stop_and_save(tmp_path / "camera_data.dat")
+    assert tricamera.LogReader(tmp_path / "camera_data.dat").data == []
+
+
+def test_images_of_a_robot_without_an_object_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "camera_data.dat"
+    with running("--render-images", "--object", "none") as name:
+        monkeypatch.setenv(robot_data.VARIABLE, name)
+        data = tricamera.MultiProcessData("tricamera", False)
+        logger, wrong = tricamera.Logger(data, 1), py_tricamera_types.Logger(data, 1)
+        logger.start()
+        wrong.start()
+        robot = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(130):
+            robot.get_robot_observation(robot.append_desired_action(robot.Action(position=HOME)))
+        tricamera.Frontend(data).get_observation(0)
+        logger.stop_and_save(path)
+        assert len(tricamera.LogReader(path).data) == 1
+        with pytest.raises(RuntimeError, match="does not know where an object is"):
+            wrong.stop_and_save(path)
 
 
 @pytest.mark.usefixtures("frontend")
@@ -155,6 +285,58 @@ def test_the_original_programs_for_data_and_robot_work_together(
     assert len(read) >= min(500, limit)
 
 
+def test_a_late_action_is_repeated_whatever_the_configuration_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, config = new_name(), tmp_path / "mine.yml"
+    # As in the configurations of real robots.
+    text = (Path(__file__).parents[3] / "config" / "trifinger_edu.yml").read_text()
+    config.write_text(text.replace("policy: repeat", "policy: stop"))
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    with started("trifinger_backend", "--name", name, "--config", config) as robot:
+        assert robot.stdout is not None
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        frontend.append_desired_action(frontend.Action(position=HOME))
+        frontend.wait_until_timeindex(300)
+        assert frontend.get_robot_status(299).action_repetitions > 100
+        robot.terminate()
+        robot.wait()
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [("pybullet_backend", ["--cameras"]), ("trifinger_backend", ["--config", "trifinger_pro"])],
+)
+def test_a_log_of_cameras_needs_cameras(program: str, words: list[str], tmp_path: Path) -> None:
+    name, log = new_name(), tmp_path / "camera_data.dat"
+    more = ("--name", name, "-a", "60", "--camera-logfile", log)
+    with started(program, *words, *more, stderr=subprocess.PIPE) as refused:
+        said, errors = refused.communicate()
+        assert (refused.returncode, said) == (2, "")
+        assert "the robot has no cameras; give --render-images to pybullet_backend" in errors
+
+
+def test_the_data_of_a_robot_without_cameras_has_no_log_of_cameras(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, log = new_name(), tmp_path / "camera_data.dat"
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    words = ("--name", name, "--camera-logfile", log)
+    with (
+        started("trifinger_data_backend", *words, stderr=subprocess.PIPE) as data,
+        started("pybullet_backend", "--name", name, "-a", "20") as robot,
+    ):
+        assert robot.stdout is not None
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(20):
+            frontend.get_robot_observation(frontend.append_desired_action(frontend.Action()))
+        assert robot.wait() == 0
+        assert f"{log} is not written: the robot has no cameras" in data.communicate()[1]
+        assert data.returncode == 1
+
+
 def test_without_a_robot_there_are_no_logs(tmp_path: Path) -> None:
     words = ["--name", new_name(), "--robot-logfile", tmp_path / "robot_data.dat"]
     with started("trifinger_data_backend", *words) as data:
@@ -171,6 +353,80 @@ def test_without_a_robot_a_front_end_says_how_to_get_one(
     monkeypatch.setenv(robot_data.VARIABLE, "nobody-runs-this")
     with pytest.raises(RuntimeError, match="trifinger run"):
         robot_fingers.TriFingerPlatformFrontend()
+
+
+def test_a_robot_of_another_type_is_never_controlled(monkeypatch: pytest.MonkeyPatch) -> None:
+    with other_robot("dclaw") as name, monkeypatch.context() as patch:
+        claw = next(info for info in trifinger.list_sessions() if info.name == name)
+        patch.setattr(trifinger, "list_sessions", lambda: [claw])  # the only one that runs
+        assert robot_data.session_name("trifinger") == "trifinger"
+        patch.setenv(robot_data.VARIABLE, name)
+        with pytest.raises(RuntimeError, match=f"'{name}' is of the type 'dclaw', must be 'trif"):
+            robot_fingers.TriFingerPlatformFrontend()
+        data = robot_interfaces.trifinger.MultiProcessData(name, True)
+        for read in (lambda: data.robot, data.controlled):
+            with pytest.raises(RuntimeError, match="of the type 'dclaw'"):
+                read()
+        now = next(info for info in trifinger.list_sessions() if info.name == name)
+        assert (now.controller_pid, now.session_id) == (None, claw.session_id)
+
+
+def test_a_back_end_leaves_another_robot_of_its_name_alone() -> None:
+    with running() as name:
+        data = robot_interfaces.trifinger.MultiProcessData(name, True)
+        with pytest.raises(RuntimeError, match=f"'{name}' runs already; .* `trifinger stop"):
+            robot_fingers.pybullet_drivers.create_trifinger_backend(data, False, False)
+        with started("pybullet_backend", "--name", name) as second:
+            assert second.stdout is not None
+            assert second.stdout.read() == ""
+            assert second.wait() == 1
+        assert data.is_available()
+
+
+def test_a_back_end_waits_for_the_robot_that_it_started() -> None:
+    class Late(robot_interfaces.trifinger.MultiProcessData):  # type: ignore[name-defined,misc]
+        """Another process starts a robot of this name after the first look."""
+
+        looks = 0
+
+        def is_available(self, process: int | None = None) -> bool:
+            self.looks += 1
+            return self.looks > 1 and bool(super().is_available(process))
+
+    ended = pytest.raises(RuntimeError, match=r"the back-end '.*' ended with the status")
+    with running() as name, ended:
+        robot_fingers.pybullet_drivers.create_trifinger_backend(Late(name, True), False, False)
+
+
+def test_the_one_robot_of_the_type_is_found_among_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    with other_robot("dclaw") as claw, running() as name:
+        names = {claw, name}
+        sessions = [info for info in trifinger.list_sessions() if info.name in names]
+        with monkeypatch.context() as patch:
+            patch.setattr(trifinger, "list_sessions", lambda: sessions)
+            assert robot_data.session_name("trifinger") == name
+            assert robot_data.session_name("finger") == "finger"
+
+
+def test_a_robot_by_its_name_is_that_of_the_configuration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    robot = robot_fingers.Robot.create_by_name("fingerone")
+    assert "'fingerone' is simulated: TRIFINGER_COMPAT_CONFIG" in capfd.readouterr().err
+    robot.backend.request_shutdown()
+    config = tmp_path / "mine.yml"
+    config.write_text(
+        "extends: finger_one.yml\nname: mine\nfingers:\n"
+        "  {height: 0.34, initial_position: [0, 0.1, -0.2], soft_tips: true}\n"
+    )
+    monkeypatch.setenv("TRIFINGER_COMPAT_CONFIG", str(config))
+    robot = robot_fingers.Robot.create_by_name("fingerone")
+    assert "simulated" not in capfd.readouterr().err
+    t = robot.frontend.append_desired_action(robot.Action())
+    assert robot.frontend.get_observation(t).position == pytest.approx([0, 0.1, -0.2], abs=1e-3)
+    robot.backend.request_shutdown()
+    with pytest.raises(ValueError, match="Invalid robot 'five'"):
+        robot_fingers.Robot.create_by_name("five")
 
 
 def test_a_robot_of_a_program_takes_so_many_actions_and_no_more() -> None:
@@ -288,6 +544,17 @@ def test_a_status_keeps_its_first_error() -> None:
     assert again.get_error_message() == "x" * 62 + "~"
     reasons = robot_interfaces.RobotBackendTerminationReason
     assert [int(reason) for reason in reasons] == [0, 1, 2, -1, -2, -3]
+
+
+@pytest.mark.parametrize(
+    ("fault_code", "error"),
+    # Clean ends, faults of the back-end, the driver's own, and one of the back-end that came later.
+    [(0, 0), (5, 0), (16, 2), (20, 2), (21, 1), (22, 1), (23, 2)],
+)
+def test_a_fault_of_the_driver_is_its_own(fault_code: int, error: int) -> None:
+    status = robot_data.to_status({"fault_code": fault_code, "action_repeats": 3})
+    assert (status.error_status, status.action_repetitions) == (error, 3)
+    assert original.error_status_of(np.array([0, fault_code])).tolist() == [0, error]
 
 
 def test_ways_of_least_jerk_end_before_the_end() -> None:
