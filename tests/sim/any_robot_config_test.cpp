@@ -135,7 +135,8 @@ TEST_F(AnyRobotConfigFile, GivesItsRotorsInsteadOfThoseOfTheFilesActuators) {
   const std::string head =
       "name: arm\ndriver: simulation\nrobot:\n  mjcf: models/arm.xml\n"
       "  armature: {elbow: 0.3}\n";
-  const mjModel_& model = *load(head + kArmSafety).robot.model->mujoco();
+  const FileRobotConfig config = load(head + kArmSafety);
+  const mjModel_& model = *config.robot.model->mujoco();
   EXPECT_EQ(model.actuator_armature[1], 0.0);
   EXPECT_EQ(model.actuator_armature[0], 2.0);  // as it is at the joint, after a gear of 2
 }
