@@ -69,7 +69,7 @@ class Recipe:
             if task in ("reach", "finger_reach"):
                 return cls(**common, num_envs=16, batch_size=160)
             if task.startswith("dclaw_"):
-                common |= {"gamma": 0.95, "reward_scale": 1.0, "initial_noise": 0.6}
+                common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
             common |= {"gamma": 0.99, "reward_scale": 1.0, "approach": 60.0, "initial_noise": 0.6}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
