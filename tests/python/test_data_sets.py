@@ -128,6 +128,16 @@ def test_every_step_between_two_rows_is_in_the_data_set(blind: Recorded) -> None
             assert steps[-1] + 1 < episode.end <= steps[-1] + 1 + table.stride
 
 
+def test_no_thread_of_an_encoder_has_real_time_priority(tmp_path: Path) -> None:
+    for encoder in lerobot.encoders():
+        videos = lerobot.Videos(tmp_path, encoder, 10, encoder)
+        videos.begin_episode()
+        videos.add(np.zeros((SIZE, SIZE, 3), np.uint8))
+        threads = [int(task.name) for task in Path("/proc/self/task").iterdir()]
+        assert not {os.SCHED_FIFO, os.SCHED_RR} & set(map(os.sched_getscheduler, threads))
+        videos.close()
+
+
 @pytest.mark.parametrize("images", ["video", "image"])
 def test_a_reader_of_the_format_finds_what_the_log_has(
     seen: Recorded, tmp_path: Path, images: str

@@ -616,6 +616,8 @@ class Videos:
             self._stream.height, self._stream.width = image.shape[:2]
             self._stream.pix_fmt = "yuv420p"
             self._stream.options = ENCODERS[self.encoder]
+            with _unchanged_priorities():
+                self._stream.codec_context.open()
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
         frame.pts = self._images
         frame.time_base = Fraction(1, self._rate)
@@ -633,6 +635,23 @@ class Videos:
         for packet in packets:
             self._bytes += packet.size
             self._container.mux(packet)
+
+
+@contextlib.contextmanager
+def _unchanged_priorities() -> Iterator[None]:
+    """Takes the priority away that a library gives to this thread, and to those that it makes.
+
+    SVT-AV1 takes the highest real-time priority if the user is root. A robot's loop beside it would
+    wait for its threads, and all programs that this one starts would inherit the priority.
+    """
+    tasks = Path("/proc/self/task")
+    before = {task.name for task in tasks.iterdir()}
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    yield
+    os.sched_setscheduler(0, policy, parameters)
+    for name in {task.name for task in tasks.iterdir()} - before:
+        with contextlib.suppress(ProcessLookupError):  # it has ended
+            os.sched_setscheduler(int(name), policy, parameters)
 
 
 def encoders() -> Iterator[str]:

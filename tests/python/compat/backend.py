@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,11 +28,16 @@ def new_name() -> str:
     return f"compat-{uuid.uuid4().hex[:12]}"
 
 
-def started(program: str, *words: str | Path, stderr: int | None = None) -> "subprocess.Popen[str]":
+def started(
+    program: str,
+    *words: str | Path,
+    stderr: int | None = None,
+    variables: Mapping[str, str] | None = None,
+) -> "subprocess.Popen[str]":
     """A program of robot_fingers.programs that runs, and its output."""
     return subprocess.Popen(
         [sys.executable, "-m", "robot_fingers.programs", program, *map(str, words)],
-        env=environment(),
+        env=environment(**(variables or {})),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=stderr,

@@ -4,6 +4,7 @@
 import copy
 import pickle
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,6 +37,15 @@ def frontend(monkeypatch: pytest.MonkeyPatch) -> Any:
     with running() as name:
         monkeypatch.setenv(robot_data.VARIABLE, name)
         yield robot_fingers.TriFingerPlatformWithObjectFrontend()
+
+
+def wait_for_recorder(temporary: Path) -> None:
+    """Returns when the log of trifinger_data_backend has begun in the folder of temporary files.
+
+    A robot of few actions may end before the recorder, another process, has seen it.
+    """
+    while not any(temporary.glob("tmp*/*.mcap")):
+        time.sleep(0.01)
 
 
 def test_a_front_end_has_the_rules_of_the_original(frontend: Any) -> None:
@@ -260,7 +270,8 @@ def test_the_original_programs_for_data_and_robot_work_together(
     name, log, ready = new_name(), tmp_path / "robot_data.dat", tmp_path / "ready"
     monkeypatch.setenv(robot_data.VARIABLE, name)
     words = ["--name", name, "--cameras", "-a", str(limit)]
-    data = started("trifinger_data_backend", *words, "--robot-logfile", log)
+    own = {"TMPDIR": str(tmp_path)}
+    data = started("trifinger_data_backend", *words, "--robot-logfile", log, variables=own)
     robot = started(
         "trifinger_robot_backend",
         *(*words, "--config", "trifinger_pro", "--fail-on-incomplete-run"),
@@ -272,6 +283,7 @@ def test_the_original_programs_for_data_and_robot_work_together(
         assert data.stdout.readline() == "The robot is ready.\n"
         assert robot.stdout.readline() == "The robot is ready.\n"
         assert ready.is_file()
+        wait_for_recorder(tmp_path)
         frontend = robot_fingers.TriFingerPlatformFrontend()
         # The robot repeats this action by itself.
         frontend.append_desired_action(frontend.Action(position=HOME))
@@ -322,13 +334,15 @@ def test_the_data_of_a_robot_without_cameras_has_no_log_of_cameras(
 ) -> None:
     name, log = new_name(), tmp_path / "camera_data.dat"
     monkeypatch.setenv(robot_data.VARIABLE, name)
-    words = ("--name", name, "--camera-logfile", log)
+    words = ("trifinger_data_backend", "--name", name, "--camera-logfile", log)
+    own = {"TMPDIR": str(tmp_path)}
     with (
-        started("trifinger_data_backend", *words, stderr=subprocess.PIPE) as data,
+        started(*words, stderr=subprocess.PIPE, variables=own) as data,
         started("pybullet_backend", "--name", name, "-a", "20") as robot,
     ):
         assert robot.stdout is not None
         assert robot.stdout.readline() == "The robot is ready.\n"
+        wait_for_recorder(tmp_path)
         frontend = robot_fingers.TriFingerPlatformFrontend()
         for _ in range(20):
             frontend.get_robot_observation(frontend.append_desired_action(frontend.Action()))
