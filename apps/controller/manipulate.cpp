@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The program `trifinger-manipulate`: lifts or slides a cube with a robot that runs elsewhere.
+// The program `trifinger-manipulate`: handles an object with a robot that runs elsewhere.
 #include <fmt/core.h>
 #include <unistd.h>
 
@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
@@ -25,6 +26,8 @@
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run.hpp"
+#include "trifinger/manipulation/run_skill.hpp"
+#include "trifinger/manipulation/skills.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -36,6 +39,8 @@ using manipulation::Manipulation;
 using manipulation::ManipulationConfig;
 using manipulation::Phase;
 using manipulation::Report;
+using manipulation::Seconds;
+using manipulation::SkillTrace;
 using manipulation::Trace;
 
 struct ManipulateOptions {
@@ -49,27 +54,13 @@ struct ManipulateOptions {
 };
 
 // The robot according to its back-end, and the limits of its safety checks.
-struct KnownRobot {
-  RobotDescription description;
-  control::SafetyLimits limits;
-};
-
-KnownRobot robot_of(const Session& session, bool needs_sight) {
-  RobotConfig config = robot_config_of(session);
-  if (needs_sight && !has_tracked_objects(config)) {
+manipulation::SkillContext context_of(const Session& session, bool needs_sight) {
+  if (needs_sight && !has_tracked_objects(robot_config_of(session))) {
     throw InvalidArgument("'" + session.info().name +
                           "' does not see: its simulation says where objects are; 'trifinger run "
                           "sim_tracked' runs a robot that finds them in images");
   }
-  auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
-  if (options == nullptr) throw InvalidArgument("the robot has not three fingers");
-  const JointLimits<TriFinger::kJoints> limits =
-      options->limits.value_or(default_limits<TriFinger>(options->description));
-  return {.description = std::move(options->description),
-          .limits = {.max_torque = values_of(limits, &JointLimit::max_torque),
-                     .safety_kd = values_of(limits, &JointLimit::safety_kd),
-                     .soft_lower = values_of(limits, &JointLimit::soft_lower),
-                     .soft_upper = values_of(limits, &JointLimit::soft_upper)}};
+  return manipulation::context_of(session);
 }
 
 void tell_phase(const Manipulation& at) {
@@ -147,76 +138,159 @@ void write_text(const std::filesystem::path& path, const std::string& text) {
   write_new_file(path, std::as_bytes(std::span(text)));
 }
 
-// Returns a table with a row for every tenth step and for each change of the phase.
-std::string table_of(const Trace& trace) {
-  std::string text =
-      "step,phase,desired_x,desired_y,desired_z,desired_qw,desired_qx,desired_qy,desired_qz,"
-      "estimated_x,estimated_y,estimated_z,estimated_qw,estimated_qx,estimated_qy,estimated_qz,"
-      "normal_0,normal_1,normal_2,tangential_0,tangential_1,tangential_2,travel_0,travel_1,"
-      "travel_2,torque_share,cycle_time\n";
+// The columns that all tables have.
+constexpr std::string_view kPoseColumns =
+    "step,phase,desired_x,desired_y,desired_z,desired_qw,desired_qx,desired_qy,desired_qz,"
+    "estimated_x,estimated_y,estimated_z,estimated_qw,estimated_qx,estimated_qy,estimated_qz";
+
+std::string pose_cells(TimeIndex step, std::string_view phase, const manipulation::Pose& desired,
+                       const manipulation::Pose& estimated) {
+  std::string text = fmt::format("{},{}", step, phase);
+  for (const manipulation::Pose* pose : {&desired, &estimated}) {
+    const auto& q = pose->orientation;
+    for (const double value : pose->position) text += fmt::format(",{:.6f}", value);
+    for (const double value : {q.w(), q.x(), q.y(), q.z()}) text += fmt::format(",{:.6f}", value);
+  }
+  return text;
+}
+
+// Calls `write` for every tenth step and for each change of the phase.
+template <class Step>
+void write_rows(const std::vector<Step>& steps, const std::function<void(const Step&)>& write) {
   constexpr TimeIndex kEvery = 10;
-  std::optional<Phase> phase;
-  for (const manipulation::TraceStep& step : trace.steps) {
-    if (step.step % kEvery != 0 && step.phase == phase) continue;
-    phase = step.phase;
-    text += fmt::format("{},{}", step.step, name_of(step.phase));
-    for (const manipulation::Pose* pose : {&step.desired, &step.estimated}) {
-      const auto& q = pose->orientation;
-      for (const double value : pose->position) text += fmt::format(",{:.6f}", value);
-      for (const double value : {q.w(), q.x(), q.y(), q.z()}) text += fmt::format(",{:.6f}", value);
-    }
+  const Step* previous = nullptr;
+  for (const Step& step : steps) {
+    if (step.step % kEvery == 0 || previous == nullptr || step.phase != previous->phase)
+      write(step);
+    previous = &step;
+  }
+}
+
+std::string table_of(const Trace& trace) {
+  std::string text = fmt::format(
+      "{},normal_0,normal_1,normal_2,tangential_0,tangential_1,tangential_2,travel_0,travel_1,"
+      "travel_2,torque_share,cycle_time\n",
+      kPoseColumns);
+  write_rows<manipulation::TraceStep>(trace.steps, [&](const manipulation::TraceStep& step) {
+    text += pose_cells(step.step, name_of(step.phase), step.desired, step.estimated);
     for (const Eigen::Vector3d* values :
          {&step.normal_forces, &step.tangential_forces, &step.travel}) {
       for (const double value : *values) text += fmt::format(",{:.6f}", value);
     }
     text += fmt::format(",{:.4f},{:.7f}\n", step.torque_share, step.cycle_time.count());
-  }
+  });
   return text;
 }
 
-int manipulate(const ManipulateOptions& options) {
-  auto robot = connect<TriFinger>(options.robot);
-  const KnownRobot known = robot_of(robot.session(), options.needs_sight);
+std::string table_of(const SkillTrace& trace) {
+  std::string text = fmt::format("{},torque_share,cycle_time\n", kPoseColumns);
+  write_rows<manipulation::SkillStep>(trace.steps, [&](const manipulation::SkillStep& step) {
+    text += pose_cells(step.step, step.phase, step.desired, step.estimated);
+    text += fmt::format(",{:.4f},{:.7f}\n", step.torque_share, step.cycle_time.count());
+  });
+  return text;
+}
+
+// Writes the files of a report. `json` gets what all reports have.
+void write_report(const ManipulateOptions& options, const Session& session, Seconds period,
+                  nlohmann::ordered_json json, const std::string& table) {
+  const auto trace = options.output / "trace.csv";
+  const auto summary = options.output / "report.json";
+  write_text(trace, table);
+  json["task"] = options.task;
+  json["robot"] = options.robot;
+  json["session_id"] = session.info().session_id;
+  json["period"] = period.count();
+  write_text(summary, json.dump(2) + "\n");
+  fmt::print("Report: {}\nTrace:  {}\n", summary.string(), trace.string());
+}
+
+void announce(const ManipulateOptions& options, std::string_view object) {
+  std::filesystem::create_directories(options.output);
+  fmt::print("'{}' shall {} the {}.\n", options.robot, options.task, object);
+  std::fflush(stdout);
+}
+
+// Lifts or slides a cube.
+int manipulate(const ManipulateOptions& options, Frontend<TriFinger>& robot,
+               const manipulation::SkillContext& context) {
   const std::string name = options.config.empty()
-                               ? std::string(variant_figures(known.description.variant).name)
+                               ? std::string(variant_figures(context.description.variant).name)
                                : options.config;
   ManipulationConfig config = manipulation::load_config(name, options.task, options.settings);
-  config.planner.limits = known.limits;
-  config.controller.limits = known.limits;
-  std::filesystem::create_directories(options.output);
+  config.planner.limits = context.limits;
+  config.controller.limits = context.limits;
 
   const std::atomic<bool>& stop = stop_on_signals();
-  fmt::print("'{}' shall {} the {}.\n", options.robot, options.task, config.object);
-  std::fflush(stdout);
+  announce(options, config.object);
   const manipulation::RunOptions run_options{
       .realtime = realtime_beside(robot.session().info(), options.scheduling),
       .stop = &stop,
       .on_step = {},
       .on_phase = tell_phase,
       .on_sight = tell_sight};
-  const Trace trace = manipulation::run(robot, known.description, config, run_options);
+  const Trace trace = manipulation::run(robot, context.description, config, run_options);
 
   const Report report = manipulation::make_report(trace, trace.seen);
-  const auto table = options.output / "trace.csv";
-  const auto summary = options.output / "report.json";
-  write_text(table, table_of(trace));
-  nlohmann::ordered_json json = json_of(report);
-  json["task"] = options.task;
-  json["robot"] = options.robot;
-  json["session_id"] = robot.session().info().session_id;
-  json["period"] = trace.period.count();
-  write_text(summary, json.dump(2) + "\n");
   if (report.num_poses > 0) print(report);
-  fmt::print("Report: {}\nTrace:  {}\n", summary.string(), table.string());
+  write_report(options, robot.session(), trace.period, json_of(report), table_of(trace));
   if (trace.failure == manipulation::Failure::kStopped) return kInterrupted;
   return report.is_done ? kDone : kFailed;
+}
+
+void tell_state(const manipulation::Skill& skill) {
+  const manipulation::SkillState& state = skill.state();
+  fmt::print("  {}{}{}\n", state.phase, state.failure.empty() ? "" : ": ", state.failure);
+  std::fflush(stdout);
+}
+
+// Carries out any other skill.
+int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
+              const manipulation::SkillContext& context) {
+  const auto skill =
+      manipulation::make_skill(options.task, context, options.config, options.settings);
+  const std::atomic<bool>& stop = stop_on_signals();
+  announce(options, skill->object());
+  const SkillTrace trace = manipulation::run_skill(
+      robot, *skill,
+      {.realtime = realtime_beside(robot.session().info(), options.scheduling),
+       .stop = &stop,
+       .on_step = {},
+       .on_update = {},
+       .on_phase = tell_state});
+  nlohmann::ordered_json json{{"is_done", trace.failure.empty()}, {"failure", trace.failure}};
+  for (const manipulation::Figure& figure : skill->figures(trace, trace.seen)) {
+    json[figure.name] = figure.value;
+    fmt::print("  {:<26}{:.4g} {}  {}\n", figure.name, figure.value, figure.unit, figure.meaning);
+  }
+  write_report(options, robot.session(), trace.period, std::move(json), table_of(trace));
+  if (stop.load()) return kInterrupted;
+  return trace.failure.empty() ? kDone : kFailed;
+}
+
+int manipulate(const ManipulateOptions& options) {
+  auto robot = connect<TriFinger>(options.robot);
+  const auto context = context_of(robot.session(), options.needs_sight);
+  const bool is_cube_task = options.task == "lift" || options.task == "slide";
+  return is_cube_task ? manipulate(options, robot, context) : carry_out(options, robot, context);
+}
+
+// The tasks with a line for each.
+std::string list_of_tasks() {
+  std::string text =
+      "Tasks:\n  lift        Lifts a cube, holds it, and puts it down\n"
+      "  slide       Slides a cube on a circle\n";
+  for (const manipulation::SkillInfo& skill : manipulation::all_skills())
+    text += fmt::format("  {:<12}{} (trifinger run {})\n", skill.name, skill.summary, skill.robot);
+  return text;
 }
 
 int manipulate_command(const std::vector<std::string>& words) {
   ManipulateOptions options;
   CLI::App program(
-      "Grasps a cube and lifts it, or slides it on a circle, with a robot that runs elsewhere.\n"
-      "Its report compares with the poses that the robot's cameras see, noise included.",
+      "Handles an object with a robot that runs elsewhere: lifts it, throws it, turns it.\n"
+      "Its report compares with the poses that the robot's cameras see, noise included.\n\n" +
+          list_of_tasks(),
       "trifinger manipulate");
   program.set_help_flag("-h,--help", "Print this help");
   program.footer(
@@ -226,9 +300,10 @@ int manipulate_command(const std::vector<std::string>& words) {
       "With nothing but eyes and joints:\n"
       "  trifinger run sim_tracked --set fingers.height=0.3\n"
       "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
-  program.add_option("TASK", options.task, "The task: lift or slide")->required();
+  program.add_option("TASK", options.task, "What to do; see above")->required();
   program.add_option("CONFIG", options.config,
-                     "A configuration or the path of one; default: that of the robot's variant");
+                     "A configuration or the path of one; default: that of the task, for lift and\n"
+                     "slide that of the robot's variant");
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
   program
       .add_option_function<std::string>(

@@ -9,6 +9,7 @@
 #include "trifinger/base/time.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/pose_estimator.hpp"
+#include "trifinger/manipulation/skill.hpp"
 #include "trifinger/manipulation/task.hpp"
 
 namespace trifinger::manipulation {
@@ -37,12 +38,6 @@ enum class Failure {
   kStopped,  ///< `stop` was called.
 };
 [[nodiscard]] std::string_view text_of(Failure failure) noexcept;
-
-/// A pose of the object, and the step at which it was seen.
-struct SeenPose {
-  TimeIndex step{0};
-  Pose pose{};
-};
 
 /// The paper's first experiment, from looking for the object until it is released. If the object
 /// gets lost on the way, the experiment starts again.

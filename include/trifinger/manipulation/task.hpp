@@ -8,14 +8,10 @@
 
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/grasp_planner.hpp"
-#include "trifinger/control/motion.hpp"
 #include "trifinger/control/trajectories.hpp"
+#include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {
-
-using control::Motion;
-using control::Pose;
-using control::Seconds;
 
 /// Lifts the object along a vertical line, holds it, and lowers it.
 struct LiftTask {

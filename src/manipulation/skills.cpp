@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/manipulation/skills.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "manipulation/skills/makers.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/suggestion.hpp"
+#include "trifinger/config/file.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+struct Entry {
+  SkillInfo info;
+  SkillMaker make;
+};
+
+// A skill is one file in src/manipulation/skills, one configuration, and one entry here.
+const std::vector<Entry>& entries() {
+  static const std::vector<Entry> all{};
+  return all;
+}
+
+const Entry& entry_of(const std::string& name) {
+  const auto found =
+      std::ranges::find(entries(), name, [](const Entry& entry) { return entry.info.name; });
+  if (found != entries().end()) return *found;
+  std::vector<std::string_view> names;
+  for (const SkillInfo& info : all_skills()) names.push_back(info.name);
+  throw InvalidArgument("there is no skill '" + name + "', only " + quoted_list(names, "and"));
+}
+
+}  // namespace
+
+std::span<const SkillInfo> all_skills() noexcept {
+  static const std::vector<SkillInfo> all = [] {
+    std::vector<SkillInfo> infos;
+    for (const Entry& entry : entries()) infos.push_back(entry.info);
+    return infos;
+  }();
+  return all;
+}
+
+std::unique_ptr<Skill> make_skill(const std::string& name, const SkillContext& context,
+                                  const std::string& config,
+                                  const std::vector<std::string>& overrides) {
+  constexpr const char* kFolder = "skills";
+  const Entry& entry = entry_of(name);
+  const config::File file = config::File::load(find_config(config.empty() ? name : config, kFolder),
+                                               overrides, config_folders(kFolder));
+  const config::Node root = file.root();
+  if (const auto made_for = root.required<std::string>("skill"); made_for != name) {
+    throw config::ConfigError(root.at("skill").location(),
+                              "this file is for the skill '" + made_for + "', not '" + name + "'");
+  }
+  std::unique_ptr<Skill> skill = entry.make(context, root);
+  file.reject_unknown_keys();
+  return skill;
+}
+
+}  // namespace trifinger::manipulation

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+
+#include "trifinger/config/node.hpp"
+#include "trifinger/manipulation/skill.hpp"
+
+// One function for each skill: reads its configuration and makes it.
+namespace trifinger::manipulation {
+
+using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
+                                              const config::Node& root);
+
+}  // namespace trifinger::manipulation
