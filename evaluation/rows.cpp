@@ -106,6 +106,7 @@ int run_evaluation(const std::string& name, const std::string& what, Options opt
   program.add_option("--first-seed", options.first_seed, "Seed of the first")
       ->capture_default_str();
   program.add_option("--output", options.output, "Where the table goes")->capture_default_str();
+  program.add_option("ONLY", options.only, "Skills, if not all; the table is then printed only");
   try {
     program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
   } catch (const CLI::ParseError& error) {

@@ -25,6 +25,7 @@ struct Options {
   int seeds{20};
   std::uint64_t first_seed{1};
   std::filesystem::path output;
+  std::vector<std::string> only{};  // Skills; all if there are none.
 };
 
 // Limits that a trial must stay within.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "manipulation/object_reader.hpp"
+#include "object_reader.hpp"
 
 #include <cstring>
 

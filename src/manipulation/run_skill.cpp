@@ -10,7 +10,7 @@
 #include <utility>
 #include <variant>
 
-#include "manipulation/object_reader.hpp"
+#include "object_reader.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/sim/robot_config.hpp"
 

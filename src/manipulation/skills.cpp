@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "manipulation/skills/makers.hpp"
+#include "skills/makers.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/config/file.hpp"

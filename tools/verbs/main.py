@@ -33,6 +33,7 @@ usage: ./run VERB [ARGUMENT ...]
   lint             check format, names, types, layers and documents
   bench [MEASURE]  measure speed and latency and compare with references; --help lists the measures
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
+                   skills: throw, turn, draw and so on;
                    learning, push: train policies; tracking: find the cube in images;
                    robots: print a table of TriFinger and D'Claw
   soak [PART ...]  the long versions of the tests, about an hour: {", ".join(PARTS)}

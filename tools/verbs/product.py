@@ -55,6 +55,7 @@ EVALUATIONS = {
     "learning": "evaluation/learning.py",
     "push": "evaluation/push.py",
     "robots": "evaluation/compare_robots.py",
+    "skills": "build/release/evaluation/evaluate_skills",
     "tracking": "evaluation/tracking.py",
     "vision": "build/release/evaluation/evaluate_vision",
 }

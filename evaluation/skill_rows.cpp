@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "evaluation/skill_rows.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace trifinger::evaluation {
+
+std::vector<SkillRow> all_skill_rows() {
+  std::vector<SkillRow> rows;
+  [[maybe_unused]] const auto add = [&rows](std::vector<SkillRow> more) {
+    std::ranges::move(more, std::back_inserter(rows));
+  };
+  return rows;
+}
+
+}  // namespace trifinger::evaluation

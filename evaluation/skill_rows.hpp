@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "evaluation/skill_trial.hpp"
+
+namespace trifinger::evaluation {
+
+// The rows of each skill, in judge_SKILL.cpp. All of them together are the table of
+// `./run evaluate skills`.
+
+[[nodiscard]] std::vector<SkillRow> all_skill_rows();
+
+}  // namespace trifinger::evaluation

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "evaluation/skill_trial.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <variant>
+
+#include "evaluation/contact.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/manipulation/skills.hpp"
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::evaluation {
+namespace {
+
+control::Pose pose_of(const ObjectPose& object) {
+  const auto& q = object.orientation;
+  return {.position = Eigen::Vector3d::Map(object.position.data()),
+          .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])};
+}
+
+// Notes what is true in a simulation.
+class Witness {
+ public:
+  Witness(const SkillTrial& trial, const Simulation<TriFinger>& simulation,
+          const std::string& object)
+      : simulation_(simulation),
+        kinematics_(trial.simulation.description),
+        tip_radius_(variant_figures(trial.simulation.description.variant).tip_radius) {
+    const auto& objects = trial.simulation.description.objects;
+    const auto found = std::ranges::find(objects, object, &ObjectDescription::name);
+    if (found != objects.end()) object_ = *found;
+  }
+
+  // The simulation is one step ahead of the newest observation, `t`.
+  [[nodiscard]] TrueStep look(TimeIndex t, const TriFinger::Observation& observation) {
+    TrueStep truth{.step = t + 1};
+    const TipPositions tips = kinematics_.tip_positions(joint_values(observation.position));
+    for (std::size_t i = 0; i < truth.tips.size(); ++i)
+      truth.tips[i] = tips.segment<3>(static_cast<Eigen::Index>(3 * i));
+    if (!object_) return truth;
+    // Tips and object at the same instant: that of the observation.
+    const control::Pose observed = pose_of(simulation_.robot().observed_object_pose(object_->name));
+    for (std::size_t i = 0; i < truth.tips.size(); ++i)
+      truth.tip_distances[i] = distance_to_surface(*object_, observed, truth.tips[i]) - tip_radius_;
+    truth.object = pose_of(simulation_.robot().object_pose(object_->name));
+    const ObjectVelocity velocity = simulation_.robot().object_velocity(object_->name);
+    truth.twist = {.linear = Eigen::Vector3d::Map(velocity.linear.data()),
+                   .angular = Eigen::Vector3d::Map(velocity.angular.data())};
+    return truth;
+  }
+
+ private:
+  const Simulation<TriFinger>& simulation_;
+  Kinematics kinematics_;
+  double tip_radius_;
+  std::optional<ObjectDescription> object_;
+};
+
+}  // namespace
+
+double TrialRandom::between(double low, double high) {
+  // SplitMix64, whose numbers are public domain (Steele, Lea, Flood 2014).
+  std::uint64_t z = (state_ += 0x9e3779b97f4a7c15ULL);
+  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
+  z ^= z >> 31U;
+  return low + (high - low) * 0x1p-53 * static_cast<double>(z >> 11U);
+}
+
+void vary_physics(SkillTrial& trial, TrialRandom& random, double least_friction) {
+  SimulationOptions<TriFinger>& simulation = trial.simulation;
+  for (ObjectDescription& object : simulation.description.objects)
+    object.mass *= random.between(0.8, 1.2);
+  simulation.description.contact.tip_friction = random.between(least_friction, 1.0);
+  simulation.object_delay = std::lround(random.between(9.5, 30.5));
+  simulation.object_position_noise = 1e-3;
+  simulation.object_orientation_noise = 0.5 * std::numbers::pi / 180;
+  simulation.seed = static_cast<std::uint64_t>(random.between(0, 1e9));
+}
+
+void vary_place(SkillTrial& trial, TrialRandom& random, double radius) {
+  ObjectDescription& object = trial.simulation.description.objects.front();
+  const double distance = radius * std::sqrt(random.between(0, 1));
+  const double azimuth = random.between(-std::numbers::pi, std::numbers::pi);
+  Triple position = object.position.value_or(Triple{});
+  position[0] += distance * std::cos(azimuth);
+  position[1] += distance * std::sin(azimuth);
+  object.position = position;
+  const double yaw = random.between(-std::numbers::pi, std::numbers::pi);
+  const auto& q = object.orientation;
+  const Eigen::Quaterniond turned =
+      Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+  object.orientation = {turned.w(), turned.x(), turned.y(), turned.z()};
+}
+
+SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
+                            const std::vector<std::string>& robot_settings,
+                            const std::vector<std::string>& skill_settings) {
+  RobotConfig config = load_robot_config(robot, robot_settings);
+  auto* const simulation = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
+  if (simulation == nullptr) throw InvalidArgument("'" + robot + "' has not three fingers");
+  return {.skill = skill,
+          .settings = skill_settings,
+          .simulation = *simulation,
+          .believed = simulation->description};
+}
+
+const TrueStep& SkillTrialResult::truth_at(TimeIndex step) const {
+  const TimeIndex first = truth.front().step;
+  const auto last = static_cast<TimeIndex>(truth.size()) - 1;
+  return truth[static_cast<std::size_t>(std::clamp<TimeIndex>(step - first, 0, last))];
+}
+
+SkillTrialResult run_skill_trial(const SkillTrial& trial) {
+  const Simulation<TriFinger> simulation(trial.simulation);
+  const manipulation::SkillContext context{
+      .description = trial.believed,
+      .limits = manipulation::safety_limits_of(trial.simulation),
+      .period = trial.simulation.period};
+  const auto skill = manipulation::make_skill(trial.skill, context, {}, trial.settings);
+  Witness witness(trial, simulation, std::string(skill->object()));
+  SkillTrialResult result;
+  const auto after = static_cast<TimeIndex>(trial.after / context.period);
+  {
+    auto robot = simulation.connect();
+    result.trace =
+        manipulation::run_skill(robot, *skill, {.on_step = [&](TimeIndex t) {
+                                  result.truth.push_back(witness.look(t, robot.get_observation(t)));
+                                  if (trial.interfere) trial.interfere(simulation.robot(), t);
+                                }});
+  }
+  result.end = result.truth.size();
+  // The world goes on from where the session has left it.
+  simulation.robot().restore(simulation.robot().save());
+  {
+    auto robot = simulation.connect();
+    const auto hold = hold_position(robot.latest_observation());
+    for (TimeIndex i = 0; i < after; ++i) {
+      const TimeIndex t = robot.append_desired_action(hold);
+      TrueStep truth = witness.look(t, robot.get_observation(t));
+      truth.step = result.truth.empty() ? 0 : result.truth.back().step + 1;
+      result.truth.push_back(truth);
+    }
+    robot.finish();
+  }
+  std::vector<manipulation::SeenPose> poses;
+  poses.reserve(result.end);
+  for (std::size_t i = 0; i < result.end; ++i)
+    poses.push_back({result.truth[i].step, result.truth[i].object});
+  result.figures = skill->figures(result.trace, poses);
+  return result;
+}
+
+}  // namespace trifinger::evaluation

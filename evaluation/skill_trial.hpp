@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "trifinger/manipulation/run_skill.hpp"
+#include "trifinger/manipulation/skill.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger::evaluation {
+
+// One skill in a simulation of its own. The controller believes that robot and object are like
+// `believed`; the simulation may have another mass and friction.
+struct SkillTrial {
+  std::string skill;
+  std::vector<std::string> settings;  // Of the skill's configuration.
+  SimulationOptions<TriFinger> simulation;
+  RobotDescription believed;
+  control::Seconds after{1.0};  // Time to watch when the skill has ended: the robot holds its pose.
+  // Does something to the simulation after step `t`, such as setting the object in motion.
+  std::function<void(SimulatedRobot<TriFinger>& robot, TimeIndex t)> interfere{};
+};
+
+// Makes a trial from the configuration of a robot and the skill's own, without any variation.
+[[nodiscard]] SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
+                                          const std::vector<std::string>& robot_settings = {},
+                                          const std::vector<std::string>& skill_settings = {});
+
+// Random numbers that are equal with every standard library.
+class TrialRandom {
+ public:
+  explicit TrialRandom(std::uint64_t seed) : state_(seed) {}
+  [[nodiscard]] double between(double low, double high);
+
+ private:
+  std::uint64_t state_;
+};
+
+// Varies what no controller knows: mass of the object (within 20 %), friction of the tips (from
+// `least_friction` to 1.0), delay of the poses (10 to 30 ms) and their noise (1 mm, 0.5 degrees).
+void vary_physics(SkillTrial& trial, TrialRandom& random, double least_friction = 0.6);
+// Moves the object within a circle of `radius` [m] about where it lies, and turns it about the
+// vertical by any angle.
+void vary_place(SkillTrial& trial, TrialRandom& random, double radius = 0.03);
+
+// What was true at a step.
+struct TrueStep {
+  TimeIndex step{0};
+  control::Pose object{};
+  control::Twist twist{};
+  std::array<double, 3> tip_distances{};  // Of the tips' surfaces from the object's [m].
+  std::array<Eigen::Vector3d, 3> tips{};  // Centres of the tips [m].
+
+  // A tip is nearer than rubber gives way and a contact opens [m].
+  static constexpr double kTouch = 3e-4;
+  [[nodiscard]] bool is_touched_by(std::size_t finger) const {
+    return tip_distances[finger] < kTouch;
+  }
+  [[nodiscard]] int touches() const {
+    return static_cast<int>(is_touched_by(0)) + static_cast<int>(is_touched_by(1)) +
+           static_cast<int>(is_touched_by(2));
+  }
+};
+
+struct SkillTrialResult {
+  manipulation::SkillTrace trace;
+  std::vector<TrueStep> truth;                // Of all steps, those after the skill's end included.
+  std::size_t end{0};                         // Index in `truth` of the skill's end.
+  std::vector<manipulation::Figure> figures;  // From the true poses.
+
+  // What was true at `step`; the nearest if it is beyond what is known.
+  [[nodiscard]] const TrueStep& truth_at(TimeIndex step) const;
+};
+
+[[nodiscard]] SkillTrialResult run_skill_trial(const SkillTrial& trial);
+
+// Whether a trial has reached what it should, by what was true.
+struct Judgement {
+  bool succeeds{false};
+  double figure{0.0};  // The row's figure, in SI units.
+  std::string why;     // In words, if it does not.
+};
+using Judge = std::function<Judgement(const SkillTrial& trial, const SkillTrialResult& result)>;
+
+// A row of the table in docs/results/skills.md.
+struct SkillRow {
+  std::string what;
+  std::string reach;   // In words, as asked.
+  double needed{1.0};  // Share of the trials that must succeed.
+  SkillTrial trial;
+  std::function<void(SkillTrial& trial, std::uint64_t seed)> vary;
+  Judge judge;
+  std::string figure;     // What the figure is: "distance".
+  std::string unit{"m"};  // Unit in which the table shows it.
+  double scale{1.0};      // Figure in SI units times this is the figure in the table.
+  // What must hold for all figures together; may be empty.
+  std::function<bool(std::span<const Judgement> judgements)> together{};
+};
+
+}  // namespace trifinger::evaluation
