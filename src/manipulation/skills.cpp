@@ -20,7 +20,16 @@ struct Entry {
 
 // A skill is one file in src/manipulation/skills, one configuration, and one entry here.
 const std::vector<Entry>& entries() {
-  static const std::vector<Entry> all{};
+  static const std::vector<Entry> all{
+      {{.name = "stand",
+        .summary = "Stands a flat cuboid up that lies on its side",
+        .robot = "sim_cuboid"},
+       make_stand},
+      {{.name = "turn",
+        .summary = "Turns a cube by 90 degrees with one finger while the others hold it",
+        .robot = "sim"},
+       make_turn},
+  };
   return all;
 }
 
