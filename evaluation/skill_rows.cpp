@@ -12,6 +12,7 @@ std::vector<SkillRow> all_skill_rows() {
   const auto add = [&rows](std::vector<SkillRow> more) {
     std::ranges::move(more, std::back_inserter(rows));
   };
+  add(balance_rows());
   add(stand_rows());
   add(turn_rows());
   return rows;

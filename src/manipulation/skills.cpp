@@ -21,6 +21,10 @@ struct Entry {
 // A skill is one file in src/manipulation/skills, one configuration, and one entry here.
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
+      {{.name = "balance",
+        .summary = "Balances a cuboid upright on one fingertip",
+        .robot = "sim_balance"},
+       make_balance},
       {{.name = "stand",
         .summary = "Stands a flat cuboid up that lies on its side",
         .robot = "sim_cuboid"},
