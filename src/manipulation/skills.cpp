@@ -2,12 +2,15 @@
 #include "trifinger/manipulation/skills.hpp"
 
 #include <algorithm>
+#include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "skills/makers.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/config/file.hpp"
+#include "trifinger/manipulation/taught_motion.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
@@ -72,6 +75,18 @@ std::unique_ptr<Skill> make_skill(const std::string& name, const SkillContext& c
   std::unique_ptr<Skill> skill = entry.make(context, root);
   file.reject_unknown_keys();
   return skill;
+}
+
+std::unique_ptr<Skill> make_taught_skill(const std::string& name, const SkillContext& context,
+                                         const std::string& config,
+                                         const std::vector<std::string>& overrides) {
+  std::unique_ptr<Skill> skill = make_skill(name, context, config, overrides);
+  for (const std::filesystem::path& folder : config_folders("skills/taught")) {
+    const std::filesystem::path file = folder / (name + ".csv");
+    if (std::filesystem::exists(file))
+      return play_instead(std::move(skill), context, load_taught_motion(file));
+  }
+  throw InvalidArgument("nobody has taught '" + name + "' yet");
 }
 
 }  // namespace trifinger::manipulation
