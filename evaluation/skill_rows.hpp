@@ -9,6 +9,9 @@ namespace trifinger::evaluation {
 
 // The rows of each skill, in judge_SKILL.cpp. All of them together are the table of
 // `./run evaluate skills`.
+[[nodiscard]] std::vector<SkillRow> balance_rows();
+[[nodiscard]] std::vector<SkillRow> stand_rows();
+[[nodiscard]] std::vector<SkillRow> turn_rows();
 
 [[nodiscard]] std::vector<SkillRow> all_skill_rows();
 

@@ -123,7 +123,9 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
       .description = trial.believed,
       .limits = manipulation::safety_limits_of(trial.simulation),
       .period = trial.simulation.period};
-  const auto skill = manipulation::make_skill(trial.skill, context, {}, trial.settings);
+  const auto skill = trial.is_taught
+                         ? manipulation::make_taught_skill(trial.skill, context, {}, trial.settings)
+                         : manipulation::make_skill(trial.skill, context, {}, trial.settings);
   Witness witness(trial, simulation, std::string(skill->object()));
   SkillTrialResult result;
   const auto after = static_cast<TimeIndex>(trial.after / context.period);

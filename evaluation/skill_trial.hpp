@@ -18,7 +18,8 @@ namespace trifinger::evaluation {
 // `believed`; the simulation may have another mass and friction.
 struct SkillTrial {
   std::string skill;
-  std::vector<std::string> settings;  // Of the skill's configuration.
+  std::vector<std::string> settings{};  // Of the skill's configuration.
+  bool is_taught{false};                // Plays what was taught instead of controlling.
   SimulationOptions<TriFinger> simulation;
   RobotDescription believed;
   control::Seconds after{1.0};  // Time to watch when the skill has ended: the robot holds its pose.

@@ -48,6 +48,7 @@ struct ManipulateOptions {
   std::string config;
   std::string robot{"sim"};
   bool needs_sight{false};
+  bool is_taught{false};
   std::vector<std::string> settings;
   std::filesystem::path output{"manipulate_output"};
   Demand scheduling{Demand::kTry};
@@ -247,8 +248,8 @@ void tell_state(const manipulation::Skill& skill) {
 // Carries out any other skill.
 int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
               const manipulation::SkillContext& context) {
-  const auto skill =
-      manipulation::make_skill(options.task, context, options.config, options.settings);
+  const auto make = options.is_taught ? manipulation::make_taught_skill : manipulation::make_skill;
+  const auto skill = make(options.task, context, options.config, options.settings);
   const std::atomic<bool>& stop = stop_on_signals();
   announce(options, skill->object());
   const SkillTrace trace = manipulation::run_skill(
@@ -272,6 +273,8 @@ int manipulate(const ManipulateOptions& options) {
   auto robot = connect<TriFinger>(options.robot);
   const auto context = context_of(robot.session(), options.needs_sight);
   const bool is_cube_task = options.task == "lift" || options.task == "slide";
+  if (is_cube_task && options.is_taught)
+    throw InvalidArgument("nobody has taught '" + options.task + "'");
   return is_cube_task ? manipulate(options, robot, context) : carry_out(options, robot, context);
 }
 
@@ -312,6 +315,8 @@ int manipulate_command(const std::vector<std::string>& words) {
           "Where poses may come from. cameras: only from images; any (the default)")
       ->check(CLI::IsMember({"cameras", "any"}))
       ->option_text("SOURCE");
+  program.add_flag("--taught", options.is_taught,
+                   "Plays the motion that was taught, whatever the object does");
   program.add_option("--set", options.settings, "A setting, as in lift.height=0.1")
       ->allow_extra_args(false);
   program.add_option("--output", options.output, "Folder of the report")->capture_default_str();

@@ -2,12 +2,15 @@
 #include "trifinger/manipulation/skills.hpp"
 
 #include <algorithm>
+#include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "skills/makers.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/config/file.hpp"
+#include "trifinger/manipulation/taught_motion.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
@@ -20,7 +23,20 @@ struct Entry {
 
 // A skill is one file in src/manipulation/skills, one configuration, and one entry here.
 const std::vector<Entry>& entries() {
-  static const std::vector<Entry> all{};
+  static const std::vector<Entry> all{
+      {{.name = "balance",
+        .summary = "Balances a cuboid upright on one fingertip",
+        .robot = "sim_balance"},
+       make_balance},
+      {{.name = "stand",
+        .summary = "Stands a flat cuboid up that lies on its side",
+        .robot = "sim_cuboid"},
+       make_stand},
+      {{.name = "turn",
+        .summary = "Turns a cube by 90 degrees with one finger while the others hold it",
+        .robot = "sim"},
+       make_turn},
+  };
   return all;
 }
 
@@ -59,6 +75,18 @@ std::unique_ptr<Skill> make_skill(const std::string& name, const SkillContext& c
   std::unique_ptr<Skill> skill = entry.make(context, root);
   file.reject_unknown_keys();
   return skill;
+}
+
+std::unique_ptr<Skill> make_taught_skill(const std::string& name, const SkillContext& context,
+                                         const std::string& config,
+                                         const std::vector<std::string>& overrides) {
+  std::unique_ptr<Skill> skill = make_skill(name, context, config, overrides);
+  for (const std::filesystem::path& folder : config_folders("skills/taught")) {
+    const std::filesystem::path file = folder / (name + ".csv");
+    if (std::filesystem::exists(file))
+      return play_instead(std::move(skill), context, load_taught_motion(file));
+  }
+  throw InvalidArgument("nobody has taught '" + name + "' yet");
 }
 
 }  // namespace trifinger::manipulation

@@ -56,6 +56,7 @@ EVALUATIONS = {
     "push": "evaluation/push.py",
     "robots": "evaluation/compare_robots.py",
     "skills": "build/release/evaluation/evaluate_skills",
+    "teach": "build/release/evaluation/evaluate_teach",
     "tracking": "evaluation/tracking.py",
     "vision": "build/release/evaluation/evaluate_vision",
 }

@@ -30,4 +30,11 @@ struct SkillInfo {
                                                 const std::string& config = {},
                                                 const std::vector<std::string>& overrides = {});
 
+/// The same skill, played instead of controlled: the motion that comes with the program as
+/// config/skills/taught/NAME.csv, whatever the object does. See `play_instead`.
+/// @throws InvalidArgument also if there is no such motion
+[[nodiscard]] std::unique_ptr<Skill> make_taught_skill(
+    const std::string& name, const SkillContext& context, const std::string& config = {},
+    const std::vector<std::string>& overrides = {});
+
 }  // namespace trifinger::manipulation

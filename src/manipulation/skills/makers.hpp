@@ -12,4 +12,11 @@ namespace trifinger::manipulation {
 using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                               const config::Node& root);
 
+[[nodiscard]] std::unique_ptr<Skill> make_balance(const SkillContext& context,
+                                                  const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_stand(const SkillContext& context,
+                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_turn(const SkillContext& context,
+                                               const config::Node& root);
+
 }  // namespace trifinger::manipulation

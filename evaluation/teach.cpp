@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// `./run evaluate teach`: teaches skills in simulation, by springs that lead the tips, and writes
+// the motions that `trifinger manipulate SKILL --taught` plays.
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <exception>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "evaluation/teaching.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/manipulation/skills.hpp"
+
+namespace trifinger::evaluation {
+namespace {
+
+struct TeachOptions {
+  std::vector<std::string> skills;
+  std::filesystem::path output{"config/skills/taught"};
+  double interval{0.01};  // [s]
+  Hands hands;
+};
+
+void write(const std::filesystem::path& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  file.close();
+  if (!file) throw Error("cannot write " + path.string());
+}
+
+int teach(const TeachOptions& options) {
+  for (const manipulation::SkillInfo& skill : manipulation::all_skills()) {
+    const std::string name(skill.name);
+    if (std::ranges::find(options.skills, name) == options.skills.end()) continue;
+    const SkillTrial trial = make_skill_trial(std::string(skill.robot), name);
+    const auto motion = taught(trial, options.hands, control::Seconds(options.interval));
+    const auto path = options.output / (name + ".csv");
+    write(path, text_of(motion));
+    fmt::print("{}: {:.1f} s in {}\n", name, motion.duration().count(), path.string());
+  }
+  return 0;
+}
+
+int run_program(int argument_count, char** arguments) {
+  TeachOptions options;
+  CLI::App program("Teaches skills in simulation by springs that lead the tips.", "evaluate teach");
+  program.add_option("SKILL", options.skills, "The skills to teach")->required();
+  program.add_option("--output", options.output, "Folder of the motions")->capture_default_str();
+  program.add_option("--interval", options.interval, "Time between two samples [s]")
+      ->check(CLI::Range(0.001, 0.1))
+      ->capture_default_str();
+  program.add_option("--stiffness", options.hands.stiffness, "Of the springs [N/m]")
+      ->capture_default_str();
+  program.add_option("--damping", options.hands.damping, "Of the springs [Ns/m]")
+      ->capture_default_str();
+  CLI11_PARSE(program, argument_count, arguments);
+  std::filesystem::create_directories(options.output);
+  return teach(options);
+}
+
+}  // namespace
+}  // namespace trifinger::evaluation
+
+int main(int argument_count, char** arguments) {
+  try {
+    return trifinger::evaluation::run_program(argument_count, arguments);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "evaluate teach: {}\n", error.what());
+    return 1;
+  }
+}
