@@ -50,9 +50,9 @@ class ConfinedProgramTest : public testing::TestWithParam<bool> {
 };
 
 TEST_P(ConfinedProgramTest, GetsItsFolderItsEnvironmentAndNothingElse) {
-  ConfinedProgram program(shell("pwd; cat; env; ls /proc/self/fd"));
+  ConfinedProgram program(shell("pwd; cat; env | sort; ls /proc/self/fd"));
   const std::string output = output_of(program);
-  EXPECT_EQ(output, folder_.path().string() + "\nPATH=/usr/bin:/bin\nGREETING=hello\nPWD=" +
+  EXPECT_EQ(output, folder_.path().string() + "\nGREETING=hello\nPATH=/usr/bin:/bin\nPWD=" +
                         folder_.path().string() + "\n0\n1\n2\n3\n");
   ASSERT_TRUE(program.end());
   EXPECT_TRUE(WIFEXITED(program.end()->status));
