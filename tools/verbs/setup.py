@@ -26,6 +26,7 @@ DEBIAN_PACKAGES = (
     *("libturbojpeg0", "libaravis-0.8-0"),  # images in logs; industrial cameras
     "chromium",  # the browser in which the page of `trifinger view` is tested
     "rt-tests",  # cyclictest, with which lateness is compared
+    *("slurm-wlm", "munge"),  # the queue of a shared robot
     *("qemu-system-x86", "busybox", "can-utils"),  # the virtual machine of tests with CAN
 )
 

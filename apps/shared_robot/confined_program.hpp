@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "shared_robot/job_limits.hpp"
+#include "trifinger/base/time.hpp"
+
+namespace trifinger::apps {
+
+// A user of the system, with all groups.
+struct SystemUser {
+  std::string name;
+  uid_t user{0};
+  gid_t group{0};
+  std::vector<gid_t> groups;
+
+  // Throws InvalidArgument if there is no such user.
+  [[nodiscard]] static SystemUser find(const std::string& name);
+};
+
+// A program, and what it may do.
+struct Confinement {
+  std::vector<std::string> words;        // the program and its arguments
+  std::filesystem::path folder;          // its working folder
+  std::vector<std::string> environment;  // all of it: "NAME=VALUE"
+  std::optional<SystemUser> user;        // only root can run it as another user
+  JobLimits limits;
+  // Folders in which it may write besides its own, where the rest can be made read-only.
+  std::vector<std::filesystem::path> writable;
+  // Hide all other processes from it, where the kernel lets us. False only for tests.
+  bool with_namespaces{true};
+};
+
+// What holds the program.
+struct ConfinedBy {
+  bool own_processes{false};  // A namespace of its own: it sees no other processes.
+  bool own_users{false};      // A namespace of users was needed for this.
+  bool read_only{false};      // It can write only where it should.
+};
+
+// How a program has ended.
+struct ProgramEnd {
+  // Why it could not be started, errno; 0: it was.
+  int start_error{0};
+  int status{0};  // as waitpid gives it
+};
+
+// A program in a process of its own, with a session, a folder and limits of its own. A *guard*, a
+// process between it and this one, inherits all that the program starts and leaves behind. When the
+// program ends, when `kill` is called, or when this process dies, the guard ends them all.
+//
+// In a namespace of its own for processes the guard is the first process, with which the kernel
+// ends all others, whatever they do. Where the kernel allows no namespaces, the guard looks for all
+// descendants and kills them; a program of the same user could then kill the guard first.
+class ConfinedProgram {
+ public:
+  // Makes the guard, but does not start the program yet. Call it before any thread is started.
+  // Throws SystemError.
+  explicit ConfinedProgram(Confinement confinement);
+  ConfinedProgram(const ConfinedProgram&) = delete;
+  ConfinedProgram& operator=(const ConfinedProgram&) = delete;
+  // Ends all its processes.
+  ~ConfinedProgram();
+
+  [[nodiscard]] const ConfinedBy& confined_by() const noexcept { return confined_by_; }
+  // The number of the guard, from which all processes of the program descend.
+  [[nodiscard]] pid_t guard() const noexcept { return guard_; }
+
+  void start();
+  // Waits until there is output or news, then takes both. Returns at most some kilobytes of what
+  // the program has printed.
+  [[nodiscard]] std::string take_output(Nanoseconds timeout);
+  // Sends SIGTERM to all its processes.
+  void ask_to_end() noexcept;
+  // Kills all its processes, without waiting for their ends.
+  void kill() noexcept;
+
+  // How the program itself has ended; nothing while it runs.
+  [[nodiscard]] const std::optional<ProgramEnd>& end() const noexcept { return end_; }
+  // True when none of its processes is left and all output was taken.
+  [[nodiscard]] bool is_gone() const noexcept { return is_guard_gone_ && output_ < 0; }
+
+ private:
+  void take_news();
+  void forget_guard();
+
+  pid_t house_{-1};  // our child: the guard, or its parent outside the namespace
+  pid_t guard_{-1};
+  int control_{-1};
+  int output_{-1};
+  bool is_guard_gone_{false};
+  ConfinedBy confined_by_;
+  std::optional<ProgramEnd> end_;
+};
+
+}  // namespace trifinger::apps

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "shared_robot/cube_care.hpp"
+
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "controller/user_program.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/manipulation/config.hpp"
+#include "trifinger/manipulation/run.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+
+bool is_in_middle(const std::array<double, 3>& place) noexcept {
+  return std::hypot(place[0], place[1]) <= kMiddle;  // false for NaN
+}
+
+bool begins_anew(const std::string& robot) {
+  try {
+    return !robot_config_of(Session::open(robot)).boards.has_value();
+  } catch (const Error&) {
+    return false;  // It is of a kind that only its own program knows.
+  }
+}
+
+std::string bring_to_middle(const std::string& name, const std::function<void()>& look) {
+  std::exception_ptr interruption;
+  try {
+    auto robot = connect<TriFinger>(name);
+    const RobotConfig known = robot_config_of(robot.session());
+    const auto* const options = std::get_if<SimulationOptions<TriFinger>>(&known.simulation);
+    if (options == nullptr) return "the robot has not three fingers";
+    const RobotDescription& description = options->description;
+    const JointLimits<TriFinger::kJoints> limits =
+        options->limits.value_or(default_limits<TriFinger>(description));
+    // A lift of a few millimetres that begins in the middle: what comes before it leads the cube
+    // there.
+    manipulation::ManipulationConfig config =
+        manipulation::load_config(std::string(variant_figures(description.variant).name), "lift",
+                                  {"lift.height=0.005", "lift.time=0.3", "lift.hold_time=0.2",
+                                   "lift.lower_time=0.5", "lift.lead_distances=[0]"});
+    config.planner.limits = {.max_torque = values_of(limits, &JointLimit::max_torque),
+                             .safety_kd = values_of(limits, &JointLimit::safety_kd),
+                             .soft_lower = values_of(limits, &JointLimit::soft_lower),
+                             .soft_upper = values_of(limits, &JointLimit::soft_upper)};
+    config.controller.limits = config.planner.limits;
+
+    std::atomic<bool> stop{false};
+    const auto on_step = [&](TimeIndex /*step*/) {
+      if (interruption) return;
+      try {
+        look();
+      } catch (...) {
+        interruption = std::current_exception();
+        stop.store(true, std::memory_order_relaxed);  // no other data depends on it
+      }
+    };
+    const manipulation::Trace trace =
+        manipulation::run(robot, description, config,
+                          {.realtime = realtime_beside(robot.session().info(), Demand::kTry),
+                           .stop = &stop,
+                           .on_step = on_step,
+                           .on_phase = {},
+                           .on_sight = {}});
+    if (!interruption && trace.failure != manipulation::Failure::kNone) {
+      return std::string(text_of(trace.failure));
+    }
+  } catch (const Error& error) {
+    if (!interruption) return error.what();
+  }
+  if (interruption) std::rethrow_exception(interruption);
+  return "";
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trifinger/base/time.hpp"
+
+namespace trifinger::apps {
+
+// A process as /proc shows it.
+struct ProcessEntry {
+  pid_t pid{0};
+  pid_t parent{0};
+  bool has_ended{false};  // Only its parent has not noticed yet.
+  std::uint64_t threads{0};
+  Nanoseconds cpu_time{0};           // its own
+  Nanoseconds children_cpu_time{0};  // of children that have ended and were waited for
+};
+
+// Returns what can be read of the file /proc/PID/`name`: the process may end meanwhile.
+[[nodiscard]] std::string proc_text(pid_t pid, const char* name);
+
+// Reads the text of a file /proc/PID/stat. Nothing useful in it: pid 0.
+[[nodiscard]] ProcessEntry parse_stat(std::string_view text);
+
+// All processes that can be seen.
+[[nodiscard]] std::vector<ProcessEntry> all_processes();
+
+// Those of `all` that descend from the process `ancestor`, which is left out itself.
+[[nodiscard]] std::vector<ProcessEntry> descendants_of(pid_t ancestor,
+                                                       const std::vector<ProcessEntry>& all);
+
+// Memory that only the `processes` have, or that they share with each other [bytes]. Looks at it
+// closely only if it could be more than `enough`: pages that several share are counted again and
+// again otherwise.
+[[nodiscard]] std::uint64_t memory_of(const std::vector<ProcessEntry>& processes,
+                                      std::uint64_t enough);
+
+// Number of threads of all processes of a user.
+[[nodiscard]] std::uint64_t threads_of(uid_t user);
+
+// Kills all descendants of this process, also those that start others meanwhile, and waits for
+// them. True if none is left.
+bool end_descendants();
+
+}  // namespace trifinger::apps

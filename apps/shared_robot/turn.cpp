@@ -1,0 +1,517 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "shared_robot/turn.hpp"
+
+#include <fcntl.h>
+#include <fmt/chrono.h>
+#include <fmt/core.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <functional>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "log/running_recorder.hpp"
+#include "shared/exit_code.hpp"
+#include "shared/signals.hpp"
+#include "shared/terminal.hpp"
+#include "shared_robot/bounded_output.hpp"
+#include "shared_robot/confined_program.hpp"
+#include "shared_robot/job_files.hpp"
+#include "shared_robot/job_report.hpp"
+#include "shared_robot/process_tree.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+// How often the usage of a job is measured at most.
+constexpr Nanoseconds kMeasurePeriod = std::chrono::milliseconds(100);
+constexpr std::size_t kMostTroubles = 20;
+
+// Somebody has pressed Ctrl-C, or sent such a signal.
+struct TurnInterrupted {
+  int signal;
+};
+
+Instant now() noexcept { return std::chrono::steady_clock::now(); }
+
+// The right to a turn on a robot, as long as the object lives. It ends with this process, whatever
+// happens, and other users cannot remove it.
+ipc::FileDescriptor claim(const std::string& robot) {
+  ipc::FileDescriptor socket([] { return ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0); });
+  if (!socket) throw SystemError("make a socket", errno);
+  const std::string key = session_folder().string() + "/" + robot;
+  const std::string name =
+      fmt::format("trifinger.turn.{:016x}.{}", std::hash<std::string>()(key), robot);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  // The zero before the name makes it one that is in no file system.
+  const std::size_t size = std::min(name.size(), sizeof(address.sun_path) - 1);
+  std::memcpy(address.sun_path + 1, name.data(), size);
+  const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + size);
+  if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), length) == 0) return socket;
+  if (errno != EADDRINUSE) throw SystemError("claim the robot '" + robot + "'", errno);
+  throw Error("'" + robot + "' is in use: another 'trifinger job' has not ended yet");
+}
+
+// Returns all that the program gets as environment.
+std::vector<std::string> environment_for(const TurnOptions& options, const fs::path& folder) {
+  std::vector<std::string> names{
+      "PATH",     "LANG",       "LANGUAGE", "TZ",          "LC_ALL",
+      "LC_CTYPE", "LC_NUMERIC", "LC_TIME",  "LC_MESSAGES", "TRIFINGER_SESSION_DIR"};
+  std::vector<std::string> environment;
+  const auto add = [&](const std::string& name, const std::string& value) {
+    std::erase_if(environment,
+                  [&](const std::string& entry) { return entry.starts_with(name + "="); });
+    environment.push_back(name + "=" + value);
+  };
+  const auto add_own = [&](const std::string& name) {
+    if (const char* const value = std::getenv(name.c_str())) add(name, value);
+  };
+  for (const std::string& name : names) add_own(name);
+  const char* const user = std::getenv("USER");
+  const std::string user_name = options.user.value_or(user == nullptr ? "" : user);
+  if (!user_name.empty()) add("USER", user_name);
+  if (!user_name.empty()) add("LOGNAME", user_name);
+  add("HOME", folder.string());
+  add("TMPDIR", (folder / "tmp").string());
+  add("TRIFINGER_ROBOT", options.robot);
+  add("TRIFINGER_JOB_FOLDER", folder.string());
+  add("TRIFINGER_LOG_DIR", folder.string());
+  for (const std::string& entry : options.environment) {
+    const std::size_t sign = entry.find('=');
+    if (sign == std::string::npos) {
+      add_own(entry);
+    } else {
+      add(entry.substr(0, sign), entry.substr(sign + 1));
+    }
+  }
+  return environment;
+}
+
+// What is printed and kept of the program's output.
+class OutputFile {
+ public:
+  OutputFile(const fs::path& path, std::uint64_t limit) : output_(limit) {
+    file_ = ipc::FileDescriptor([&path] {
+      return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644);
+    });
+    if (!file_) throw SystemError("make " + path.string(), errno);
+  }
+
+  void add(std::string_view text) {
+    const std::string_view beginning = output_.add(text);
+    write(beginning);
+    std::fwrite(beginning.data(), 1, beginning.size(), stdout);
+    std::fflush(stdout);
+  }
+  void finish() { write(output_.rest()); }
+
+  [[nodiscard]] const BoundedOutput& output() const noexcept { return output_; }
+  // Why something is missing in the file; empty if nothing is.
+  [[nodiscard]] const std::string& trouble() const noexcept { return trouble_; }
+
+ private:
+  void write(std::string_view text) {
+    while (!text.empty() && trouble_.empty()) {
+      const ssize_t size = ::write(file_.get(), text.data(), text.size());
+      if (size < 0 && errno == EINTR) continue;
+      if (size <= 0) {
+        trouble_ = fmt::format("its output is not complete: {}", std::strerror(errno));
+        return;
+      }
+      text.remove_prefix(static_cast<std::size_t>(size));
+    }
+  }
+
+  BoundedOutput output_;
+  ipc::FileDescriptor file_;
+  std::string trouble_;
+};
+
+std::string signal_text(int signal) {
+  const char* const name = ::sigabbrev_np(signal);
+  return name == nullptr ? fmt::format("signal {}", signal) : fmt::format("SIG{}", name);
+}
+
+std::string limit_text(Limit limit, const JobUsage& usage, const JobLimits& limits) {
+  switch (limit) {
+    case Limit::kNone:
+      break;
+    case Limit::kTime:
+      return fmt::format("its {} are over", duration_text(limits.time));
+    case Limit::kCpuTime:
+      return fmt::format("it used {} of processors, more than {}", duration_text(usage.cpu_time),
+                         duration_text(limits.cpu_time));
+    case Limit::kMemory:
+      return fmt::format("it used {} of memory, more than {}", size_text(usage.memory),
+                         size_text(limits.memory));
+    case Limit::kProcesses:
+      return fmt::format("it had {} threads, more than {}", usage.processes, limits.processes);
+    case Limit::kFiles:
+      return fmt::format("it had {} in {} files, more than {} or {} files", size_text(usage.files),
+                         usage.file_count, size_text(limits.files), limits.file_count);
+  }
+  return "";
+}
+
+class Turn {
+ public:
+  explicit Turn(const TurnOptions& options)
+      : options_(options), claim_(claim(options.robot)), care_(options.care) {
+    report_.robot = options.robot;
+    report_.words = options.words;
+    report_.user = options.user;
+    report_.limits = options.limits;
+    report_.begin = std::chrono::system_clock::now();
+    make_folders();
+    care_.tell = [this](const std::string& sentence) { print(sentence); };
+  }
+
+  int take() {
+    prepare_program();
+    try {
+      care_.look = [this] { throw_if_interrupted(); };
+      report_.before = make_fit(options_.robot, care_);
+      if (report_.before.is_fit) {
+        record_and_run();
+      } else {
+        report_.end.text = "was not started: the robot is not fit: " + report_.before.problem;
+      }
+    } catch (const std::exception& error) {
+      // Whatever it was, the robot must be brought back.
+      is_broken_ = true;
+      add_trouble(error.what());
+      if (report_.end.text.empty()) report_.end.text = "was ended, because this failed";
+    } catch (const TurnInterrupted& interrupted) {
+      report_.end = {
+          .kind = JobEnd::Kind::kInterrupted,
+          .signal = interrupted.signal,
+          .text = "was not started: this was interrupted by " + signal_text(interrupted.signal)};
+    }
+    program_.reset();
+    if (report_.before.is_fit || was_interrupted_ || is_broken_) restore();
+    report_.end_time = std::chrono::system_clock::now();
+    write_report();
+    const int code = exit_code_of(report_);
+    return is_broken_ && code == kDone ? kFailed : code;
+  }
+
+ private:
+  void print(const std::string& text, Style style = Style::kPlain) {
+    console_.print(options_.robot, text, style);
+  }
+
+  // Returns the first signal that has come. A second one ends this program.
+  std::optional<int> look_for_signal() {
+    const std::optional<int> signal = signals_.wait(Nanoseconds::zero());
+    if (!signal) return std::nullopt;
+    if (was_interrupted_) Signals::die_of(*signal);
+    was_interrupted_ = true;
+    print("ends early and brings the robot back; a second Ctrl-C ends at once", Style::kWarning);
+    return signal;
+  }
+  void throw_if_interrupted() {
+    if (const std::optional<int> signal = look_for_signal()) throw TurnInterrupted{*signal};
+  }
+
+  void make_folders() {
+    if (options_.output) {
+      folder_ = fs::absolute(*options_.output);
+    } else {
+      const auto whole = std::chrono::floor<std::chrono::seconds>(report_.begin.time_since_epoch());
+      folder_ = fs::absolute("jobs") / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}_{}", options_.robot,
+                                                   fmt::gmtime(whole.count()), ::getpid());
+    }
+    if (fs::exists(folder_ / "job.json") || fs::exists(folder_ / "output.txt")) {
+      throw UsageError(folder_.string() + " has another job; --output names a folder");
+    }
+    work_ = folder_ / "work";
+    fs::create_directories(work_ / "tmp");
+    folder_ = fs::canonical(folder_);
+    work_ = folder_ / "work";
+  }
+
+  void prepare_program() {
+    Confinement confinement{.words = options_.words,
+                            .folder = work_,
+                            .environment = environment_for(options_, work_),
+                            .user = {},
+                            .limits = options_.limits,
+                            .writable = {},
+                            .with_namespaces = options_.with_namespaces};
+    if (options_.user) {
+      confinement.user = SystemUser::find(*options_.user);
+      for (const fs::path& path : {work_, work_ / "tmp"}) {
+        if (::chown(path.c_str(), confinement.user->user, confinement.user->group) != 0) {
+          throw SystemError("give " + path.string() + " to " + *options_.user, errno);
+        }
+      }
+    }
+    for (const fs::path& path : {session_folder(), fs::path("/dev/shm")}) {
+      std::error_code ignored;
+      const fs::path real = fs::canonical(path, ignored);
+      auto& writable = confinement.writable;
+      if (!ignored && std::ranges::find(writable, real) == writable.end()) {
+        writable.push_back(real);
+      }
+    }
+    const uid_t user = confinement.user ? confinement.user->user : ::geteuid();
+    shared_ = confinement.writable;
+    user_ = user;
+    program_.emplace(std::move(confinement));  // before any thread
+    report_.confined_by = program_->confined_by();
+  }
+
+  void record_and_run() {
+    log::RecorderOptions recorder{.folder = folder_ / "log"};
+    recorder.max_total = options_.limits.log;
+    std::optional<RunningRecorder> recording;
+    try {
+      recording.emplace(std::vector{options_.robot}, std::move(recorder));
+    } catch (const Error& error) {
+      add_trouble(fmt::format("there is no log: {}", error.what()));
+    }
+    run_program();
+    program_.reset();
+    // The log also has how the last session ended.
+    report_.after = wait_until_free(options_.robot, after_care());
+    if (recording) finish(*recording);
+    report_.driving = driving_in(folder_ / "log");
+    report_.leftovers = files_->remove_leftovers();
+  }
+
+  void run_program() {
+    files_.emplace(work_, shared_, user_);
+    OutputFile output(folder_ / "output.txt", options_.limits.output);
+    print("starts the program; its folder is " + work_.string());
+    const Instant begin = now();
+    program_->start();
+    Instant next_measure = begin;
+    std::optional<Instant> asked;
+    bool was_killed = false;
+    const auto kill = [&] {
+      if (!std::exchange(was_killed, true)) program_->kill();
+    };
+    while (!program_->is_gone()) {
+      constexpr Nanoseconds kSlice = std::chrono::milliseconds(20);
+      const std::string text = program_->take_output(kSlice);
+      output.add(text);
+      // The program waits if it prints more than anybody will see.
+      if (output.output().left_out() > 0 && !text.empty()) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      }
+      const bool is_ending = program_->end() || asked || was_killed;
+      if (const std::optional<int> signal = look_for_signal(); signal && !is_ending) {
+        report_.end = {.kind = JobEnd::Kind::kInterrupted,
+                       .signal = *signal,
+                       .text = "was ended because this was interrupted by " + signal_text(*signal)};
+        program_->ask_to_end();
+        asked = now();
+      }
+      if (asked && now() - *asked > options_.limits.grace) kill();
+      if (program_->end() || was_killed || now() < next_measure) continue;
+      const Instant before = now();
+      const JobUsage usage = measure(before - begin);
+      next_measure = now() + std::max<Nanoseconds>(kMeasurePeriod, 10 * (now() - before));
+      const Limit limit = exceeded(usage, options_.limits);
+      if (limit == Limit::kNone || asked) continue;
+      report_.end = {.kind = JobEnd::Kind::kLimit,
+                     .limit = limit,
+                     .text = "was ended: " + limit_text(limit, usage, options_.limits)};
+      if (limit == Limit::kTime) {
+        program_->ask_to_end();
+        asked = now();
+      } else {
+        kill();
+      }
+    }
+    report_.most.time = std::max<Nanoseconds>(report_.most.time, now() - begin);
+    report_.end.was_killed = was_killed;
+    output.finish();
+    report_.output_bytes = output.output().total();
+    report_.output_left_out = output.output().left_out();
+    if (!output.trouble().empty()) add_trouble(output.trouble());
+    if (report_.end.kind == JobEnd::Kind::kNotStarted) note_end(*program_->end());
+  }
+
+  JobUsage measure(Nanoseconds time) {
+    const std::vector<ProcessEntry> all = all_processes();
+    const std::vector<ProcessEntry> processes = descendants_of(program_->guard(), all);
+    JobUsage usage{.time = time};
+    for (const ProcessEntry& process : all) {
+      // The guard has waited for orphans.
+      if (process.pid == program_->guard()) usage.cpu_time += process.children_cpu_time;
+    }
+    for (const ProcessEntry& process : processes) {
+      usage.cpu_time += process.cpu_time + process.children_cpu_time;
+      usage.processes += process.has_ended ? 1 : process.threads;
+    }
+    raise_to(report_.most, usage);
+    // The rest takes time that a fork bomb would use.
+    if (usage.processes > options_.limits.processes) return usage;
+    usage.memory = memory_of(processes, options_.limits.memory);
+    files_->look_at(processes);
+    const FilesUsage files =
+        files_->usage({.bytes = options_.limits.files, .count = options_.limits.file_count});
+    usage.files = files.bytes;
+    usage.file_count = files.count;
+    raise_to(report_.most, usage);
+    return usage;
+  }
+
+  void note_end(const ProgramEnd& end) {
+    JobEnd& told = report_.end;
+    if (end.start_error != 0) {
+      told.text = fmt::format("could not be started: {}: {}", options_.words.front(),
+                              std::strerror(end.start_error));
+      // To the shell, too, a command that is not found has failed.
+      told.kind = JobEnd::Kind::kExited;
+      told.exit_code = 127;
+    } else if (WIFSIGNALED(end.status)) {
+      told.kind = JobEnd::Kind::kSignal;
+      told.signal = WTERMSIG(end.status);
+      told.text = "was ended by " + signal_text(told.signal);
+      if (told.signal == SIGXFSZ) {
+        told.kind = JobEnd::Kind::kLimit;
+        told.limit = Limit::kFiles;
+        told.text = fmt::format("was ended: it wrote a file of more than {}",
+                                size_text(options_.limits.file_size));
+      } else if (told.signal == SIGXCPU) {
+        told.kind = JobEnd::Kind::kLimit;
+        told.limit = Limit::kCpuTime;
+        told.text = fmt::format("was ended: it used more than {} of a processor",
+                                duration_text(options_.limits.cpu_time));
+      }
+    } else {
+      told.kind = JobEnd::Kind::kExited;
+      told.exit_code = WEXITSTATUS(end.status);
+      told.text = fmt::format("ended with exit code {}", told.exit_code);
+    }
+  }
+
+  [[nodiscard]] CareOptions after_care() {
+    CareOptions care = care_;
+    care.look = [this] { static_cast<void>(look_for_signal()); };
+    return care;
+  }
+
+  void restore() {
+    std::vector<std::string> recovered;
+    if (report_.after) recovered = std::move(report_.after->recovered);
+    print("brings the robot back");
+    report_.after = make_fit(options_.robot, after_care());
+    report_.after->recovered.insert(report_.after->recovered.begin(), recovered.begin(),
+                                    recovered.end());
+  }
+
+  void finish(RunningRecorder& recording) {
+    constexpr Nanoseconds kPatience = std::chrono::seconds(10);
+    recording.recorder().request_stop();
+    const Deadline deadline(kPatience);
+    while (!recording.has_ended(std::chrono::milliseconds(20)) && !deadline.passed()) {
+      static_cast<void>(look_for_signal());
+    }
+    for (const log::Event& event : recording.take_events()) {
+      if (event.level != log::Level::kInfo && event.source == "recorder") add_trouble(event.text);
+    }
+    if (!recording.has_ended()) {
+      add_trouble("the log lacks its end: its disk does not take it");
+      return;
+    }
+    try {
+      recording.require_success();
+    } catch (const Error& error) {
+      add_trouble(error.what());
+    }
+    const log::RecorderState state = recording.recorder().state();
+    if (state.lost_steps > 0) {
+      add_trouble(fmt::format("{} steps are not in the log", state.lost_steps));
+    }
+  }
+
+  void add_trouble(const std::string& text) {
+    if (report_.troubles.size() < kMostTroubles) report_.troubles.push_back(text);
+  }
+
+  void write_report() {
+    std::string trouble;
+    try {
+      write_json(report_, folder_);
+    } catch (const Error& error) {
+      trouble = error.what();
+    } catch (const fs::filesystem_error& error) {
+      trouble = error.what();
+    }
+    if (!trouble.empty()) add_trouble("the report could not be written: " + trouble);
+    const bool is_good = exit_code_of(report_) == kDone;
+    for (const std::string& line : lines_of(report_)) {
+      print(line, is_good ? Style::kPlain : Style::kWarning);
+    }
+    if (trouble.empty()) print("report: " + (folder_ / "job.json").string());
+  }
+
+  const Signals signals_;  // before any thread
+  const TurnOptions& options_;
+  ipc::FileDescriptor claim_;
+  CareOptions care_;
+  Console console_;
+  JobReport report_;
+  fs::path folder_;
+  fs::path work_;
+  std::vector<fs::path> shared_;
+  uid_t user_{0};
+  bool was_interrupted_{false};
+  bool is_broken_{false};  // This program has failed.
+  std::optional<ConfinedProgram> program_;
+  std::optional<JobFiles> files_;
+};
+
+}  // namespace
+
+int take_turn(const TurnOptions& options) { return Turn(options).take(); }
+
+int restore_robot(const std::string& robot, const CareOptions& care) {
+  const Signals signals;
+  const ipc::FileDescriptor claimed = claim(robot);
+  Console console;
+  CareOptions options = care;
+  options.tell = [&](const std::string& sentence) { console.print(robot, sentence); };
+  options.look = [&signals] {
+    if (const std::optional<int> signal = signals.wait(Nanoseconds::zero())) {
+      throw TurnInterrupted{*signal};
+    }
+  };
+  try {
+    const CareReport report = make_fit(robot, options);
+    if (!report.is_fit) {
+      console.print(robot, "not fit: " + report.problem, Style::kBad);
+      return kNeedsHand;
+    }
+    console.print(robot, report.cube.empty() ? "fit" : "fit; the cube is " + report.cube,
+                  Style::kGood);
+    return kDone;
+  } catch (const TurnInterrupted& interrupted) {
+    return 128 + interrupted.signal;
+  }
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger job`: whatever a program does, its turn ends and the robot is whole."""
+
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from conftest import PATIENT, StartProgram
+from job_place import (
+    INTERPRETER,
+    PROGRAM,
+    PYTHON,
+    USER,
+    Place,
+    groups,
+    may_be_used,
+    place,
+    processes_in,
+)
+
+pytestmark = [
+    pytest.mark.release,  # these tests need the program
+    pytest.mark.skipif(
+        not PROGRAM.exists() or not may_be_used(),
+        reason="nobody may not start the programs under test",
+    ),
+]
+
+MEMORY = Path("/dev", "shm")
+DRIVE = """
+import os, time, trifinger
+robot = trifinger.connect(os.environ["TRIFINGER_ROBOT"])
+hold = robot.new_action(position=robot.latest_observation().position)
+for _ in range(100):
+    t = robot.append_desired_action(hold)
+    robot.get_observation(t)
+"""
+
+
+@pytest.fixture
+def turn(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+    for name in ("TRIFINGER_SESSION_DIR", "TRIFINGER_LOG_DIR"):
+        monkeypatch.setenv(name, "")  # so that it is restored
+    with place() as found:
+        yield found
+
+
+@pytest.fixture
+def shared(turn: Place, start_program: StartProgram) -> Place:
+    """A place with a robot called "shared" that waits for its users."""
+    robot = start_program("run", "sim", "--name", "shared", "--non-real-time", user=USER)
+    robot.wait_for("waits for a user")
+    return turn
+
+
+def python(text: str) -> tuple[str, ...]:
+    return (*PYTHON, "-c", text)
+
+
+def shell(text: str) -> tuple[str, ...]:
+    return ("--", "sh", "-c", text)
+
+
+def test_a_program_drives_the_robot_and_leaves_a_report(shared: Place) -> None:
+    report = shared.run(*python(DRIVE + "robot.finish()\nprint('done')"), expect=0, test="joints")
+    assert report["end"]["kind"] == "exited"
+    assert report["driving"]["steps"] == 100
+    assert report["driving"]["sessions"] == 1
+    assert report["driving"]["faults"] == []
+    for care in (report["before"], report["after"]):
+        assert care["is_fit"]
+        assert care["self_test"]["passes"]
+        assert care["self_test"]["steps"] > 9 * 2000
+        for joint in care["self_test"]["joints"]:  # the load is the weight that the model knows
+            assert joint["load"] == pytest.approx(joint["weight"], abs=0.01)
+    assert (shared.job / "output.txt").read_text() == "done\n"
+    assert list((shared.job / "log").glob("*.mcap"))
+
+
+def test_a_program_gets_its_folder_and_little_else(
+    shared: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OF_THE_SUPERVISOR", "1")
+    shared.run("--env", "ADDED=yes", *shell("env; pwd; cat; echo x > mine"), expect=0)
+    output = (shared.job / "output.txt").read_text()
+    assert "OF_THE_SUPERVISOR" not in output
+    assert "ADDED=yes" in output
+    assert "TRIFINGER_ROBOT=shared" in output
+    assert output.endswith(f"{shared.job / 'work'}\n")
+    assert (shared.job / "work/mine").exists()
+
+
+HOSTILE = {
+    "memory": (
+        ("--memory", "200MB"),
+        f"exec {INTERPRETER} -c 'x = [bytearray(10**7) for _ in range(10**6)]'",
+        "memory",
+    ),
+    "many files": (
+        ("--files", "20MB"),
+        "i=0; while true; do i=$((i+1)); head -c 2000000 /dev/zero > f$i; done",
+        "files",
+    ),
+    "empty files": (
+        ("--file-count", "200"),
+        "i=0; while true; do i=$((i+1)); : > f$i; done",
+        "files",
+    ),
+    "a large file": (
+        ("--file-size", "1MB"),
+        "exec head -c 100000000 /dev/zero > f",
+        "files",
+    ),
+    "a removed file": (
+        ("--files", "20MB"),
+        "exec 3> f; rm f; while true; do head -c 2000000 /dev/zero >&3; done",
+        "files",
+    ),
+    "processors": (("--cpu-time", "1s"), "while true; do :; done & while true; do :; done", None),
+    "no end": (("--time", "1s"), "exec sleep 1000", "time"),
+    "ignores signals": (("--time", "1s"), "trap '' TERM HUP INT; while true; do :; done", "time"),
+    "floods its output": (("--time", "1s", "--output-size", "10kB"), "exec yes", "time"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_limit_ends_a_program_that_goes_too_far(shared: Place, name: str) -> None:
+    options, script, limit = HOSTILE[name]
+    if name == "memory":  # without the limit it would end by itself, but not soon
+        options = (*options, "--time", "60s")
+    report = shared.run(*options, *shell(script), expect=11)
+    assert report["end"]["kind"] == "limit"
+    assert report["end"]["limit"] == (limit or "cpu_time")
+    assert report["after"]["is_fit"]
+    assert (shared.job / "output.txt").stat().st_size < 100_000
+    shared.run(*shell("true"), expect=0)
+
+
+def test_a_fork_bomb_stays_small(shared: Place) -> None:
+    script = "f() { f & f & sleep 1; }; while true; do f; done"
+    words = shared.words("--processes", "40", *shell(script))
+    done = subprocess.run(
+        words, user=USER, group=USER, extra_groups=groups(), capture_output=True, text=True
+    )
+    # The kernel refuses more, of which the shell dies, or the limit is seen first.
+    assert done.returncode in (10, 11), done.stdout[-3000:]
+    report = shared.report
+    assert report["most_used"]["processes"] < 100
+    assert report["after"]["is_fit"]
+    assert not processes_in(shared.job / "work")
+
+
+@pytest.mark.parametrize(
+    ("script", "expect"),
+    [
+        ("(setsid setsid sleep 1000 &) ; sleep 0.1", 0),
+        ("kill -9 -1; kill -9 $PPID; exit 3", 10),
+        ("rm -rf ../../* ../../../kept; exit 0", 0),
+        ("exec 0<&- 1>&- 2>&-; sleep 0.1", 0),
+        ("exec /no/such/program", 10),
+        ("kill -SEGV $$", 10),
+    ],
+)
+def test_a_program_that_does_harm_harms_itself(shared: Place, script: str, expect: int) -> None:
+    (shared.folder / "kept").write_text("kept")
+    probe = shared.words(*shell("true"))
+    subprocess.run(probe, user=USER, group=USER, extra_groups=groups(), check=True)
+    if not shared.report["confined_by"]["read_only"] and "rm -rf" in script:
+        pytest.skip("the kernel allows this user no namespaces, so its jobs can write anywhere")
+    report = shared.run(*shell(script), expect=expect)
+    assert report["after"]["is_fit"]
+    assert (shared.folder / "kept").exists()
+
+
+def test_control_that_is_held_ends_with_the_turn(shared: Place) -> None:
+    program = DRIVE + "import signal; signal.signal(15, signal.SIG_IGN); time.sleep(1000)"
+    report = shared.run("--time", "3s", *python(program), expect=11)
+    assert report["driving"]["steps"] >= 100
+    assert report["end"]["was_killed"]
+    assert report["after"]["is_fit"]
+
+
+def test_a_fault_is_cleared_after_the_turn(turn: Place, start_program: StartProgram) -> None:
+    robot = start_program(
+        "run",
+        *("sim", "--name", "shared", *PATIENT, "--set", "backend.max_rejected_actions=10"),
+        user=USER,
+    )
+    robot.wait_for("waits for a user")
+    program = DRIVE + "\nfor _ in range(1000):\n    robot.append_desired_action(bad)"
+    bad = "\nbad = robot.new_action(position=[0.0] * 9, position_kp=[1e9] * 9)"
+    report = turn.run(*python(program.replace("\nhold", bad + "\nhold")), expect=10)
+    assert "RobotStopped" in (turn.job / "output.txt").read_text()
+    (fault,) = report["driving"]["faults"]
+    assert "not fit to apply" in fault
+    assert report["after"]["recovered"] == [fault]
+    assert report["after"]["is_fit"]
+    assert report["driving"]["rejected"] >= 10
+
+
+def test_leftovers_in_shared_memory_are_removed(shared: Place) -> None:
+    program = """
+import os, time
+from multiprocessing import shared_memory, resource_tracker
+block = shared_memory.SharedMemory(create=True, size=10**6)
+resource_tracker.unregister(block._name, "shared_memory")
+print(block.name, flush=True)
+time.sleep(2)
+os._exit(0)
+"""
+    report = shared.run(*python(program), expect=0)
+    name = (shared.job / "output.txt").read_text().strip()
+    assert report["leftovers"] == [str(MEMORY / name)]
+    assert not (MEMORY / name).exists()
+
+
+def started(place: Place, start_program: StartProgram, script: str):  # type: ignore[no-untyped-def]
+    words = place.words(*shell(script))
+    running = start_program(*words[1:], program=words[:1], user=USER)
+    running.wait_for("has begun")
+    return running
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_turn_ends_with_a_report_and_a_robot_that_is_whole(
+    shared: Place, start_program: StartProgram, number: signal.Signals
+) -> None:
+    running = started(shared, start_program, "echo has begun; sleep 1000")
+    status, output = running.end(number)
+    assert status == 128 + number, output
+    report = shared.report
+    assert report["end"]["kind"] == "interrupted"
+    assert report["after"]["is_fit"]
+    assert not processes_in(shared.job / "work")
+
+
+def test_a_second_signal_ends_at_once(shared: Place, start_program: StartProgram) -> None:
+    running = started(shared, start_program, "trap '' TERM; echo has begun; sleep 1000")
+    running.process.send_signal(signal.SIGTERM)
+    running.wait_for("a second Ctrl-C ends at once")
+    assert running.end(signal.SIGTERM)[0] == -signal.SIGTERM
+    while processes_in(shared.job / "work"):
+        pass
+    shared.run(*shell("true"), expect=0)
+
+
+def test_a_killed_turn_takes_its_program_with_it(
+    shared: Place, start_program: StartProgram
+) -> None:
+    running = started(shared, start_program, "(setsid sleep 1000 &) ; echo has begun; sleep 1000")
+    assert processes_in(shared.job / "work")
+    running.end(signal.SIGKILL)
+    while processes_in(shared.job / "work"):
+        pass
+    shared.run(*python(DRIVE), expect=0)
+
+
+def test_two_turns_never_overlap(shared: Place, start_program: StartProgram) -> None:
+    running = started(shared, start_program, "echo has begun; sleep 1000")
+    words = shared.words(*shell("true"))
+    second = subprocess.run(
+        words, user=USER, group=USER, extra_groups=groups(), capture_output=True, text=True
+    )
+    assert second.returncode == 1
+    assert "is in use" in second.stderr
+    running.end()
+
+
+def test_a_program_is_not_started_on_a_robot_that_is_not_fit(turn: Place) -> None:
+    report = turn.run("--patience", "0.2s", *shell("echo started"), expect=12)
+    assert report["end"]["kind"] == "not_started"
+    assert "shared" in report["before"]["problem"]
+    assert not (turn.job / "output.txt").exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can run a job as somebody else")
+def test_root_runs_a_program_as_its_user(shared: Place, start_program: StartProgram) -> None:
+    robot = start_program(
+        "run", "sim", "--name", "grouped", "--non-real-time", "--set", "backend.access=group",
+        user=USER,
+    )  # fmt: skip
+    robot.wait_for("waits for a user")
+    words = shared.words("--user", "nobody", *shell("id -un; touch /etc/x"), robot="grouped")
+    done = subprocess.run(words, extra_groups=[USER], capture_output=True, text=True)
+    assert done.returncode == 10, done.stdout + done.stderr
+    assert (shared.job / "output.txt").read_text().startswith("nobody\n")
+    for user in ([], ["--user", "root"]):
+        words = shared.words(*user, *shell("true"), robot="grouped")
+        refused = subprocess.run(words, extra_groups=[USER], capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert "never runs as root" in refused.stderr
+
+
+def test_restore_makes_a_robot_fit(shared: Place) -> None:
+    words = [str(PROGRAM), "restore", "shared", "--self-test", "hold"]
+    done = subprocess.run(words, user=USER, group=USER, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "fit" in done.stdout
+    shutil.rmtree(shared.folder / "jobs")
