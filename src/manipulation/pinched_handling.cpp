@@ -293,10 +293,13 @@ void PinchedHandling::open(std::string_view failure) noexcept {
 // Puts the box down where it is.
 void PinchedHandling::put_down(std::string_view failure) noexcept {
   if (next_failure_.empty()) next_failure_ = failure;
+  middle_way_.rest_at(middle_);
+  // The poses from now on tell how far it is to the table.
+  average_.reset();
+  average_from_ = clock_.step();
   const auto k = static_cast<std::size_t>(pinch_.pusher);
   const Vector3d tip = servo_.tip(pinch_.pusher);
-  const Vector3d outward =
-      turn_by(pinch_, std::clamp(tip_angle(), 0.0, config_.turn_angle)) * Vector3d::UnitZ();
+  const Vector3d outward = turn_by(pinch_, turned_) * Vector3d::UnitZ();
   ways_[k].rest_at(tip);
   ways_[k].begin({tip + (kHover + 0.01) * outward, waiting_place(pinch_, config_.approach_height)},
                  config_.approach_speed);
@@ -347,6 +350,24 @@ double PinchedHandling::tip_angle() const noexcept {
 double PinchedHandling::seen_angle(const Pose& pose) const noexcept {
   const Vector3d turn = control::rotation_error(pose.orientation, rest_.orientation);
   return turn.dot(Vector3d::UnitZ().cross(pinch_.forward));
+}
+
+// The distance of the box from the table.
+double PinchedHandling::gap() const noexcept {
+  if (average_.count() > 0) {
+    const Pose seen = average_.mean();
+    return seen.position.z() - half_height(box_, seen.orientation);
+  }
+  // Nobody sees it: as it must be between the tips.
+  const double below = config_.pinch_height;
+  double lowest = INFINITY;
+  for (const double forward : {-pinch_.length / 2, pinch_.length / 2}) {
+    for (const double up : {-below, pinch_.above}) {
+      const Vector3d corner = forward * pinch_.forward + up * Vector3d::UnitZ();
+      lowest = std::min(lowest, (turn_by(pinch_, turned_) * corner).z());
+    }
+  }
+  return middle_.z() + lowest;
 }
 
 bool PinchedHandling::is_pinched() const noexcept {
@@ -426,6 +447,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
         carried_ = 0.0;
         still_ = numb_ = Seconds(0);
         corrections_ = 0;
+        turned_ = 0.0;
         enter(Phase::kPinch);
       }
       break;
@@ -464,6 +486,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
     case Phase::kTurn: {
       constexpr Seconds kSettle{0.15};
       const Seconds duration = corrections_ == 0 ? config_.turn_time : kCorrectionTime;
+      turned_ = std::clamp(tip_angle(), 0.0, config_.turn_angle);
       if (clock_.in_phase() < duration + kSettle) {
         average_.reset();
         average_from_ = clock_.step();
@@ -477,7 +500,6 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
           turn_to_ += std::min(left, 0.5);
           enter(Phase::kTurn);
         } else {
-          reached_angle_ = config_.turn_angle - left;
           put_down({});
         }
       }
@@ -486,11 +508,8 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
     }
     case Phase::kWithdraw:
       if (ways_[pusher].is_complete()) {
-        const Pose seen =
-            average_.count() > 0 ? average_.mean() : estimator_.predict(clock_.now()).pose;
-        const double gap = seen.position.z() - half_height(box_, seen.orientation);
         Vector3d down = middle_;
-        down.z() -= std::clamp(gap, 0.0, config_.lift_height) + kPress;
+        down.z() -= std::clamp(gap(), 0.0, config_.lift_height) + kPress;
         middle_way_.rest_at(middle_);
         middle_way_.begin({down}, kLowerSpeed);
         enter(Phase::kLower);

@@ -146,6 +146,7 @@ class PinchedHandling : public Skill {
   [[nodiscard]] Eigen::Vector3d contact_at(double angle, double distance) const noexcept;
   [[nodiscard]] double tip_angle() const noexcept;
   [[nodiscard]] double seen_angle(const Pose& pose) const noexcept;
+  [[nodiscard]] double gap() const noexcept;
   [[nodiscard]] bool is_pinched() const noexcept;
 
   PinchedHandlingConfig config_;
@@ -185,7 +186,7 @@ class PinchedHandling : public Skill {
   double turn_to_{0.0};
   double turn_sum_{0.0};
   int corrections_{0};
-  double reached_angle_{0.0};
+  double turned_{0.0};  // Angle of the box about the line between the tips.
 };
 
 }  // namespace trifinger::manipulation

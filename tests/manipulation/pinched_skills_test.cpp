@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "evaluation/contact.hpp"
+#include "evaluation/skill_rows.hpp"
+#include "meddled_skill.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/manipulation/run_skill.hpp"
+#include "trifinger/manipulation/skills.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+using evaluation::SkillRow;
+using evaluation::SkillTrial;
+
+// The skills in which two tips pinch a box and the third one turns it.
+class PinchedSkill : public ::testing::TestWithParam<const char*> {
+ protected:
+  [[nodiscard]] static SkillRow row() {
+    return std::string_view(GetParam()) == "turn" ? evaluation::turn_rows().front()
+                                                  : evaluation::stand_rows().front();
+  }
+  [[nodiscard]] static SkillTrial trial() { return row().trial; }
+  [[nodiscard]] static MeddledSkill skill_of(const SkillTrial& trial) {
+    return MeddledSkill(make_skill(trial.skill,
+                                   {.description = trial.believed,
+                                    .limits = safety_limits_of(trial.simulation),
+                                    .period = trial.simulation.period},
+                                   {}, trial.settings));
+  }
+  static SkillTrace run(const Simulation<TriFinger>& simulation, MeddledSkill& skill,
+                        const SkillRunOptions& options = {}) {
+    auto robot = simulation.connect();
+    return run_skill(robot, skill, options);
+  }
+  // Height of the lowest point of the object above the table.
+  [[nodiscard]] static double gap(const Simulation<TriFinger>& simulation) {
+    const ObjectDescription& object = simulation.robot().options().description.objects.front();
+    const ObjectPose pose = simulation.robot().object_pose(object.name);
+    const auto& q = pose.orientation;
+    return evaluation::lowest_point(object,
+                                    {.position = Eigen::Vector3d::Map(pose.position.data()),
+                                     .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
+  }
+};
+
+TEST_P(PinchedSkill, DoesWhatItShouldFromAStartThatVaries) {
+  const SkillRow the_row = row();
+  SkillTrial varied = the_row.trial;
+  the_row.vary(varied, 31);
+  const auto judgement = the_row.judge(varied, evaluation::run_skill_trial(varied));
+  EXPECT_TRUE(judgement.succeeds) << judgement.why;
+}
+
+TEST_P(PinchedSkill, IsNotSaidToSucceedIfItDidNothing) {
+  const SkillRow the_row = row();
+  SkillTrial idle = the_row.trial;
+  idle.simulation.object_loss = 1.0;
+  const auto result = evaluation::run_skill_trial(idle);
+  EXPECT_EQ(result.trace.failure, "the object was not seen");
+  EXPECT_FALSE(the_row.judge(idle, result).succeeds);
+}
+
+TEST_P(PinchedSkill, PutsTheObjectDownWhenItIsStopped) {
+  for (const std::string_view phase : {"look", "approach", "pinch", "lift", "reach", "turn",
+                                       "withdraw", "lower", "loosen", "release", "check"}) {
+    const SkillTrial the_trial = trial();
+    const Simulation<TriFinger> simulation(the_trial.simulation);
+    MeddledSkill skill = skill_of(the_trial);
+    std::atomic<bool> stop{false};
+    TimeIndex in_phase = 0;
+    double fastest = 0.0;
+    double before = gap(simulation);
+    SkillRunOptions options{.stop = &stop};
+    options.on_step = [&](TimeIndex) {
+      constexpr TimeIndex kSteps = 100;
+      if (skill.state().phase == phase && ++in_phase == kSteps) stop = true;
+      const double now = gap(simulation);
+      fastest = std::max(fastest, (before - now) / 1e-3);
+      before = now;
+    };
+    const SkillTrace trace = run(simulation, skill, options);
+    EXPECT_TRUE(stop) << phase;
+    EXPECT_EQ(trace.failure, "it was stopped") << phase;
+    EXPECT_LT(gap(simulation), 2e-3) << phase;
+    EXPECT_LT(fastest, 0.3) << "it fell in " << phase;
+  }
+}
+
+TEST_P(PinchedSkill, EndsWithoutPosesInAnyPhase) {
+  for (const std::string_view phase : {"look", "pinch", "turn", "release"}) {
+    const SkillTrial the_trial = trial();
+    const Simulation<TriFinger> simulation(the_trial.simulation);
+    MeddledSkill skill = skill_of(the_trial);
+    bool is_blind = false;
+    skill.lets_see = [&](TimeIndex) {
+      is_blind = is_blind || skill.state().phase == phase;
+      return !is_blind;
+    };
+    double fastest = 0.0;
+    double before = gap(simulation);
+    SkillRunOptions options;
+    options.on_step = [&](TimeIndex) {
+      const double now = gap(simulation);
+      fastest = std::max(fastest, (before - now) / 1e-3);
+      before = now;
+    };
+    EXPECT_FALSE(run(simulation, skill, options).failure.empty()) << phase;
+    EXPECT_LT(gap(simulation), 2e-3) << phase;
+    EXPECT_LT(fastest, 0.3) << "it fell in " << phase;
+  }
+}
+
+TEST_P(PinchedSkill, SaysThatTheObjectIsGone) {
+  const SkillTrial the_trial = trial();
+  const Simulation<TriFinger> simulation(the_trial.simulation);
+  MeddledSkill skill = skill_of(the_trial);
+  SkillRunOptions options;
+  options.on_phase = [&](const Skill& at) {
+    if (at.state().phase == "reach")
+      simulation.robot().place_object(std::string(at.object()), {.position = {0.0, 0.2, 0.2}});
+  };
+  EXPECT_FALSE(run(simulation, skill, options).failure.empty());
+}
+
+TEST_P(PinchedSkill, BearsStepsThatAreLeftOut) {
+  const SkillTrial the_trial = trial();
+  const Simulation<TriFinger> simulation(the_trial.simulation);
+  MeddledSkill skill = skill_of(the_trial);
+  skill.lets_step = [](TimeIndex step) { return step % 17 != 3 && step % 17 != 4; };
+  EXPECT_EQ(run(simulation, skill).failure, "");
+}
+
+TEST_P(PinchedSkill, AllocatesNothingInItsLoop) {
+  const SkillTrial the_trial = trial();
+  const Simulation<TriFinger> simulation(the_trial.simulation);
+  MeddledSkill skill = skill_of(the_trial);
+  const SkillTrace trace = run(simulation, skill);
+  EXPECT_EQ(trace.steps.back().phase, "done");
+  EXPECT_EQ(skill.allocations(), 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Skills, PinchedSkill, ::testing::Values("turn", "stand"),
+                         [](const auto& instance) { return std::string(instance.param); });
+
+}  // namespace
+}  // namespace trifinger::manipulation
