@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
-#include <string>
+#include <string_view>
 
 #include "evaluation/resting.hpp"
 #include "evaluation/skill_rows.hpp"
@@ -22,7 +22,7 @@ Eigen::Vector3d turn_between(const TrueStep& from, const TrueStep& to) {
 
 // The two others hold the cube and stay where they are, while one turns it. Looks at the part of
 // the turn from a tenth to nine tenths, as the cube has truly turned.
-std::string hands_of(const SkillTrialResult& result) {
+std::string_view hands_of(const SkillTrialResult& result) {
   std::array<std::size_t, 3> touches{};
   std::array<Eigen::AlignedBox3d, 3> boxes;
   std::size_t steps = 0;
@@ -65,9 +65,9 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
     judgement.why = result.trace.failure;
   } else if ((turn - kQuarter * axis).norm() > kTolerance) {
     judgement.why = "it was turned by something else than 90 degrees";
-  } else if (const std::string unrest = what_moves(trial, result); !unrest.empty()) {
+  } else if (const std::string_view unrest = what_moves(trial, result); !unrest.empty()) {
     judgement.why = unrest;
-  } else if (const std::string hands = hands_of(result); !hands.empty()) {
+  } else if (const std::string_view hands = hands_of(result); !hands.empty()) {
     judgement.why = hands;
   } else if (time > kLongest) {
     judgement.why = "it took too long";

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
+#include <string_view>
 
 #include "evaluation/skill_trial.hpp"
 
@@ -9,8 +9,8 @@ namespace trifinger::evaluation {
 
 // What speaks against that the object rests by itself in the whole time after the skill's end, in
 // words: a tip touches it, or it moves by more than a millimetre. Empty if nothing does.
-[[nodiscard]] inline std::string what_moves(const SkillTrial& trial,
-                                            const SkillTrialResult& result) {
+[[nodiscard]] inline std::string_view what_moves(const SkillTrial& trial,
+                                                 const SkillTrialResult& result) {
   constexpr double kFarthest = 1e-3;  // [m]
   if (trial.after.count() <= 0 || result.end >= result.truth.size()) return "nobody looked";
   const control::Pose& last = result.truth.back().object;

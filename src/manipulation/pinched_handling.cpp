@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <utility>
 
-#include "trifinger/base/error.hpp"
+#include "box_of.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {
@@ -50,13 +50,6 @@ double half_height(const ObjectDescription& box, const Eigen::Quaterniond& orien
   return height;
 }
 
-const ObjectDescription& box_of(const RobotDescription& description, const std::string& name) {
-  for (const ObjectDescription& object : description.objects) {
-    if (object.name == name && object.shape == ObjectShape::kBox) return object;
-  }
-  throw InvalidArgument("the scene has no box '" + name + "'");
-}
-
 // The place where the tip that turns waits.
 Vector3d waiting_place(const Pinch& pinch, double height) noexcept {
   constexpr double kDistance = 0.055;
@@ -84,8 +77,10 @@ class ReachCheck {
   [[nodiscard]] bool reaches(int finger, const Vector3d& point) const noexcept {
     const FingerPose pose = kinematics_.inverse_kinematics(finger, point);
     if (!pose) return false;
+    const int first = kJointsPerFinger * finger;
     for (int j = 0; j < kJointsPerFinger; ++j) {
-      const auto joint = static_cast<std::size_t>(kJointsPerFinger * finger + j);
+      const int index = first + j;
+      const auto joint = static_cast<std::size_t>(index);
       if (pose.position[j] < limits_.soft_lower[joint] + kLimitMargin ||
           pose.position[j] > limits_.soft_upper[joint] - kLimitMargin)
         return false;

@@ -191,7 +191,10 @@ def test_a_fault_is_cleared_after_the_turn(turn: Place, start_program: StartProg
         user=USER,
     )
     robot.wait_for("waits for a user")
-    program = DRIVE + "\nfor _ in range(1000):\n    robot.append_desired_action(bad)"
+    program = (
+        DRIVE
+        + "\nfor _ in range(1000):\n    robot.get_observation(robot.append_desired_action(bad))"
+    )
     bad = "\nbad = robot.new_action(position=[0.0] * 9, position_kp=[1e9] * 9)"
     report = turn.run(*python(program.replace("\nhold", bad + "\nhold")), expect=10)
     assert "RobotStopped" in (turn.job / "output.txt").read_text()

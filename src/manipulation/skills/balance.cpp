@@ -9,12 +9,12 @@
 #include <string>
 #include <utility>
 
+#include "box_of.hpp"
 #include "phase_clock.hpp"
 #include "skills/makers.hpp"
 #include "tilt_observer.hpp"
 #include "tip_servo.hpp"
 #include "tip_way.hpp"
-#include "trifinger/base/error.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {
@@ -71,13 +71,6 @@ BalanceConfig read(const config::Node& root) {
   return config;
 }
 
-const ObjectDescription& box_of(const RobotDescription& description, const std::string& name) {
-  for (const ObjectDescription& object : description.objects) {
-    if (object.name == name && object.shape == ObjectShape::kBox) return object;
-  }
-  throw InvalidArgument("the scene has no box '" + name + "'");
-}
-
 // The gains of the acceleration of the tip on tilt, its rate, place and speed that minimise the
 // integral of weights times squares, with 1 for the acceleration: the discrete Riccati equation,
 // iterated.
@@ -118,8 +111,8 @@ class Balance final : public Skill {
         limits_(JointValues::Map(context.limits.max_torque.data(), kMaxJoints)),
         box_(tipping_box(object_, servo_.tip_radius())),
         gain_(regulator(box_, config_, context.period)),
-        observer_(box_, config_.observer, context.period) {
-    longest_ = static_cast<int>(std::ranges::max_element(object_.size) - object_.size.begin());
+        observer_(box_, config_.observer, context.period),
+        longest_(static_cast<int>(std::ranges::max_element(object_.size) - object_.size.begin())) {
     enter(Phase::kLook);
   }
 
@@ -180,7 +173,7 @@ class Balance final : public Skill {
   TippingBox box_;
   Eigen::RowVector4d gain_;
   TiltObserver observer_;
-  int longest_{1};
+  int longest_;  // Index of the longest edge.
 
   Phase phase_{Phase::kLook};
   SkillState state_;
@@ -309,8 +302,10 @@ void Balance::balance() noexcept {
   const Vector3d torque =
       jacobian_.transpose() * force + mass * (jacobian_.inverse() * (acceleration - drift)) +
       bias.segment<3>(first) + damping_.segment<3>(first).cwiseProduct(velocity);
-  for (int j = 0; j < kJointsPerFinger; ++j)
-    action_.torque[static_cast<std::size_t>(first + j)] = torque[j];
+  for (int j = 0; j < kJointsPerFinger; ++j) {
+    const int joint = first + j;
+    action_.torque[static_cast<std::size_t>(joint)] = torque[j];
+  }
   share_ = torque.cwiseQuotient(limits_.segment<3>(first)).cwiseAbs().maxCoeff();
 }
 

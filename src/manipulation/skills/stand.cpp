@@ -14,7 +14,7 @@ class Stand final : public PinchedHandling {
  public:
   using PinchedHandling::PinchedHandling;
 
- private:
+ protected:
   [[nodiscard]] std::string_view wrong_end() const noexcept override {
     return "the cuboid does not stand";
   }

@@ -10,7 +10,7 @@ class Turn final : public PinchedHandling {
  public:
   using PinchedHandling::PinchedHandling;
 
- private:
+ protected:
   [[nodiscard]] std::string_view wrong_end() const noexcept override {
     return "the cube is not as it should be after the turn";
   }
