@@ -18,8 +18,8 @@ KnotSpline::KnotSpline(SplineKind kind, int num_knots, int width, Seconds interv
   values_.resize(static_cast<std::size_t>(num_knots) * static_cast<std::size_t>(width));
 }
 
-void KnotSpline::at(Seconds time, std::span<const double> knots, std::span<double> value,
-                    std::span<double> rate) const noexcept {
+void KnotSpline::interpolate(Seconds time, std::span<const double> knots, std::span<double> value,
+                             std::span<double> rate) const noexcept {
   const auto width = static_cast<std::size_t>(width_);
   const int last = num_knots_ - 1;
   const double where = (time - begin_) / interval_;

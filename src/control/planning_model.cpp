@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "trifinger/base/error.hpp"
@@ -56,15 +57,25 @@ void choose_contacts(const RobotModel& robot, const PlanningModelOptions& option
     const auto link = longest_capsule(original, original.geom_bodyid[tip]);
     if (options.lower_links && link) touch(model, *link, kLinkBit, kObjectBit | fingers);
   }
-  // Listed pairs ignore the bits. Nothing comes as close as this.
+  // Listed pairs ignore the bits. The table never meets itself.
+  const int table = mj_name2id(&model, mjOBJ_GEOM, "table");
   for (int pair = 0; pair < static_cast<int>(model.npair); ++pair) {
     const int one = model.pair_geom1[pair];
     const int other = model.pair_geom2[pair];
     const bool meet = (model.geom_contype[one] & model.geom_conaffinity[other]) != 0 ||
                       (model.geom_contype[other] & model.geom_conaffinity[one]) != 0;
     model.pair_dim[pair] = 3;
-    if (!meet) model.pair_margin[pair] = -1e3;
+    if (!meet) model.pair_geom1[pair] = model.pair_geom2[pair] = table;
   }
+}
+
+// True if the damping of a whole step does not turn any joint's velocity around. It can then be a
+// torque like any other, which saves a factorization in each step.
+bool is_lightly_damped(const mjModel& model) {
+  for (int i = 0; i < static_cast<int>(model.nv); ++i) {
+    if (model.opt.timestep * model.dof_damping[i] > model.dof_M0[i]) return false;
+  }
+  return true;
 }
 
 void rotate(double (&result)[3], const double* vector, const double* quaternion, bool back) {
@@ -94,6 +105,10 @@ PlanningModel::PlanningModel(const RobotDescription& description,
   option.cone = mjCONE_PYRAMIDAL;
   option.impratio = options.impratio;
   option.iterations = options.iterations;
+  // Newton's method with few iterations can leave forces that throw things apart. This one always
+  // reduces the error, and its iterations are cheap for so few contacts.
+  option.solver = mjSOL_PGS;
+  option.integrator = mjINT_EULER;
   option.disableflags |= mjDSBL_ISLAND | mjDSBL_SENSOR;
   choose_contacts(robot, options, *model_);
   for (std::size_t i = 0; i < static_cast<std::size_t>(robot.num_joints()); ++i) {
@@ -104,6 +119,10 @@ PlanningModel::PlanningModel(const RobotDescription& description,
   }
   tip_sites_ = robot.tip_sites();
   objects_ = robot.objects();
+  // MuJoCo also keeps per body what its geoms touch.
+  const RobotModel::Data data = robot.make_data();
+  mj_setConst(model_.get(), data.get());
+  if (is_lightly_damped(*model_)) option.disableflags |= mjDSBL_EULERDAMP;
 }
 
 PlanningModel::PlanningModel(const mjModel_& model, std::span<const PlannedJoint> joints,

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -41,6 +42,12 @@ double median_of(std::span<const double> costs, std::span<double> scratch) noexc
   const auto middle = scratch.begin() + (end - scratch.begin()) / 2;
   std::nth_element(scratch.begin(), middle, end);
   return *middle;
+}
+
+// MuJoCo writes warnings to a file in the working directory. Here they become infinite costs.
+void silence_warnings() {
+  static std::once_flag once;
+  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
 }
 
 // As MuJoCo judges numbers: beyond this a simulation has diverged.
@@ -127,6 +134,7 @@ class PredictivePlanner::Implementation {
         num_steps_(num_steps_of(options_.horizon, model_.time_step())),
         num_samples_(static_cast<std::size_t>(options_.samples)),
         single_(model_.copy()) {
+    silence_warnings();
     validate(task_, model_);
     const int joints = model_.num_joints();
     const auto tips = static_cast<int>(model_.tip_sites().size());
@@ -475,9 +483,7 @@ class PredictivePlanner::Implementation {
     const double step = model.opt.timestep;
     const int late = steps - static_cast<int>(std::lround(task_.late_share * steps));
     std::array<double, PlanningModel::kMaxPlannedJoints> targets;
-    std::array<double, PlanningModel::kMaxPlannedJoints> rates;
     const std::span target = std::span(targets).first(num_joints());
-    const std::span rate = std::span(rates).first(num_joints());
     double cost = 0.0;
     bool is_bad = false;
     for (int k = 0; k <= steps; ++k) {
@@ -495,8 +501,8 @@ class PredictivePlanner::Implementation {
         mj_kinematics(&model, &data);
       } else {
         mj_step1(&model, &data);
-        commands.at(time, knots, target, rate);
-        drive(data, target, rate);
+        commands.interpolate(time, knots, target);
+        drive(data, target);
       }
       const CostInput input{.model = model_,
                             .data = data,
@@ -513,14 +519,14 @@ class PredictivePlanner::Implementation {
     return std::isfinite(cost) && !is_bad ? cost : kInfinity;
   }
 
-  void drive(mjData& data, std::span<const double> target,
-             std::span<const double> rate) const noexcept {
+  // Joint targets become torques as in the robot's own position control.
+  void drive(mjData& data, std::span<const double> target) const noexcept {
     for (std::size_t i = 0; i < target.size(); ++i) {
       const double most = model_.joints()[i].max_torque;
       const double torque =
           options_.command == PlannedCommand::kTorque
               ? target[i]
-              : options_.kp * (target[i] - data.qpos[i]) + options_.kd * (rate[i] - data.qvel[i]);
+              : options_.kp * (target[i] - data.qpos[i]) - options_.kd * data.qvel[i];
       data.ctrl[i] = std::clamp(torque, -most, most);
     }
   }

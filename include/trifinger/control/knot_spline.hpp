@@ -58,11 +58,11 @@ class KnotSpline {
   /// Computes the values at `time`, and their rates [1/s] unless `rate` is empty. Both spans have
   /// `width` numbers.
   void at(Seconds time, std::span<double> value, std::span<double> rate = {}) const noexcept {
-    at(time, values_, value, rate);
+    interpolate(time, values_, value, rate);
   }
   /// Does the same with `knots` as the values of all knots.
-  void at(Seconds time, std::span<const double> knots, std::span<double> value,
-          std::span<double> rate = {}) const noexcept;
+  void interpolate(Seconds time, std::span<const double> knots, std::span<double> value,
+                   std::span<double> rate = {}) const noexcept;
 
  private:
   SplineKind kind_{SplineKind::kConstant};

@@ -25,7 +25,7 @@ struct PlanningState {
 /// What a `PlanningModel` leaves out. docs/planning.md says what each figure costs.
 struct PlanningModelOptions {
   Seconds time_step{0.006};  ///< [s]; more than 6 ms lets fast tips sink into objects.
-  int iterations{3};         ///< Most iterations of the solver of contacts in a step.
+  int iterations{4};         ///< Iterations of the solver of contacts in a step, at most.
   /// Ratio of the stiffness of friction to that of normal forces; higher: held objects slip less.
   double impratio{10.0};
   /// The lower links touch objects, each as one capsule. Otherwise only the tips do.
