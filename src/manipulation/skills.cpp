@@ -23,7 +23,9 @@ struct Entry {
 
 // A skill is one file in src/manipulation/skills, one configuration, and one entry here.
 const std::vector<Entry>& entries() {
-  static const std::vector<Entry> all{};
+  static const std::vector<Entry> all{
+      {{"flip", "Flips a cube so that another face looks up", "pushing"}, make_flip},
+      {{"place", "Brings a cube on the table to any poses", "pushing"}, make_place}};
   return all;
 }
 
