@@ -15,6 +15,7 @@ std::vector<SkillRow> all_skill_rows() {
   add(balance_rows());
   add(stand_rows());
   add(turn_rows());
+  add(repose_rows());
   return rows;
 }
 

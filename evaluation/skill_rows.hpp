@@ -13,6 +13,8 @@ namespace trifinger::evaluation {
 [[nodiscard]] std::vector<SkillRow> stand_rows();
 [[nodiscard]] std::vector<SkillRow> turn_rows();
 
+[[nodiscard]] std::vector<SkillRow> repose_rows();  // Of flip and place.
+
 [[nodiscard]] std::vector<SkillRow> all_skill_rows();
 
 }  // namespace trifinger::evaluation

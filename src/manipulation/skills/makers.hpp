@@ -18,5 +18,9 @@ using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                                 const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_turn(const SkillContext& context,
                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_flip(const SkillContext& context,
+                                               const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_place(const SkillContext& context,
+                                                const config::Node& root);
 
 }  // namespace trifinger::manipulation

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "skills/repose.hpp"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <utility>
+
+#include "trifinger/manipulation/task.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+constexpr Seconds kPatience{2.0};  // Without a pose, the object is not seen.
+constexpr std::string_view kNotSeen = "the object was not seen";
+// The tips have left the object if they are almost as far away as they should be.
+constexpr double kAlmost = 0.95;
+// Progress is that a tenth less is missing.
+constexpr double kProgress = 0.9;
+
+}  // namespace
+
+Repose::Repose(const SkillContext& context, ReposeConfig config, NextGoal next_goal)
+    : config_(std::move(config)),
+      next_goal_(std::move(next_goal)),
+      clock_(context.period),
+      pusher_(context, config_.object, config_.push),
+      fetcher_(context, box_of(context.description, config_.object),
+               {config_.push.planner.kp, config_.push.planner.kd}) {
+  enter(Phase::kLook);
+}
+
+void Repose::see(TimeIndex captured, const Pose& pose) noexcept {
+  if (!pose.position.allFinite() || !pose.orientation.coeffs().allFinite()) return;
+  pusher_.see(clock_.time_of(captured), pose);
+  seen_ = pose;
+  last_seen_ = clock_.now();
+  if (captured >= mean_begin_) mean_.add(pose);
+}
+
+const TriFinger::Action& Repose::update(TimeIndex step,
+                                        const control::JointState& joints) noexcept {
+  clock_.advance(step);
+  if (!state_.has_ended) follow_phases(joints);
+  // The pusher keeps what it needs of every step.
+  const TriFinger::Action* action = &pusher_.update(clock_.now(), joints);
+  state_.torque_share = pusher_.torque_share();
+  if (phase_ == Phase::kFetch) {
+    action = &fetcher_.update(clock_.now(), joints, seen_);
+    state_.torque_share = fetcher_.torque_share();
+  }
+  state_.object = pusher_.object();
+  state_.desired.pose = goal_.pose;
+  return *action;
+}
+
+void Repose::stop() noexcept {
+  if (state_.has_ended || !next_failure_.empty()) return;
+  give_up("it was stopped");
+}
+
+void Repose::enter(Phase phase) noexcept {
+  constexpr std::array<std::string_view, 7> kNames{"look",  "fetch", "push",  "leave",
+                                                   "check", "done",  "failed"};
+  phase_ = phase;
+  state_.phase = kNames[static_cast<std::size_t>(phase)];
+  clock_.begin_phase();
+  if (phase == Phase::kLook || phase == Phase::kCheck) {
+    mean_.clear();
+    mean_begin_ = clock_.step() + 1;
+  }
+}
+
+void Repose::end(std::string_view failure) noexcept {
+  pusher_.hold();
+  enter(failure.empty() ? Phase::kDone : Phase::kFailed);
+  state_.failure = failure;
+  state_.has_ended = true;
+}
+
+// Ends when the tips have left the object.
+void Repose::give_up(std::string_view failure) noexcept {
+  next_failure_ = failure;
+  if (phase_ == Phase::kPush)
+    leave();
+  else if (phase_ == Phase::kFetch)
+    fetcher_.stop();
+  else if (phase_ != Phase::kLeave)
+    end(failure);
+}
+
+void Repose::attempt() noexcept {
+  ++attempts_;
+  close_since_.reset();
+  least_ = std::numeric_limits<double>::infinity();
+  pusher_.push(goal_);
+  enter(Phase::kPush);
+  progress_ = clock_.now();
+}
+
+void Repose::leave() noexcept {
+  pusher_.retreat();
+  enter(Phase::kLeave);
+}
+
+void Repose::take_goal(int number, const Pose& rest) noexcept {
+  if (const std::optional<Goal> goal = next_goal_(number, rest)) {
+    goal_ = *goal;
+    wants_fetch_ = deviation_of(goal_, rest).position > config_.fetch_distance;
+    attempt();
+  } else {
+    end("");
+  }
+}
+
+bool Repose::is_unseen() const noexcept { return clock_.now() - last_seen_ > kPatience; }
+
+void Repose::follow_phases(const control::JointState& joints) noexcept {
+  switch (phase_) {
+    case Phase::kLook:
+      if (mean_.count() > 0 && clock_.in_phase() >= config_.look_time)
+        take_goal(reached_, upright(mean_.mean()));
+      else if (is_unseen())
+        end(kNotSeen);
+      break;
+    case Phase::kFetch:
+      if (is_unseen() && next_failure_.empty()) give_up(kNotSeen);
+      if (!fetcher_.has_ended()) break;
+      if (next_failure_.empty())
+        attempt();
+      else
+        end(next_failure_);
+      break;
+    case Phase::kPush:
+      if (is_unseen())
+        give_up(kNotSeen);
+      else if (std::exchange(wants_fetch_, false) &&
+               fetcher_.begin(clock_.now(), joints, seen_, goal_.pose.position)) {
+        ++fetches_;
+        pusher_.hold();
+        enter(Phase::kFetch);
+      } else {
+        follow_push();
+      }
+      break;
+    case Phase::kLeave: {
+      // At least one plan of this phase has begun.
+      const bool has_planned =
+          clock_.in_phase() > 2 * (config_.push.plan_period + config_.push.plan_delay);
+      const bool is_away = pusher_.nearest_tip() > kAlmost * config_.push.retreat_distance;
+      if (clock_.in_phase() < config_.leave_time && !(has_planned && is_away)) break;
+      if (!next_failure_.empty()) return end(next_failure_);
+      pusher_.hold();
+      enter(Phase::kCheck);
+      break;
+    }
+    case Phase::kCheck:
+      check();
+      break;
+    case Phase::kDone:
+    case Phase::kFailed:
+      break;
+  }
+}
+
+void Repose::check() noexcept {
+  if (mean_.count() == 0 || clock_.in_phase() < config_.look_time) {
+    if (is_unseen()) end(kNotSeen);
+    return;
+  }
+  const Deviation deviation = deviation_of(goal_, mean_.mean());
+  if (deviation.position <= config_.position_tolerance &&
+      deviation.orientation <= config_.orientation_tolerance) {
+    take_goal(++reached_, upright(mean_.mean()));
+  } else {
+    wants_fetch_ = deviation.position > config_.fetch_distance;
+    attempt();
+  }
+}
+
+void Repose::follow_push() noexcept {
+  if (pusher_.num_plans() == 0) return;
+  const Deviation deviation = deviation_of(goal_, pusher_.object().pose);
+  const double position = deviation.position / config_.position_tolerance;
+  const double orientation = deviation.orientation / config_.orientation_tolerance;
+  if (std::max(position, orientation) > config_.closeness)
+    close_since_.reset();
+  else if (!close_since_)
+    close_since_ = clock_.now();
+  if (close_since_ && clock_.now() - *close_since_ >= config_.settle_time) return leave();
+
+  if (position + orientation < kProgress * least_) {
+    least_ = position + orientation;
+    progress_ = clock_.now();
+  }
+  const bool is_far = deviation.position > config_.fetch_distance;
+  // An object that is far away may still be on its way.
+  constexpr Seconds kOnItsWay{1.0};
+  if (is_far && clock_.in_phase() > kOnItsWay && clock_.now() - progress_ > kOnItsWay)
+    return leave();
+  if (clock_.now() - progress_ > config_.stuck_time) {
+    pusher_.forget();
+    leave();
+  }
+}
+
+std::vector<Figure> Repose::figures(const SkillTrace& trace,
+                                    std::span<const SeenPose> poses) const {
+  const double duration =
+      trace.steps.empty() ? 0.0
+                          : trace.period.count() * static_cast<double>(trace.steps.back().step + 1);
+  std::vector<Figure> all{
+      {"duration", duration, "s", "from the first action to the end"},
+      {"goals", static_cast<double>(reached_), "", "that were reached"},
+      {"attempts", static_cast<double>(attempts_), "", "times that the tips went to the object"},
+      {"fetches", static_cast<double>(fetches_), "", "times that a finger dragged it"}};
+  if (poses.empty()) return all;
+  const Deviation last = deviation_of(goal_, poses.back().pose);
+  all.push_back({"position_error", last.position, "m", "of the last pose"});
+  all.push_back({"orientation_error", last.orientation, "rad", "of the last pose"});
+  return all;
+}
+
+}  // namespace trifinger::manipulation

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "phase_clock.hpp"
+#include "skills/fetcher.hpp"
+#include "skills/pose_mean.hpp"
+#include "skills/pusher.hpp"
+#include "trifinger/config/node.hpp"
+#include "trifinger/manipulation/skill.hpp"
+
+namespace trifinger::manipulation {
+
+// Settings of the skills that push an object on the table to poses. config/skills/pushing.yml
+// documents them as a file.
+struct ReposeConfig {
+  std::string object{"cube"};
+  Seconds max_duration{60};
+  Seconds look_time{0.3};
+  double position_tolerance{0.01};    // [m]
+  double orientation_tolerance{0.1};  // [rad]
+  double closeness{0.6};
+  Seconds settle_time{0.15};
+  Seconds leave_time{1.5};
+  Seconds stuck_time{8.0};
+  double fetch_distance{0.06};  // [m]
+  PushConfig push{};
+};
+
+// Reads what these skills share. Throws config::ConfigError.
+[[nodiscard]] ReposeConfig read_repose(const config::Node& root);
+// Reads the name of a face: its normal in the object's frame. Throws config::ConfigError.
+[[nodiscard]] Eigen::Vector3d read_face(const config::Node& section, std::string_view key);
+// The orientation of a box with the face of this normal up, then turned about the vertical.
+[[nodiscard]] Eigen::Quaterniond lying_on(const Eigen::Vector3d& face, double turn);
+// Throws InvalidArgument if the scene has no box of this name.
+[[nodiscard]] const ObjectDescription& box_of(const RobotDescription& description,
+                                              const std::string& name);
+
+// The goal of this number, from 0, for an object that rests at `pose`; nothing after the last one.
+using NextGoal = std::function<std::optional<Goal>(int number, const Pose& pose)>;
+
+// Brings an object on the table to one pose after the other: pushes it there, takes the tips away,
+// looks whether it lies where it should, and tries again if it does not.
+class Repose final : public Skill {
+ public:
+  // Throws InvalidArgument. `next_goal` must not throw.
+  Repose(const SkillContext& context, ReposeConfig config, NextGoal next_goal);
+
+  [[nodiscard]] std::string_view object() const noexcept override { return config_.object; }
+  [[nodiscard]] Seconds max_duration() const noexcept override { return config_.max_duration; }
+  void see(TimeIndex captured, const Pose& pose) noexcept override;
+  [[nodiscard]] const TriFinger::Action& update(
+      TimeIndex step, const control::JointState& joints) noexcept override;
+  void stop() noexcept override;
+  [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
+  [[nodiscard]] bool wants_plan() const noexcept override { return pusher_.wants_plan(); }
+  void plan() override { pusher_.plan(); }
+  void begin() noexcept override { pusher_.begin(); }
+  [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
+                                            std::span<const SeenPose> poses) const override;
+
+ private:
+  enum class Phase : std::uint8_t { kLook, kFetch, kPush, kLeave, kCheck, kDone, kFailed };
+
+  void enter(Phase phase) noexcept;
+  void end(std::string_view failure) noexcept;
+  void give_up(std::string_view failure) noexcept;
+  void attempt() noexcept;
+  void leave() noexcept;
+  void take_goal(int number, const Pose& rest) noexcept;
+  void follow_phases(const control::JointState& joints) noexcept;
+  void follow_push() noexcept;
+  void check() noexcept;
+  [[nodiscard]] bool is_unseen() const noexcept;
+
+  ReposeConfig config_;
+  NextGoal next_goal_;
+  PhaseClock clock_;
+  Pusher pusher_;
+  Fetcher fetcher_;
+  SkillState state_{};
+  Phase phase_{Phase::kLook};
+  Goal goal_{};
+  Pose seen_{};  // The newest pose.
+  Seconds last_seen_{0};
+  PoseMean mean_;
+  TimeIndex mean_begin_{0};
+  std::string_view next_failure_;  // Of the end after the tips have left.
+  std::optional<Seconds> close_since_;
+  double least_{0.0};  // Least deviation so far, in multiples of what is allowed.
+  Seconds progress_{0};
+  bool wants_fetch_{false};
+  int reached_{0};
+  int attempts_{0};
+  int fetches_{0};
+};
+
+}  // namespace trifinger::manipulation
