@@ -13,7 +13,7 @@
 #include "trifinger/core/errors.hpp"
 #include "trifinger/sim/any_robot_config.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 using namespace std::chrono_literals;
@@ -181,8 +181,10 @@ Outcome Drive::run() {
 }
 
 std::optional<Drive::Ended> Drive::drive_session() {
+  bool is_connected = false;
   try {
     UntypedFrontend robot = place_.connect();
+    is_connected = true;
     robot.set_interrupt([this] {
       if (stop_.load(std::memory_order_relaxed)) throw Stopped();
     });
@@ -234,6 +236,9 @@ std::optional<Drive::Ended> Drive::drive_session() {
     bring_to_rest(robot);
     return std::nullopt;
   } catch (const RobotStopped& stopped) {
+    if (!is_connected && stopped.fault().code == Fault::Code::kBackendDied) {
+      return Ended{.trouble = Trouble::kAbsent, .text = stopped.what()};
+    }
     return Ended{.trouble = trouble_of(stopped.fault(), stopped.what()),
                  .text = stopped.what(),
                  .needs_recovery = stopped.fault().needs_recovery() &&
@@ -419,4 +424,4 @@ void Drive::take(Tally& tally, std::vector<Event>& events) {
   events_.clear();
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -23,7 +23,7 @@
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/realtime/thread.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 // The user wants the drive to end. What waits throws it.
 class Stopped : public std::exception {};
@@ -188,4 +188,4 @@ class Drive {
   std::vector<Event> events_;
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

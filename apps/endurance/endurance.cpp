@@ -33,8 +33,6 @@
 namespace trifinger::apps {
 namespace {
 
-using namespace endurance;
-
 constexpr int kNeedsHand = 4;
 constexpr Nanoseconds kLook = std::chrono::milliseconds(200);
 
@@ -125,20 +123,18 @@ class Keeper {
     Tally tally(history_->num_joints());
     events_.clear();
     drive.take(tally, events_);
-    if (tally.time > Nanoseconds::zero()) history_->add(tally, wall_clock());
+    if (tally != Tally(history_->num_joints())) history_->add(tally, wall_clock());
     for (const Event& event : events_) {
       has_news_ = true;
       if (event.is_over) {
         state_ = "It moves.";
-        if (prints_) console_.print(name_, event.text, Style::kGood);
+        console_.print(name_, event.text, Style::kGood);
         continue;
       }
       history_->set_last_words(event.trouble, event.text);
       state_ = "It recovers from a trouble: " + event.text;
-      if (prints_) {
-        console_.print(name_, fmt::format("{}: {}", name_of(event.trouble), event.text),
-                       Style::kWarning);
-      }
+      console_.print(name_, fmt::format("{}: {}", name_of(event.trouble), event.text),
+                     Style::kWarning);
     }
   }
 
@@ -185,7 +181,6 @@ class Keeper {
   std::vector<Event> events_;
   Console console_;
   std::string state_{"It moves."};
-  bool prints_{true};
   bool has_news_{false};
   bool is_full_{false};
   std::size_t shown_intervals_{0};

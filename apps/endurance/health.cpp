@@ -7,7 +7,7 @@
 
 #include "trifinger/core/timing.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 // This share of its way a joint must go in a slow pass.
@@ -161,4 +161,4 @@ void Health::end_pass(Tally& tally) noexcept {
   pass_ = result;
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -12,7 +12,7 @@
 #include "endurance/tally.hpp"
 #include "trifinger/core/status.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 // One step as the robot has published it. One value for each joint.
 struct StepRecord {
@@ -95,4 +95,4 @@ class Health {
   std::optional<PassResult> pass_{};
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -15,7 +15,7 @@
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -186,4 +186,4 @@ void HistoryFolder::write(const History& history, const std::string& page) const
   replace_file(page_file(), std::as_bytes(std::span(page)));
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -13,7 +13,7 @@
 #include "trifinger/base/time.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 // Whose history it is.
 struct Owner {
@@ -101,4 +101,4 @@ class HistoryFolder {
   std::string damage_;
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -10,7 +10,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 // A movement of least jerk is faster in its middle than on average, by this factor.
@@ -295,4 +295,4 @@ TimeIndex RandomMotion::steps_in(double time) const noexcept {
   return std::max<TimeIndex>(1, std::llround(time / options_.period.count()));
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -14,7 +14,7 @@
 #include "trifinger/joint/limits.hpp"
 
 // Random motions that wear a robot as years of work do.
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 using Seconds = std::chrono::duration<double>;
 
@@ -119,4 +119,4 @@ class RandomMotion {
   std::array<TimeIndex, 6> pass_ends_{};  // of the parts of a slow pass
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

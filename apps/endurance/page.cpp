@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 constexpr double kWidth = 900.0;
@@ -414,4 +414,4 @@ std::string make_page(const History& history, const PageState& state) {
   return page + "</body></html>\n";
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

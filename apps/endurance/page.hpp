@@ -6,7 +6,7 @@
 
 #include "endurance/history.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 // What the page says besides the history.
 struct PageState {
@@ -19,4 +19,4 @@ struct PageState {
 // A page of a robot's health over time: one file of HTML with its plots, of a bounded size.
 [[nodiscard]] std::string make_page(const History& history, const PageState& state);
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -8,7 +8,7 @@
 
 #include "trifinger/base/error.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 // Others have the robot, or nobody runs it: this is no fault of the robot, and time is what helps.
@@ -115,4 +115,4 @@ void Recovery::is_well() noexcept {
   missing_since_ = Nanoseconds(-1);
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

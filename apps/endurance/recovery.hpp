@@ -7,7 +7,7 @@
 #include "endurance/tally.hpp"
 #include "trifinger/base/time.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 struct RecoveryOptions {
   int attempts{8};  // in a row, before a person has to look
@@ -52,4 +52,4 @@ class Recovery {
   Nanoseconds filled_{-1};
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -21,7 +21,7 @@
 #include "trifinger/sim/simulated_plant.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 using Kind = InjectedFault::Kind;
@@ -308,4 +308,4 @@ void SimulatedPlace::inject() {
   }
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

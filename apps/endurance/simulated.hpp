@@ -14,7 +14,7 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/clock.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 struct SimulatedOptions {
   std::string robot;                     // a configuration, by name or file
@@ -90,4 +90,4 @@ class SimulatedPlace final : public Place {
   bool is_unfit_due_{false};
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

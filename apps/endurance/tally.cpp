@@ -12,7 +12,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/safety_report.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -288,4 +288,4 @@ Tally Tally::parse(const Json& json, std::size_t num_joints) {
   return tally;
 }
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

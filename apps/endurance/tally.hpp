@@ -17,7 +17,7 @@
 #include "trifinger/joint/reasons.hpp"
 
 // What is counted and measured in a stretch of time. All of it has a fixed size.
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 
 // Why a session ended before its time.
 enum class Trouble : std::uint8_t {
@@ -135,4 +135,4 @@ struct Tally {
   friend bool operator==(const Tally&, const Tally&) = default;
 };
 
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

@@ -13,7 +13,7 @@
 #include "support/soak.hpp"
 #include "trifinger/boards/emulated_fault.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 constexpr const char* kBoards = TRIFINGER_CONFIG_DIR "/trifinger_edu_emulated.yml";
@@ -120,4 +120,4 @@ TEST(Drive, StopsWhenItIsTold) {
 }
 
 }  // namespace
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

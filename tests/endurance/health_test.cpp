@@ -10,7 +10,7 @@
 
 #include "endurance/joints.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 constexpr std::size_t kJoints = 2;
@@ -127,4 +127,4 @@ TEST(Health, CountsTheWayAndTheStepsOfEachReason) {
 }
 
 }  // namespace
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

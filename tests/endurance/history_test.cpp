@@ -12,7 +12,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 using namespace std::chrono_literals;
@@ -166,4 +166,4 @@ TEST(Times, KnowQuantilesToTheRootOfTwo) {
 }
 
 }  // namespace
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

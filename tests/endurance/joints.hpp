@@ -5,7 +5,7 @@
 
 #include "trifinger/joint/limits.hpp"
 
-namespace trifinger::apps::endurance::test {
+namespace trifinger::apps::test {
 
 // Limits of joints like those of a TriFinger.
 inline std::vector<JointLimit> limits_of_joints(std::size_t count) {
@@ -22,4 +22,4 @@ inline std::vector<JointLimit> limits_of_joints(std::size_t count) {
   return std::vector<JointLimit>(count, limit);
 }
 
-}  // namespace trifinger::apps::endurance::test
+}  // namespace trifinger::apps::test

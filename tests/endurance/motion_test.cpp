@@ -11,7 +11,7 @@
 #include "support/allocation_counter.hpp"
 #include "trifinger/base/error.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 const std::vector<double> kHome{0.0, 0.9, -0.9};
@@ -121,4 +121,4 @@ TEST(RandomMotion, RefusesWhatMakesNoSense) {
 }
 
 }  // namespace
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps

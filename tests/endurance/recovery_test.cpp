@@ -5,7 +5,7 @@
 
 #include "trifinger/base/error.hpp"
 
-namespace trifinger::apps::endurance {
+namespace trifinger::apps {
 namespace {
 
 using namespace std::chrono_literals;
@@ -74,4 +74,4 @@ TEST(Recovery, RefusesOptionsThatMakeNoSense) {
 }
 
 }  // namespace
-}  // namespace trifinger::apps::endurance
+}  // namespace trifinger::apps
