@@ -128,9 +128,12 @@ int run_program(const std::vector<std::string>& words) {
   add_new(program, action);
   add_doctor(program, action);
   using enum Package;
-  declare_external(program, "manipulate", "Lift or slide a cube with a running robot", kPrograms);
+  declare_external(program, "manipulate", "Lift, throw or turn an object with a running robot",
+                   kPrograms);
   declare_external(program, "run-policy", "Let a trained policy move a running robot", kPrograms);
   declare_external(program, "job", "Give a user a turn on a robot that several share", kPrograms);
+  declare_external(program, "endurance", "Move a robot at random for weeks, without a hand",
+                   kPrograms);
   declare_external(program, "demo", "Lift a cube with a simulated robot, and draw it", kPython);
   declare_external(program, "view", "Show a running robot or a log in a browser", kPython);
   declare_external(program, "film", "Draw a logged session: a film and pictures", kPython);

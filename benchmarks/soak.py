@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The parts of `./run soak` that are not tests: kills of any process, and memory over time."""
+"""The parts of `./run soak` that are not tests: kills, memory over time, and endurance."""
 
 import argparse
+import json
+import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from random import Random
 
 import trifinger
 from measuring import Measure, folders, run
@@ -131,14 +135,164 @@ def kills() -> bool:
     return all(row.holds for row in rows)
 
 
+def folder_size(folder: Path) -> float:
+    """Returns the size of the files in a folder [kB]."""
+    sizes = []
+    for file in folder.iterdir():
+        with suppress(FileNotFoundError):  # a file that was just replaced
+            sizes.append(file.stat().st_size)
+    return sum(sizes) / 1e3
+
+
+def counts_in(folder: Path) -> Counter[str]:
+    """Returns the sums of what `trifinger endurance` has counted."""
+    lines = (folder / "health.jsonl").read_text().splitlines()
+    counts: Counter[str] = Counter()
+    for line in lines[1:-1]:
+        interval = json.loads(line)
+        counts.update({key: interval[key] for key in ("steps", "collisions", "recoveries")})
+        counts["troubles"] += sum(interval["troubles"].values())
+        counts.update({f"trouble {name}": n for name, n in interval["troubles"].items()})
+    return counts
+
+
+def endurance(steps: float, processes: int) -> bool:
+    """Drives emulated robots at random in simulated time: no hand is needed and nothing grows.
+
+    Each process has a robot and a seed of its own; their steps add up. Every 10^6 steps a fault is
+    injected, of each kind in turn.
+    """
+    with ExitStack() as stack:
+        root = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        each = steps / processes
+        begin = time.monotonic()
+        drives = []
+        for seed in range(processes):
+            command = [
+                *("trifinger-endurance", "--simulate", "trifinger_edu_emulated"),
+                *("--seed", str(seed), "--steps", f"{each:.0f}", "--faults-every", "1e6"),
+                *("--output", str(root / str(seed))),
+            ]
+            drive = stack.enter_context(subprocess.Popen(command))
+            stack.callback(drive.kill)
+            drives.append(drive)
+        usages: list[list[Usage]] = [
+            [
+                Usage(f"{seed}: memory", "MiB", lambda pid=drive.pid: resident(pid), 2.0),
+                Usage(f"{seed}: files", "", lambda pid=drive.pid: descriptors(pid), 0.0),
+                Usage(f"{seed}: disk", "kB", lambda seed=seed: folder_size(root / str(seed)), 1000),
+            ]
+            for seed, drive in enumerate(drives)
+        ]
+        shown = 0
+        while any(drive.poll() is None for drive in drives):
+            time.sleep(0.5)
+            done = 0
+            for seed, drive in enumerate(drives):
+                if drive.poll() is None and (root / str(seed) / "health.html").exists():
+                    done += counts_in(root / str(seed))["steps"]
+                    # The history is at its longest after four hours of the robot's time. Until
+                    # then it grows as it should.
+                    is_warm = counts_in(root / str(seed))["steps"] > min(2e7, each / 4)
+                    for usage in usages[seed] if is_warm else []:
+                        with suppress(OSError):  # it has just ended
+                            usage.windows.append(usage.read())
+            share = int(100 * done / steps)
+            if share > shown:
+                shown = share
+                print(f"[{share}/100]", file=sys.stderr)
+        seconds = time.monotonic() - begin
+        total: Counter[str] = Counter()
+        for seed in range(processes):
+            total += counts_in(root / str(seed))
+        print(f"{total['steps']:.4g} steps in {seconds:.0f} s, {processes} at once:")
+        for name, count in sorted(total.items()):
+            print(f"{name}: {count}")
+        needed = [drive.returncode for drive in drives if drive.returncode != 0]
+        print(f"drives that needed a hand or failed: {len(needed)} of {processes} {needed or ''}")
+        holds = not needed and total["steps"] >= steps
+        for usage in (usage for of_one in usages for usage in of_one if usage.windows):
+            quarter = max(1, len(usage.windows) // 4)
+            growth = max(usage.windows[-quarter:]) - max(usage.windows[:quarter])
+            is_flat = growth <= usage.bound
+            holds = holds and is_flat
+            print(
+                f"{usage.name}: first {usage.windows[0]:.4g}, last {usage.windows[-1]:.4g} "
+                f"{usage.unit}; grew by {growth:.3g}, allowed {usage.bound:g}: "
+                f"{'flat' if is_flat else 'IT GROWS'}"
+            )
+        return holds
+
+
+def endurance_in_real_time(minutes: float) -> bool:
+    """Drives an emulated robot in real time, while its back-end and the drive itself are killed."""
+    robot = "trifinger_edu_emulated"
+    name = f"endurance-{os.getpid()}"
+    kills = Random(1)  # noqa: S311, no secret
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+
+        def start(*words: str) -> subprocess.Popen[bytes]:
+            process = subprocess.Popen(words)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process
+
+        patient = ("--set", "boards.silent_after=1", "--set", "boards.receive_timeout=1")
+        start("trifinger", "emulate", robot, "--name", name, *patient)
+        run_words = ("trifinger", "run", robot, "--name", name, *patient)
+        drive_words = (
+            *("trifinger-endurance", "--robot", name, "--output", str(folder)),
+            *("--most-troubles", "1000"),
+        )
+        back_end_process = start(*run_words)
+        while not trifinger.list_sessions() or name not in [
+            session.name for session in trifinger.list_sessions()
+        ]:
+            time.sleep(0.1)
+        drive = start(*drive_words)
+        end = time.monotonic() + 60 * minutes
+        killed = 0
+        while time.monotonic() < end:
+            time.sleep(min(kills.uniform(20, 60), max(0.0, end - time.monotonic())))
+            if drive.poll() is not None:
+                break
+            killed += 1
+            if killed % 4 == 0:
+                drive.kill()
+                drive.wait()
+                drive = start(*drive_words)
+            else:
+                back_end_process.kill()
+                back_end_process.wait()
+                back_end_process = start(*run_words)
+        drive.terminate()
+        status = drive.wait()
+        counts = counts_in(folder)
+        print(f"{minutes:g} minutes, {killed} kills; exit status {status}")
+        for key, count in sorted(counts.items()):
+            print(f"{key}: {count}")
+        moved = counts["steps"] / (60e3 * minutes)
+        print(f"share of the time in which it moved: {moved:.2f}")
+        return status == 0 and counts["recoveries"] > 0
+
+
 def main() -> int:
     """Runs one part and returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=["kills", "memory"])
-    parser.add_argument("--minutes", type=float, default=30.0, help="of memory; default: 30")
+    parser.add_argument("part", choices=["kills", "memory", "endurance", "endurance-real-time"])
+    parser.add_argument(
+        "--minutes", type=float, default=30.0, help="of memory and endurance-real-time; default: 30"
+    )
+    parser.add_argument("--steps", type=float, default=1e8, help="of endurance; default: 1e8")
     arguments = parser.parse_args()
-    holds = kills() if arguments.part == "kills" else memory(arguments.minutes)
-    return 0 if holds else 1
+    parts = {
+        "kills": kills,
+        "memory": lambda: memory(arguments.minutes),
+        "endurance": lambda: endurance(arguments.steps, os.cpu_count() or 1),
+        "endurance-real-time": lambda: endurance_in_real_time(arguments.minutes),
+    }
+    return 0 if parts[arguments.part]() else 1
 
 
 if __name__ == "__main__":

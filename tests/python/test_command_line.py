@@ -125,7 +125,7 @@ def test_what_is_written_in_python_says_how_to_get_it_where_it_is_missing(
         assert "'pip install .' in the sources of TriFinger installs it" in message
 
 
-@pytest.mark.parametrize("command", [*PROGRAMS_OF_PYTHON, "manipulate", "run-policy"])
+@pytest.mark.parametrize("command", [*PROGRAMS_OF_PYTHON, "endurance", "manipulate", "run-policy"])
 def test_the_help_lists_programs_of_their_own(command: str) -> None:
     *above, verb = command.split()
     assert re.search(rf"^  {verb}  +\w", run(*above, "--help"), re.MULTILINE)

@@ -109,7 +109,11 @@ def test_says_for_which_systems_it_is(wheel: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "file", ["_trifinger*.so", "trifinger", "trifinger-manipulate", "trifinger-run-policy"]
+    "file",
+    [
+        *("_trifinger*.so", "trifinger", "trifinger-endurance"),
+        *("trifinger-manipulate", "trifinger-run-policy"),
+    ],
 )
 def test_brings_all_libraries_but_mujoco(installation: Installation, file: str) -> None:
     (binary,) = (installation.packages / "trifinger").glob(file)

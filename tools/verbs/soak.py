@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs the long versions of the tests, about an hour on two processors beside compiling."""
+"""Runs the long versions of the tests, about three hours on two processors beside compiling."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -50,9 +50,10 @@ def long_tests(preset: str, programs: str, tests: str) -> bool:
     return all([run(program) for program in programs.split()])  # noqa: C419, all of them
 
 
-def python_soak(part: str) -> bool:
+def python_soak(part: str, *options: str) -> bool:
     """Runs a part of benchmarks/soak.py."""
-    return print_figures(STEPS.check(part, [PYTHON, "benchmarks/soak.py", part], **uses("release")))
+    command = [PYTHON, "benchmarks/soak.py", part, *options]
+    return print_figures(STEPS.check(part, command, **uses("release")))
 
 
 def kills() -> bool:
@@ -100,10 +101,24 @@ def memory() -> bool:
     return python_soak("memory")
 
 
+def endurance() -> bool:
+    """Drives emulated robots for 10^8 steps of simulated time with faults: nothing needs a hand."""
+    build("release")
+    return python_soak("endurance") and long_tests("release", "endurance_drive", "*")
+
+
+def endurance_in_real_time() -> bool:
+    """Drives an emulated robot for an hour in real time, while processes are killed."""
+    build("release")
+    return python_soak("endurance-real-time", "--minutes", "60")
+
+
 PARTS: dict[str, Callable[[], bool]] = {
     "analyser": analyser,
     "kills": kills,
     "tests": tests,
     "fuzz": fuzz,
     "memory": memory,
+    "endurance": endurance,
+    "endurance-real-time": endurance_in_real_time,
 }

@@ -1,0 +1,427 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "endurance/drive.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cstring>
+#include <thread>
+#include <utility>
+#include <variant>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Actions that are appended at once. One such part is always ahead of the robot, so a controller
+// that gets no processor for so long costs nothing.
+constexpr std::size_t kPart = 20;
+// How often what was counted is handed over.
+constexpr int kPartsToHandOver = 50;
+// Homing may take long.
+constexpr Timeout kPatienceToBegin = 3min;
+constexpr Timeout kPatienceForStep = 10s;
+constexpr Timeout kPatienceForRest = 20s;
+constexpr Nanoseconds kSlice = 100ms;
+constexpr std::size_t kMostEvents = 32;
+// Before another self-test, the joints free themselves for this time per attempt.
+constexpr Seconds kFreeTime{3.0};
+
+const FieldDescription& field_of(const ElementDescription& element, std::string_view what,
+                                 std::string_view name, ScalarType type) {
+  for (const FieldDescription& field : element.fields()) {
+    if (field.name == name && field.type == type && field.shape.size() == 1) return field;
+  }
+  throw InvalidArgument(
+      fmt::format("the robot is none of joints: its {} has no field '{}' with one value per joint",
+                  what, name));
+}
+
+std::span<const double> numbers(const std::byte* element, std::size_t offset, std::size_t count) {
+  return {reinterpret_cast<const double*>(element + offset), count};
+}
+
+template <class R>
+std::vector<JointLimit> limits_in(const SimulationOptions<R>& options) {
+  const JointLimits<R::kJoints> limits =
+      options.limits.value_or(default_limits<R>(options.description));
+  return {limits.begin(), limits.end()};
+}
+
+}  // namespace
+
+std::vector<JointLimit> limits_of(const Session& session) {
+  const AnyRobotConfig any = read_any_robot_config(config_file_of(session));
+  if (const auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
+    return from_file->robot.limits;
+  }
+  const auto& config = std::get<RobotConfig>(any);
+  if (config.boards) {
+    return std::visit(
+        [](const auto& boards) {
+          return std::vector<JointLimit>(boards.limits.begin(), boards.limits.end());
+        },
+        config.boards->options);
+  }
+  return std::visit([](const auto& options) { return limits_in(options); }, config.simulation);
+}
+
+RunningRobot::RunningRobot(std::string name, const std::atomic<bool>& stop)
+    : name_(std::move(name)), stop_(stop) {}
+
+UntypedFrontend RunningRobot::connect() {
+  return UntypedFrontend(name_, {.control = true, .timeout = 5s});
+}
+
+void RunningRobot::recover() { trifinger::recover(name_, 5s); }
+
+void RunningRobot::pause(Nanoseconds time) {
+  const Deadline deadline(time);
+  while (!deadline.passed()) {
+    if (stop_.load(std::memory_order_relaxed)) throw Stopped();
+    std::this_thread::sleep_for(deadline.remaining(kSlice));
+  }
+}
+
+Nanoseconds RunningRobot::now() const noexcept {
+  return std::chrono::steady_clock::now().time_since_epoch();
+}
+
+bool RunningRobot::expect(std::uint64_t) {
+  if (stop_.load(std::memory_order_relaxed)) throw Stopped();
+  return false;
+}
+
+JointLayout::JointLayout(const RobotTypes& types) : types_(types) {
+  const auto find = [](const ElementDescription& element, std::string_view what,
+                       std::string_view name, ScalarType type = ScalarType::kFloat64) {
+    return &field_of(element, what, name, type);
+  };
+  const FieldDescription* const wanted = find(types.action, "action", "position");
+  joints_ = wanted->count();
+  const auto offset = [this](const FieldDescription* field) {
+    if (field->count() == joints_) return field->offset;
+    throw InvalidArgument("the robot's field '" + field->name + "' has another number of joints");
+  };
+  wanted_position_ = offset(wanted);
+  wanted_torque_ = offset(find(types.action, "action", "torque"));
+  position_ = offset(find(types.observation, "observation", "position"));
+  torque_ = offset(find(types.observation, "observation", "torque"));
+  reasons_ = offset(find(types.applied_action, "applied action", "reasons", ScalarType::kUint64));
+  thermal_margin_ = offset(find(types.applied_action, "applied action", "thermal_margin"));
+}
+
+Drive::Drive(Place& place, const Session& session, DriveOptions options,
+             const std::atomic<bool>& stop)
+    : place_(place),
+      layout_(session.description()),
+      type_(session.info().type),
+      options_([&] {
+        options.motion.period = session.info().period;
+        return std::move(options);
+      }()),
+      stop_(stop),
+      motion_(limits_of(session), options_.motion),
+      health_(motion_),
+      recovery_(options_.recovery),
+      actions_(kPart * layout_.types_.action.size()),
+      observations_(kPart * layout_.types_.observation.size()),
+      applied_(kPart * layout_.types_.applied_action.size()),
+      statuses_(kPart),
+      current_(layout_.joints()),
+      begun_(place.now()),
+      handed_over_(begun_),
+      pending_(layout_.joints()) {
+  if (motion_.joints() != layout_.joints()) {
+    throw InvalidArgument(fmt::format("the configuration has {} joints, the robot {}",
+                                      motion_.joints(), layout_.joints()));
+  }
+  for (Part& part : parts_) {
+    part.steps.resize(kPart);
+    part.wanted.resize(kPart * layout_.joints());
+  }
+}
+
+Outcome Drive::run() {
+  static_cast<void>(enter_realtime(options_.realtime));
+  Outcome outcome;
+  try {
+    while (const std::optional<Ended> ended = drive_session()) {
+      if (!trouble_since_) trouble_since_ = place_.now();
+      const bool is_missing =
+          ended->trouble == Trouble::kAbsent || ended->trouble == Trouble::kControlHeld;
+      // While a robot cannot be had, this is said once and not once a second.
+      if (!is_missing || !is_missing_) note(ended->trouble, ended->text);
+      is_missing_ = is_missing;
+      const Recovery::Decision decision =
+          recovery_.after(ended->trouble, ended->text, place_.now());
+      hand_over(true);
+      if (decision.needs_hand) {
+        outcome = {.needs_hand = true, .why = decision.why};
+        break;
+      }
+      place_.pause(decision.pause);
+      if (!ended->needs_recovery) continue;
+      try {
+        place_.recover();
+      } catch (const Error& error) {
+        // The back-end has gone, or takes long. Connecting tells more.
+      }
+    }
+  } catch (const Stopped&) {
+    // The session was brought to rest, or there was none.
+  }
+  hand_over(true);
+  return outcome;
+}
+
+std::optional<Drive::Ended> Drive::drive_session() {
+  bool is_connected = false;
+  try {
+    UntypedFrontend robot = place_.connect();
+    is_connected = true;
+    robot.set_interrupt([this] {
+      if (stop_.load(std::memory_order_relaxed)) throw Stopped();
+    });
+    const SessionInfo info = robot.session().info();
+    const RobotTypes& types = robot.session().description();
+    if (info.type != type_ || types.action.text() != layout_.types_.action.text() ||
+        types.observation.text() != layout_.types_.observation.text()) {
+      return Ended{.trouble = Trouble::kOtherRobot,
+                   .text = fmt::format("'{}' is a {} with other fields now", info.name, info.type)};
+    }
+    period_ = info.period;
+    robot.latest_observation(observations_.data(), kPatienceToBegin);
+    const auto position = numbers(observations_.data(), layout_.position_, layout_.joints());
+    if (home_.empty()) home_.assign(position.begin(), position.end());
+    motion_.begin(position, home_, options_.first_session + sessions_++,
+                  recovery_.attempts() > 1 ? kFreeTime * recovery_.attempts() : Seconds(0));
+    health_.begin_session();
+    next_ = 0;
+    ++current_.sessions;
+    is_tested_ = false;
+    lost_frames_ = 0;
+    discarded_ = 0;
+    try {
+      std::size_t oldest = 0;
+      append(robot, parts_[0]);
+      for (;;) {
+        append(robot, parts_[1 - oldest]);
+        read(robot, parts_[oldest]);
+        hand_over(false);
+        if (const std::optional<Ended> ended = judge_pass()) {
+          bring_to_rest(robot);
+          return ended;
+        }
+        if (is_over()) break;
+        if (health_.take_hindrance()) {
+          const std::size_t last = (kPart - 1) * layout_.types_.observation.size();
+          motion_.give_way(
+              numbers(observations_.data() + last, layout_.position_, layout_.joints()));
+        }
+        oldest = 1 - oldest;
+      }
+    } catch (const Stopped&) {
+      bring_to_rest(robot);
+      throw;
+    } catch (const RobotStopped&) {
+      read_rests(robot);
+      throw;
+    }
+    bring_to_rest(robot);
+    return std::nullopt;
+  } catch (const RobotStopped& stopped) {
+    if (!is_connected && stopped.fault().code == Fault::Code::kBackendDied) {
+      return Ended{.trouble = Trouble::kAbsent, .text = stopped.what()};
+    }
+    return Ended{.trouble = trouble_of(stopped.fault(), stopped.what()),
+                 .text = stopped.what(),
+                 .needs_recovery = stopped.fault().needs_recovery() &&
+                                   stopped.fault().code != Fault::Code::kBackendDied};
+  } catch (const SessionNotFound& error) {
+    return Ended{.trouble = Trouble::kAbsent, .text = error.what()};
+  } catch (const ControlHeld& error) {
+    return Ended{.trouble = Trouble::kControlHeld, .text = error.what()};
+  } catch (const IncompatibleSession& error) {
+    return Ended{.trouble = Trouble::kOtherRobot, .text = error.what()};
+  } catch (const TimedOut& error) {
+    return Ended{.trouble = Trouble::kDriverHangs, .text = error.what()};
+  } catch (const SystemError& error) {
+    // For instance a session file that is being replaced, or a limit of the system.
+    return Ended{.trouble = Trouble::kAbsent, .text = error.what()};
+  }
+}
+
+void Drive::append(UntypedFrontend& robot, Part& part) {
+  part.count = 0;
+  const bool is_unfit = place_.expect(kPart);
+  const std::size_t joints = layout_.joints();
+  const std::size_t size = layout_.types_.action.size();
+  for (std::size_t step = 0; step < kPart; ++step) {
+    part.steps[step] = motion_.next();
+    std::byte* const action = actions_.data() + step * size;
+    std::memcpy(action, layout_.types_.default_action.data(), size);
+    std::memcpy(action + layout_.wanted_position_, motion_.position().data(),
+                joints * sizeof(double));
+    std::memcpy(action + layout_.wanted_torque_, motion_.torque().data(), joints * sizeof(double));
+    std::ranges::copy(motion_.position(),
+                      part.wanted.begin() + static_cast<std::ptrdiff_t>(step * joints));
+    if (is_unfit) {
+      const double unfit = kNotGiven;
+      std::memcpy(action + layout_.wanted_torque_, &unfit, sizeof(unfit));
+    }
+  }
+  const TimeIndex last = robot.append_desired_actions(actions_.data(), kPart, kPatienceForStep);
+  part.first = last + 1 - static_cast<TimeIndex>(kPart);
+  part.count = kPart;
+}
+
+void Drive::read(const UntypedFrontend& robot, Part& part) {
+  const std::size_t count = std::exchange(part.count, 0);
+  try {
+    robot.get(Series::kStatus, part.first, count, statuses_.data(), kPatienceForStep);
+    robot.get(Series::kObservation, part.first, count, observations_.data(), kPatienceForStep);
+    robot.get(Series::kAppliedAction, part.first, count, applied_.data(), kPatienceForStep);
+  } catch (const HistoryLost&) {
+    current_.lost_observations += count;
+    next_ = part.first + static_cast<TimeIndex>(count);
+    current_.steps += count;
+    steps_ += count;
+    health_.begin_session();
+    return;
+  } catch (const RobotStopped&) {
+    part.count = count;  // for `read_rest`
+    throw;
+  }
+  judge(part, count);
+}
+
+void Drive::read_rests(const UntypedFrontend& robot) noexcept {
+  const std::size_t older = parts_[0].first < parts_[1].first ? 0 : 1;
+  read_rest(robot, parts_[older]);
+  read_rest(robot, parts_[1 - older]);
+}
+
+void Drive::read_rest(const UntypedFrontend& robot, Part& part) noexcept {
+  try {
+    const auto end = robot.range(Series::kAppliedAction).second;
+    const TimeIndex left = end - part.first;
+    if (left <= 0) return;
+    part.count = std::min(part.count, static_cast<std::size_t>(left));
+    if (part.count > 0) read(robot, part);
+  } catch (const std::exception&) {
+    // The history went with its back-end.
+  }
+}
+
+void Drive::judge(const Part& part, std::size_t count) {
+  const std::size_t joints = layout_.joints();
+  if (part.first > next_) {
+    // We were late: the robot has repeated an action in the steps between.
+    const auto repeated = static_cast<std::uint64_t>(part.first - next_);
+    current_.late_steps_of_user += repeated;
+    current_.steps += repeated;
+    steps_ += repeated;
+    health_.begin_session();
+  }
+  next_ = part.first + static_cast<TimeIndex>(count);
+  for (std::size_t step = 0; step < count; ++step) {
+    const std::byte* const observation =
+        observations_.data() + step * layout_.types_.observation.size();
+    const std::byte* const applied = applied_.data() + step * layout_.types_.applied_action.size();
+    const StepRecord record{
+        .position = numbers(observation, layout_.position_, joints),
+        .torque = numbers(observation, layout_.torque_, joints),
+        .reasons = {reinterpret_cast<const std::uint64_t*>(applied + layout_.reasons_), joints},
+        .thermal_margin = numbers(applied, layout_.thermal_margin_, joints)};
+    const Status& status = statuses_[step];
+    health_.add(part.steps[step], {part.wanted.data() + step * joints, joints}, record, current_);
+    Health::add(status, period_, current_);
+    current_.lost_frames += status.lost_frames - lost_frames_;
+    current_.discarded_actions += status.discarded_actions - discarded_;
+    lost_frames_ = status.lost_frames;
+    discarded_ = status.discarded_actions;
+  }
+  steps_ += count;
+}
+
+std::optional<Drive::Ended> Drive::judge_pass() {
+  const std::optional<PassResult> pass = health_.take_pass();
+  if (!pass || is_tested_) return std::nullopt;
+  if (pass->hindered) {
+    return Ended{.trouble = Trouble::kSelfTest,
+                 .text = fmt::format("joint {} did not follow in the self-test: it went {:.3f} of "
+                                     "{:.3f} rad",
+                                     *pass->hindered, pass->went, pass->wanted)};
+  }
+  is_tested_ = true;
+  recovery_.is_well();
+  is_missing_ = false;
+  if (trouble_since_) {
+    const Nanoseconds time = place_.now() - *trouble_since_;
+    ++current_.recoveries;
+    current_.recovery_times.add(time);
+    trouble_since_.reset();
+    const std::lock_guard lock(mutex_);
+    if (events_.size() < kMostEvents) {
+      events_.push_back({.text = "moves again, after " + duration_text(time), .is_over = true});
+    }
+  }
+  return std::nullopt;
+}
+
+void Drive::bring_to_rest(UntypedFrontend& robot) {
+  // A second wish to stop must not keep the robot from coming to rest.
+  robot.set_interrupt({});
+  try {
+    robot.finish(kPatienceForRest);
+    const Deadline deadline(kPatienceForRest);
+    while (robot.session().info().is_real_time && !robot.session().info().is_at_rest &&
+           !deadline.passed()) {
+      std::this_thread::sleep_for(1ms);
+    }
+    read_rests(robot);
+  } catch (const Error&) {
+    // It has ended otherwise, which is just as well.
+  }
+}
+
+bool Drive::is_over() const noexcept {
+  return steps_ >= options_.most_steps || place_.now() - begun_ >= options_.most_time;
+}
+
+void Drive::note(Trouble trouble, const std::string& text) {
+  ++current_.troubles[static_cast<std::size_t>(trouble)];
+  const std::lock_guard lock(mutex_);
+  if (events_.size() < kMostEvents) events_.push_back({.trouble = trouble, .text = text});
+}
+
+void Drive::hand_over(bool at_once) {
+  if (!at_once && ++parts_since_ < kPartsToHandOver) return;
+  std::unique_lock lock(mutex_, std::defer_lock);
+  if (at_once) {
+    lock.lock();
+  } else if (!lock.try_lock()) {
+    return;  // The loop waits for nobody.
+  }
+  parts_since_ = 0;
+  const Nanoseconds now = place_.now();
+  current_.time = now - std::exchange(handed_over_, now);
+  pending_.add(current_);
+  current_.clear();
+}
+
+void Drive::take(Tally& tally, std::vector<Event>& events) {
+  const std::lock_guard lock(mutex_);
+  tally.add(pending_);
+  pending_.clear();
+  std::ranges::move(events_, std::back_inserter(events));
+  events_.clear();
+}
+
+}  // namespace trifinger::apps

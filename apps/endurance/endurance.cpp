@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The program `trifinger-endurance`: random motion with collisions for weeks, without a hand.
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "controller/user_program.hpp"
+#include "endurance/drive.hpp"
+#include "endurance/history.hpp"
+#include "endurance/page.hpp"
+#include "endurance/simulated.hpp"
+#include "shared/exit_code.hpp"
+#include "shared/options.hpp"
+#include "shared/signals.hpp"
+#include "shared/terminal.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/realtime/thread.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+constexpr int kNeedsHand = 4;
+constexpr Nanoseconds kLook = std::chrono::milliseconds(200);
+
+struct EnduranceOptions {
+  std::string robot{"sim"};
+  SimulatedOptions simulated;
+  DriveOptions drive;
+  std::optional<Nanoseconds> duration;
+  std::filesystem::path output{"endurance"};
+  Nanoseconds write_every{std::chrono::seconds(10)};
+  Demand scheduling{Demand::kTry};
+
+  [[nodiscard]] bool is_simulated() const noexcept { return !simulated.robot.empty(); }
+};
+
+// Short names for legends: "120 middle" is the middle joint of finger 120.
+std::vector<std::string> joint_names(const std::string& type, std::size_t count) {
+  std::vector<std::string> names;
+  const bool has_fingers = (type == "trifinger" && count == 9) || (type == "finger" && count == 3);
+  for (std::size_t i = 0; i < count; ++i) {
+    names.push_back(has_fingers ? fmt::format("{} {}", 120 * (i / 3),
+                                              i % 3 == 0   ? "upper"
+                                              : i % 3 == 1 ? "middle"
+                                                           : "lower")
+                                : fmt::format("joint {}", i));
+  }
+  return names;
+}
+
+std::int64_t wall_clock() {
+  return std::chrono::duration_cast<std::chrono::seconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+// Keeps the history of a robot and its files, beside the thread that drives it.
+class Keeper {
+ public:
+  Keeper(const EnduranceOptions& options, const Owner& owner)
+      : name_(owner.robot), every_(options.write_every), folder_(options.output) {
+    std::optional<History> history = folder_.read(owner);
+    if (!folder_.damage().empty()) console_.print(name_, folder_.damage(), Style::kWarning);
+    if (history) {
+      console_.print(name_, fmt::format("goes on counting after {} steps, from {}",
+                                        history->total().steps, folder_.data_file().string()));
+    }
+    history_.emplace(history ? std::move(*history) : History(owner));
+    history_->count_start();
+    // What cannot be written at all is better known now than in a week.
+    folder_.write(*history_, page(false, false));
+    console_.print(name_, "its health is in " + folder_.page_file().string());
+  }
+
+  [[nodiscard]] std::uint64_t sessions() const noexcept { return history_->total().sessions; }
+
+  // Takes what the drive has counted, and writes the files if it is time.
+  void look(Drive& drive) {
+    take(drive);
+    const Instant now = std::chrono::steady_clock::now();
+    // A page after a minute of the robot's time lets one see something soon, but simulated minutes
+    // are short.
+    const bool has_new_interval = history_->intervals().size() != shown_intervals_;
+    const Nanoseconds since = now - written_;
+    if (since >= every_ || (has_new_interval && since >= kLeast) ||
+        (has_news_ && since >= kLeast)) {
+      write(false, false);
+    }
+    draw();
+  }
+
+  // Writes the last page. Returns whether everything is on disk.
+  bool finish(Drive& drive, const Outcome& outcome) {
+    take(drive);
+    if (outcome.needs_hand) state_ = "A hand is needed: " + outcome.why;
+    write(true, outcome.needs_hand);
+    const Tally& total = history_->total();
+    console_.print(name_, fmt::format("{} steps, {} collisions, {} troubles, {} recoveries; {}",
+                                      total.steps, total.collisions, total.all_troubles(),
+                                      total.recoveries, folder_.page_file().string()));
+    if (outcome.needs_hand) console_.print(name_, "a hand is needed: " + outcome.why, Style::kBad);
+    return !is_full_;
+  }
+
+ private:
+  static constexpr Nanoseconds kLeast = std::chrono::seconds(1);
+
+  void take(Drive& drive) {
+    Tally tally(history_->num_joints());
+    events_.clear();
+    drive.take(tally, events_);
+    if (tally != Tally(history_->num_joints())) history_->add(tally, wall_clock());
+    for (const Event& event : events_) {
+      has_news_ = true;
+      if (event.is_over) {
+        state_ = "It moves.";
+        console_.print(name_, event.text, Style::kGood);
+        continue;
+      }
+      history_->set_last_words(event.trouble, event.text);
+      state_ = "It recovers from a trouble: " + event.text;
+      console_.print(name_, fmt::format("{}: {}", name_of(event.trouble), event.text),
+                     Style::kWarning);
+    }
+  }
+
+  void write(bool is_over, bool needs_hand) {
+    written_ = std::chrono::steady_clock::now();
+    shown_intervals_ = history_->intervals().size();
+    has_news_ = false;
+    try {
+      folder_.write(*history_, page(is_over, needs_hand));
+      if (is_full_) console_.print(name_, "its health is written again", Style::kGood);
+      is_full_ = false;
+    } catch (const Error& error) {
+      if (!is_full_) {
+        console_.print(
+            name_,
+            fmt::format("its health cannot be written: {}. The robot goes on, and what is "
+                        "counted is kept in memory until it can",
+                        error.what()),
+            Style::kWarning);
+      }
+      is_full_ = true;
+    }
+  }
+
+  [[nodiscard]] std::string page(bool is_over, bool needs_hand) const {
+    const std::string state = is_over && !needs_hand ? "It has ended as it was told." : state_;
+    return make_page(
+        *history_,
+        {.state = state, .needs_hand = needs_hand, .is_over = is_over, .now = wall_clock()});
+  }
+
+  void draw() {
+    const Tally& total = history_->total();
+    console_.draw({{.text = fmt::format("{}: {} steps", name_, total.steps), .importance = 3},
+                   {.text = fmt::format("{} collisions", total.collisions), .importance = 1},
+                   {.text = fmt::format("{} troubles", total.all_troubles()), .importance = 2},
+                   {.text = fmt::format("{} recoveries", total.recoveries), .importance = 2}});
+  }
+
+  std::string name_;
+  Nanoseconds every_;
+  HistoryFolder folder_;
+  std::optional<History> history_;
+  std::vector<Event> events_;
+  Console console_;
+  std::string state_{"It moves."};
+  bool has_news_{false};
+  bool is_full_{false};
+  std::size_t shown_intervals_{0};
+  Instant written_{std::chrono::steady_clock::now()};
+};
+
+int endure(EnduranceOptions options) {
+  // Nobody may read the messages of weeks.
+  for (const int signal : {SIGPIPE, SIGTTOU}) std::signal(signal, SIG_IGN);
+  const Signals signals;  // before any thread
+  std::atomic<bool> stop{false};
+  std::unique_ptr<Place> place;
+  std::optional<Session> session;
+  if (options.is_simulated()) {
+    options.simulated.seed = options.drive.motion.seed;
+    auto simulated = std::make_unique<SimulatedPlace>(options.simulated, stop);
+    session.emplace(simulated->session());
+    place = std::move(simulated);
+  } else {
+    place = std::make_unique<RunningRobot>(options.robot, stop);
+    session.emplace(Session::open(options.robot));
+  }
+  const SessionInfo info = session->info();
+  if (!options.is_simulated()) {
+    options.drive.realtime = realtime_beside(info, options.scheduling);
+  }
+  if (options.duration) options.drive.most_time = *options.duration;
+  const std::size_t joints = JointLayout(session->description()).joints();
+  Keeper keeper(options,
+                {.robot = info.name, .type = info.type, .joints = joint_names(info.type, joints)});
+  options.drive.first_session = keeper.sessions();
+  Drive drive(*place, *session, options.drive, stop);
+  session.reset();
+
+  Outcome outcome;
+  std::exception_ptr failure;
+  std::atomic<bool> has_ended{false};
+  {
+    std::jthread driver([&] {
+      try {
+        outcome = drive.run();
+      } catch (...) {
+        failure = std::current_exception();
+      }
+      has_ended = true;
+      Signals::notify();
+    });
+    while (!has_ended) {
+      if (const std::optional<int> signal = signals.wait(kLook)) {
+        if (stop) Signals::die_of(*signal);
+        stop = true;
+      }
+      keeper.look(drive);
+    }
+  }
+  const bool is_written = keeper.finish(drive, outcome);
+  if (failure) std::rethrow_exception(failure);
+  if (outcome.needs_hand) return kNeedsHand;
+  return is_written ? kDone : kIncomplete;
+}
+
+int endurance_command(const std::vector<std::string>& words) {
+  EnduranceOptions options;
+  CLI::App program(
+      "Moves a robot at random, with collisions, for weeks. It recovers by itself from what needs "
+      "no hand,\ncounts everything, and writes a page of the robot's health.",
+      "trifinger endurance");
+  program.set_help_flag("-h,--help", "Print this help");
+  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program
+      .add_option("--output", options.output,
+                  "Folder of the page and the counts; earlier counts there go on")
+      ->capture_default_str();
+  Nanoseconds duration{0};
+  add_duration(program, "--duration", duration, "How long, as in 12h or 7d; default: until Ctrl-C");
+  double steps = 0.0;
+  add_number(
+      program, "--steps", [&steps](double value) { steps = value; }, 1, 1e15,
+      "Number of steps; default: any");
+  program
+      .add_option("--simulate", options.simulated.robot,
+                  "Instead of a running robot, simulate this configuration, as fast as it goes")
+      ->option_text("CONFIG");
+  program.add_option("--set", options.simulated.overrides, "A setting of this configuration")
+      ->allow_extra_args(false)
+      ->option_text("KEY=VALUE ...");
+  add_number(
+      program, "--faults-every",
+      [&options](double value) {
+        options.simulated.faults_every = static_cast<std::uint64_t>(value);
+      },
+      0, 1e15, "With --simulate: steps from one injected fault to the next; default: none")
+      ->option_text("STEPS");
+  add_number(
+      program, "--seed",
+      [&options](double value) { options.drive.motion.seed = static_cast<std::uint64_t>(value); },
+      0, 9e15, "Seed of the motions and of what is injected; default: 0");
+  add_number(
+      program, "--speed", [&options](double value) { options.drive.motion.speed = value; }, 0.01,
+      1.0, "Share of the joints' greatest speed; default: 0.5");
+  Nanoseconds pass_every = std::chrono::minutes(10);
+  add_duration(program, "--pass-every", pass_every,
+               "Time from one measurement of friction to the next; default: 10min");
+  add_number(
+      program, "--attempts",
+      [&options](double value) { options.drive.recovery.attempts = static_cast<int>(value); }, 1,
+      1000, "Attempts in a row to recover before a hand is asked for; default: 8");
+  add_duration(program, "--patience", options.drive.recovery.patience,
+               "How long to wait for a robot that nobody runs; default: 10min");
+  add_number(
+      program, "--most-troubles",
+      [&options](double value) { options.drive.recovery.most_per_hour = value; }, 1, 1e9,
+      "Troubles in an hour before a hand is asked for; default: 30");
+  add_duration(program, "--write-every", options.write_every,
+               "Time from one writing of the files to the next; default: 10s");
+  add_user_scheduling(program, options.scheduling);
+  program.footer(
+      "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest and write the page; a second one kills.\n"
+      "Exit code 0: it has ended as it was told. 4: a hand is needed; the text says what for. 3: "
+      "the files\ncould not be written at the end.\n"
+      "Example:\n"
+      "  trifinger run sim                     in one terminal\n"
+      "  trifinger endurance --duration 12h    in another\n"
+      "  trifinger endurance --simulate trifinger_edu_emulated --steps 1e6 --faults-every 1e5");
+  return run_user_program(program, words, [&] {
+    if (duration > Nanoseconds::zero()) options.duration = duration;
+    if (steps > 0.0) options.drive.most_steps = static_cast<std::uint64_t>(steps);
+    options.drive.motion.pass_every = pass_every;
+    if (!options.is_simulated() &&
+        (options.simulated.faults_every > 0 || !options.simulated.overrides.empty())) {
+      throw UsageError("--faults-every and --set are for --simulate");
+    }
+    return endure(std::move(options));
+  });
+}
+
+}  // namespace
+}  // namespace trifinger::apps
+
+int main(int argument_count, char** arguments) {
+  return trifinger::apps::endurance_command({arguments + 1, arguments + argument_count});
+}

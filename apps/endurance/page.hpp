@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "endurance/history.hpp"
+
+namespace trifinger::apps {
+
+// What the page says besides the history.
+struct PageState {
+  std::string state;  // "moves", or how it ended
+  bool needs_hand{false};
+  bool is_over{false};  // nobody writes this page any more
+  std::int64_t now{0};  // wall clock, seconds since 1970
+};
+
+// A page of a robot's health over time: one file of HTML with its plots, of a bounded size.
+[[nodiscard]] std::string make_page(const History& history, const PageState& state);
+
+}  // namespace trifinger::apps

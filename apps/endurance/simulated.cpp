@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "endurance/simulated.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <variant>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/boards/board_robot.hpp"
+#include "trifinger/boards/emulated_fault.hpp"
+#include "trifinger/boards/emulator.hpp"
+#include "trifinger/can/memory_bus.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/file_robot.hpp"
+#include "trifinger/sim/simulated_plant.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+using Kind = InjectedFault::Kind;
+
+// B a board or its bus, J a joint, K the next joint, D a duration [s].
+constexpr std::array<std::string_view, 21> kBoardFaults{
+    "power off for D s",
+    "board B off for D s",
+    "board B restarts",
+    "board B near rollover",
+    "board B silent for D s",
+    "board B error encoder",
+    "board B error temperature",
+    "bus B loses 30 % for D s",
+    "bus B duplicates 30 % for D s",
+    "bus B delays 30 % by 0.004 s for D s",
+    "bus B corrupts 10 % for D s",
+    "bus B flooded with 5000 frames/s for D s",
+    "bus B full for D s",
+    "bus B off for D s",
+    "bus B down for D s",
+    "joint J jumps by 0.5 rad for D s",
+    "joint J stuck for D s",
+    "joint J noisy by 0.05 rad for D s",
+    "joint J draws 3 times the current for D s",
+    "joint J loose for D s",
+    "joint J reversed for D s",
+};
+constexpr std::string_view kSwapped = "joints J and K swapped for D s";
+
+}  // namespace
+
+std::size_t num_faults_to_inject(bool has_boards) noexcept {
+  return 2 + (has_boards ? kBoardFaults.size() + 1 : 0);
+}
+
+InjectedFault fault_to_inject(std::uint64_t number, std::uint64_t seed, std::size_t boards,
+                              std::size_t joints) {
+  Random random{.seed = seed, .episode = number};
+  const std::size_t turn = number % num_faults_to_inject(boards > 0);
+  if (turn == 0) return {.kind = Kind::kUnfit, .text = "actions are unfit"};
+  if (turn == 1) return {.kind = Kind::kRestart, .text = "the back-end is restarted"};
+  const std::string_view pattern =
+      turn - 2 < kBoardFaults.size() ? kBoardFaults[turn - 2] : kSwapped;
+  const auto board = random.integer(0, static_cast<std::int64_t>(boards));
+  const auto joint = random.integer(0, static_cast<std::int64_t>(joints));
+  // Faults of an instant up to those that outlast some attempts to recover.
+  const double duration = std::pow(10.0, random.uniform(-2.0, 0.9));
+  std::string text;
+  for (std::size_t i = 0; i < pattern.size(); ++i) {
+    const bool stands_alone =
+        i > 0 && pattern[i - 1] == ' ' && (i + 1 == pattern.size() || pattern[i + 1] == ' ');
+    if (stands_alone && pattern[i] == 'B') {
+      text += fmt::format("{}", board);
+    } else if (stands_alone && pattern[i] == 'J') {
+      text += fmt::format("{}", joint);
+    } else if (stands_alone && pattern[i] == 'K') {
+      text += fmt::format("{}", (joint + 1) % static_cast<std::int64_t>(joints));
+    } else if (stands_alone && pattern[i] == 'D') {
+      text += fmt::format("{:.3f}", duration);
+    } else {
+      text += pattern[i];
+    }
+  }
+  return {.kind = Kind::kBoards, .text = std::move(text)};
+}
+
+// What the back-end drives, and what lives on while nobody drives it.
+class SimulatedPlace::World {
+ public:
+  World() = default;
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+  virtual ~World() = default;
+
+  [[nodiscard]] virtual UntypedDriver& driver() noexcept = 0;
+  // Whether steps of the driver move the clock by themselves.
+  [[nodiscard]] virtual bool moves_clock() const noexcept = 0;
+  virtual void pass(Nanoseconds time) = 0;
+  // The back-end was started anew.
+  virtual void restart() {}
+  [[nodiscard]] virtual std::size_t num_boards() const noexcept { return 0; }
+  [[nodiscard]] virtual std::size_t num_joints() const noexcept { return 0; }
+  virtual void add(const std::string& fault) { static_cast<void>(fault); }
+};
+
+// A simulation without motors between: its driver knows no time.
+class SimulatedPlace::OtherWorld final : public World {
+ public:
+  OtherWorld(std::unique_ptr<UntypedDriver> driver, ManualClock& clock)
+      : driver_(std::move(driver)), clock_(clock) {}
+
+  [[nodiscard]] UntypedDriver& driver() noexcept override { return *driver_; }
+  [[nodiscard]] bool moves_clock() const noexcept override { return false; }
+  void pass(Nanoseconds time) override { clock_.advance(time); }
+
+ private:
+  std::unique_ptr<UntypedDriver> driver_;
+  ManualClock& clock_;
+};
+
+// A robot on emulated motor boards: each measurement takes a millisecond of the clock.
+template <class R>
+class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
+ public:
+  using typename Driver<R>::Action;
+  using typename Driver<R>::AppliedAction;
+  using typename Driver<R>::Observation;
+
+  BoardWorld(boards::BoardRobotOptions<R> boards, const SimulationOptions<R>& simulation,
+             ManualClock& clock)
+      : options_(std::move(boards)), clock_(clock), plant_(simulation) {
+    make();
+  }
+
+  using Driver<R>::apply_action;
+  using Driver<R>::get_latest_observation;
+  using Driver<R>::hold;
+
+  [[nodiscard]] UntypedDriver& driver() noexcept override { return *this; }
+  [[nodiscard]] bool moves_clock() const noexcept override { return true; }
+  void pass(Nanoseconds time) override {
+    for (Nanoseconds passed{0}; passed < time; passed += kTick) tick();
+  }
+  void restart() override {
+    robot_.reset();
+    emulator_.reset();
+    buses_.clear();
+    make();
+  }
+  [[nodiscard]] std::size_t num_boards() const noexcept override { return options_.names.size(); }
+  [[nodiscard]] std::size_t num_joints() const noexcept override { return R::kJoints; }
+  void add(const std::string& fault) override {
+    emulator_->add(boards::parse_fault(fault), clock_.now());
+  }
+
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override {
+    tick();
+    return robot_->prepare(step);
+  }
+  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
+    return robot_->get_latest_observation(observation);
+  }
+  [[nodiscard]] DriverReport apply_action(const Action& desired,
+                                          AppliedAction& applied) noexcept override {
+    const DriverReport report = robot_->apply_action(desired, applied);
+    tick();
+    return report;
+  }
+  [[nodiscard]] DriverReport hold(const Observation& observation,
+                                  Action& action) noexcept override {
+    return robot_->hold(observation, action);
+  }
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override {
+    tick();
+    return robot_->stop(step);
+  }
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override {
+    return robot_->fault_text(fault_code);
+  }
+  [[nodiscard]] std::string_view rejection_text() const noexcept override {
+    return robot_->rejection_text();
+  }
+
+ private:
+  static constexpr Nanoseconds kTick = std::chrono::milliseconds(1);
+
+  void make() {
+    std::vector<std::unique_ptr<can::Bus>> of_robot;
+    std::vector<std::unique_ptr<can::Bus>> of_boards;
+    for (std::size_t i = 0; i < options_.names.size(); ++i) {
+      buses_.push_back(std::make_unique<can::MemoryBus>(clock_));
+      of_robot.push_back(buses_.back()->connect());
+      of_boards.push_back(buses_.back()->connect());
+    }
+    emulator_.emplace(options_, std::move(of_boards), plant_, clock_.now());
+    robot_.emplace(options_, std::move(of_robot), clock_);
+  }
+  void tick() noexcept {
+    clock_.advance(kTick);
+    emulator_->tick(clock_.now());
+  }
+
+  boards::BoardRobotOptions<R> options_;
+  ManualClock& clock_;
+  SimulatedPlant<R> plant_;
+  std::vector<std::unique_ptr<can::MemoryBus>> buses_;
+  std::optional<boards::Emulator<R>> emulator_;
+  std::optional<boards::BoardRobot<R>> robot_;
+};
+
+SimulatedPlace::SimulatedPlace(const SimulatedOptions& options, const std::atomic<bool>& stop)
+    : options_(options), stop_(stop) {
+  AnyRobotConfig any = load_any_robot_config(options_.robot, options_.overrides);
+  if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
+    if (from_file->servos) {
+      throw InvalidArgument("'" + options_.robot +
+                            "' is on motors, which run in real time only: --robot drives it");
+    }
+    name_ = from_file->name;
+    backend_options_ = from_file->backend;
+    session_options_ = std::move(from_file->session);
+    world_ = std::make_unique<OtherWorld>(std::make_unique<FileRobot>(std::move(from_file->robot)),
+                                          clock_);
+  } else {
+    RobotConfig config = std::get<RobotConfig>(std::move(any));
+    name_ = config.name;
+    backend_options_ = config.backend;
+    session_options_ = std::move(config.session);
+    std::visit(
+        [&]<class R>(SimulationOptions<R>& simulation) {
+          if (config.boards) {
+            auto& boards = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
+            world_ = std::make_unique<BoardWorld<R>>(std::move(boards), simulation, clock_);
+            return;
+          }
+          world_ = std::make_unique<OtherWorld>(
+              std::make_unique<SimulatedRobot<R>>(std::move(simulation)), clock_);
+        },
+        config.simulation);
+  }
+  backend_options_.mode = BackendOptions::Mode::kNonRealTime;
+  begin();
+}
+
+SimulatedPlace::~SimulatedPlace() = default;
+
+void SimulatedPlace::begin() {
+  backend_.reset();
+  host_ = std::make_unique<SessionHost>(SessionHost::anonymous(session_options_, name_));
+  backend_ = std::make_unique<Backend>(world_->driver(), *host_, backend_options_, clock_);
+  backend_->begin_session();
+}
+
+Session SimulatedPlace::session() const { return host_->open(); }
+
+void SimulatedPlace::add(const std::string& fault) { world_->add(fault); }
+
+UntypedFrontend SimulatedPlace::connect() {
+  if (std::exchange(is_restart_due_, false)) {
+    backend_.reset();
+    world_->restart();
+    begin();
+  }
+  return UntypedFrontend(*backend_, {.control = true});
+}
+
+void SimulatedPlace::recover() { backend_->recover(); }
+
+void SimulatedPlace::pause(Nanoseconds time) {
+  if (stop_.load(std::memory_order_relaxed)) throw Stopped();
+  world_->pass(time);
+}
+
+Nanoseconds SimulatedPlace::now() const noexcept { return clock_.now().time_since_epoch(); }
+
+bool SimulatedPlace::expect(std::uint64_t steps) {
+  if (stop_.load(std::memory_order_relaxed)) throw Stopped();
+  if (!world_->moves_clock()) {
+    clock_.advance(backend_options_.period * static_cast<std::int64_t>(steps));
+  }
+  const std::uint64_t before = steps_;
+  steps_ += steps;
+  const std::uint64_t every = options_.faults_every;
+  if (every > 0 && before / every != steps_ / every) inject();
+  return std::exchange(is_unfit_due_, false);
+}
+
+void SimulatedPlace::inject() {
+  const InjectedFault fault =
+      fault_to_inject(injected_, options_.seed, world_->num_boards(), world_->num_joints());
+  ++injected_;
+  switch (fault.kind) {
+    case Kind::kUnfit:
+      is_unfit_due_ = true;
+      break;
+    case Kind::kRestart:
+      is_restart_due_ = true;
+      backend_->request_stop();
+      break;
+    case Kind::kBoards:
+      world_->add(fault.text);
+      break;
+  }
+}
+
+}  // namespace trifinger::apps
