@@ -34,6 +34,7 @@ struct JudgedRow {
   // The worst, the middle and the best figure, in the unit of the table.
   [[nodiscard]] std::string spread() const {
     std::vector<double> figures;
+    figures.reserve(judgements.size());
     for (const Judgement& judgement : judgements) figures.push_back(judgement.figure * row.scale);
     std::ranges::sort(figures);
     return fmt::format("{:.3g} to {:.3g}, median {:.3g} {}", figures.front(), figures.back(),

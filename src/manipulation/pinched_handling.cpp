@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
 
 #include "box_of.hpp"
@@ -355,7 +356,7 @@ double PinchedHandling::gap() const noexcept {
   }
   // Nobody sees it: as it must be between the tips.
   const double below = config_.pinch_height;
-  double lowest = INFINITY;
+  double lowest = std::numeric_limits<double>::infinity();
   for (const double forward : {-pinch_.length / 2, pinch_.length / 2}) {
     for (const double up : {-below, pinch_.above}) {
       const Vector3d corner = forward * pinch_.forward + up * Vector3d::UnitZ();

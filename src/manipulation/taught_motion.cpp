@@ -132,12 +132,11 @@ class TaughtSkill final : public Skill {
 
   void follow_phases() noexcept {
     const Seconds elapsed = clock_.in_phase();
-    if (is_stopping_) {
-      if (elapsed >= kBrakeTime) end("it was stopped");
-    } else if (state_.phase == "go") {
-      if (elapsed >= kGoTime) enter("play");
-    } else if (state_.phase == "play") {
-      if (elapsed >= motion_.duration() + kRest) end("");
+    if (is_stopping_ && elapsed >= kBrakeTime) end("it was stopped");
+    if (state_.phase == "go" && elapsed >= kGoTime) {
+      enter("play");
+    } else if (state_.phase == "play" && elapsed >= motion_.duration() + kRest) {
+      end("");
     }
   }
 
@@ -153,7 +152,7 @@ class TaughtSkill final : public Skill {
     }
     if (state_.phase == "go") {
       TaughtMotion::Instant now = motion_.at(Seconds(0));
-      const control::Progress progress = control::minimum_jerk(elapsed, kGoTime);
+      const control::Progress progress = control::minimum_jerk(clock_.in_phase(), kGoTime);
       const JointValues way = now.position - begin_;
       now.position = begin_ + progress.value * way;
       now.velocity = progress.rate * way;
@@ -258,13 +257,13 @@ std::string text_of(const TaughtMotion& motion) {
   std::string text = "time";
   for (Eigen::Index i = 0; i < kJoints; ++i) text += ",position_" + std::to_string(i);
   for (Eigen::Index i = 0; i < kJoints; ++i) text += ",torque_" + std::to_string(i);
-  text += "\n";
+  text += '\n';
   for (std::size_t row = 0; row < motion.positions.size(); ++row) {
     text += decimal(static_cast<double>(row) * motion.interval.count(), 4);
     // A tenth of what encoders and motors resolve.
     for (const double value : motion.positions[row]) text += "," + decimal(value, 5);
     for (const double value : motion.torques[row]) text += "," + decimal(value, 4);
-    text += "\n";
+    text += '\n';
   }
   return text;
 }

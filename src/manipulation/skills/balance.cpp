@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -213,7 +214,7 @@ void Balance::take_news() noexcept {
 // The finger on whose tip the box stands.
 void Balance::find_finger() noexcept {
   const Vector3d foot = first_->pose.position - box_.half_height * edge_of(first_->pose);
-  double least = INFINITY;
+  double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < control::kContacts; ++i) {
     const double distance = (foot - servo_.tip(i) - box_.tip_radius * Vector3d::UnitZ()).norm();
     if (distance >= least) continue;
