@@ -11,8 +11,8 @@
 #include <fstream>
 #include <string>
 
-#include "../support/folder.hpp"
 #include "shared_robot/process_tree.hpp"
+#include "support/folder.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -10,7 +10,7 @@
 #include <limits>
 #include <string>
 
-#include "../support/folder.hpp"
+#include "support/folder.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
