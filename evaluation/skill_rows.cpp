@@ -9,9 +9,11 @@ namespace trifinger::evaluation {
 
 std::vector<SkillRow> all_skill_rows() {
   std::vector<SkillRow> rows;
-  [[maybe_unused]] const auto add = [&rows](std::vector<SkillRow> more) {
+  const auto add = [&rows](std::vector<SkillRow> more) {
     std::ranges::move(more, std::back_inserter(rows));
   };
+  add(catch_rows());
+  add(throw_rows());
   return rows;
 }
 

@@ -10,6 +10,9 @@ namespace trifinger::evaluation {
 // The rows of each skill, in judge_SKILL.cpp. All of them together are the table of
 // `./run evaluate skills`.
 
+[[nodiscard]] std::vector<SkillRow> catch_rows();
+[[nodiscard]] std::vector<SkillRow> throw_rows();
+
 [[nodiscard]] std::vector<SkillRow> all_skill_rows();
 
 }  // namespace trifinger::evaluation

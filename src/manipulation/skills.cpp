@@ -23,7 +23,16 @@ struct Entry {
 
 // A skill is one file in src/manipulation/skills, one configuration, and one entry here.
 const std::vector<Entry>& entries() {
-  static const std::vector<Entry> all{};
+  static const std::vector<Entry> all{
+      {{.name = "catch",
+        .summary = "Catches a ball that falls to a flipped robot",
+        .robot = "catch"},
+       &make_catch},
+      {{.name = "throw",
+        .summary = "Throws a ball that lies on the tips of a flipped robot",
+        .robot = "throw"},
+       &make_throw},
+  };
   return all;
 }
 

@@ -12,4 +12,9 @@ namespace trifinger::manipulation {
 using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                               const config::Node& root);
 
+[[nodiscard]] std::unique_ptr<Skill> make_catch(const SkillContext& context,
+                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_throw(const SkillContext& context,
+                                                const config::Node& root);
+
 }  // namespace trifinger::manipulation
