@@ -16,6 +16,8 @@ std::vector<SkillRow> all_skill_rows() {
   add(stand_rows());
   add(turn_rows());
   add(repose_rows());
+  add(catch_rows());
+  add(throw_rows());
   return rows;
 }
 

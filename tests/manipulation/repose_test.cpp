@@ -55,7 +55,8 @@ std::unique_ptr<Skill> place_at_start(
 }
 
 TEST(LyingOn, TurnsEveryFaceUp) {
-  for (const Vector3d& axis : {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()}) {
+  for (const int i : {0, 1, 2}) {
+    const Vector3d axis = Vector3d::Unit(i);
     for (const double sign : {1.0, -1.0}) {
       const Vector3d face = sign * axis;
       for (const double turn : {0.0, 1.0, -2.5})

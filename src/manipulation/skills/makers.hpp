@@ -14,13 +14,17 @@ using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
 
 [[nodiscard]] std::unique_ptr<Skill> make_balance(const SkillContext& context,
                                                   const config::Node& root);
-[[nodiscard]] std::unique_ptr<Skill> make_stand(const SkillContext& context,
+[[nodiscard]] std::unique_ptr<Skill> make_catch(const SkillContext& context,
                                                 const config::Node& root);
-[[nodiscard]] std::unique_ptr<Skill> make_turn(const SkillContext& context,
-                                               const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_flip(const SkillContext& context,
                                                const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_place(const SkillContext& context,
                                                 const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_stand(const SkillContext& context,
+                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_throw(const SkillContext& context,
+                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_turn(const SkillContext& context,
+                                               const config::Node& root);
 
 }  // namespace trifinger::manipulation

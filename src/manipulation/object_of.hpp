@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <string>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/model/robot_description.hpp"
+
+namespace trifinger::manipulation {
+
+// The object of that name. Throws InvalidArgument if the scene has none of that shape.
+inline const ObjectDescription& object_of(const RobotDescription& description,
+                                          const std::string& name, ObjectShape shape) {
+  const auto object = std::ranges::find(description.objects, name, &ObjectDescription::name);
+  if (object == description.objects.end())
+    throw InvalidArgument("the scene has no '" + name + "' to handle");
+  if (object->shape != shape) throw InvalidArgument("the object '" + name + "' has another shape");
+  return *object;
+}
+
+}  // namespace trifinger::manipulation
