@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
+
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::apps {
