@@ -41,7 +41,7 @@ using Vector3 = Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
 constexpr TimeIndex kSettling = 150;     // Steps in which the ball comes to rest in the cradle.
-constexpr TimeIndex kFlight = 80;       // Steps after a stroke until the ball is looked at.
+constexpr TimeIndex kFlight = 80;        // Steps after a stroke until the ball is looked at.
 constexpr double kFree = 0.003;          // A ball this far from all tips is released [m].
 constexpr double kPenetration = 0.0015;  // Tips that press deeper are not believed [m].
 
@@ -367,8 +367,9 @@ Finder::Found read(const std::string& path) {
   return found;
 }
 
-int find(const std::string& robot, const std::string& from, std::uint64_t seed, int tries, int best_of, int iterations,
-         int samples, bool is_far, const std::filesystem::path& output) {
+int find(const std::string& robot, const std::string& from, std::uint64_t seed, int tries,
+         int best_of, int iterations, int samples, bool is_far,
+         const std::filesystem::path& output) {
   const RobotConfig config = load_robot_config(robot);
   const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
   Finder finder(options, seed);
