@@ -21,7 +21,7 @@ std::string_view BoundedOutput::add(std::string_view text) {
 }
 
 std::string BoundedOutput::rest() const {
-  const std::string end = end_.substr(end_.size() - std::min(end_.size(), half_));
+  std::string end = end_.substr(end_.size() - std::min(end_.size(), half_));
   if (left_out() == 0) return end;
   return fmt::format("\n[{} bytes are left out here]\n{}", left_out(), end);
 }

@@ -82,7 +82,7 @@ ConfinedProgram::ConfinedProgram(Confinement confinement) {
     News news;
     const ssize_t size = ::recv(control_, &news, sizeof(news), 0);
     if (size < 0 && errno == EINTR) continue;
-    if (size != static_cast<ssize_t>(sizeof(news))) {
+    if (std::cmp_not_equal(size, sizeof(news))) {
       forget_guard();
       throw Error("the process that should guard the program has ended");
     }
@@ -101,7 +101,7 @@ ConfinedProgram::~ConfinedProgram() {
   close(output_);
 }
 
-void ConfinedProgram::start() { order(control_, Order::kStart); }
+void ConfinedProgram::start() const { order(control_, Order::kStart); }
 
 std::string ConfinedProgram::take_output(Nanoseconds timeout) {
   std::array<pollfd, 2> wanted{pollfd{.fd = output_, .events = POLLIN, .revents = 0},
@@ -122,9 +122,9 @@ std::string ConfinedProgram::take_output(Nanoseconds timeout) {
   return text;
 }
 
-void ConfinedProgram::ask_to_end() noexcept { order(control_, Order::kAskToEnd); }
+void ConfinedProgram::ask_to_end() const noexcept { order(control_, Order::kAskToEnd); }
 
-void ConfinedProgram::kill() noexcept {
+void ConfinedProgram::kill() const noexcept {
   if (is_guard_gone_) return;
   if (confined_by_.own_processes) {
     ::kill(guard_, SIGKILL);  // The kernel ends the namespace with it.
@@ -139,7 +139,7 @@ void ConfinedProgram::take_news() {
     const ssize_t size = ::recv(control_, &news, sizeof(news), MSG_DONTWAIT);
     if (size < 0 && errno == EINTR) continue;
     if (size < 0 && errno == EAGAIN) return;
-    if (size == static_cast<ssize_t>(sizeof(news)) && news.kind == News::Kind::kEnded && !end_) {
+    if (std::cmp_equal(size, sizeof(news)) && news.kind == News::Kind::kEnded && !end_) {
       end_ = ProgramEnd{.start_error = news.error, .status = news.value};
     }
     const bool is_last = news.kind == News::Kind::kAllGone;

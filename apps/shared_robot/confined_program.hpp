@@ -72,14 +72,14 @@ class ConfinedProgram {
   // The number of the guard, from which all processes of the program descend.
   [[nodiscard]] pid_t guard() const noexcept { return guard_; }
 
-  void start();
+  void start() const;
   // Waits until there is output or news, then takes both. Returns at most some kilobytes of what
   // the program has printed.
   [[nodiscard]] std::string take_output(Nanoseconds timeout);
   // Sends SIGTERM to all its processes.
-  void ask_to_end() noexcept;
+  void ask_to_end() const noexcept;
   // Kills all its processes, without waiting for their ends.
-  void kill() noexcept;
+  void kill() const noexcept;
 
   // How the program itself has ended; nothing while it runs.
   [[nodiscard]] const std::optional<ProgramEnd>& end() const noexcept { return end_; }

@@ -16,9 +16,9 @@ inline constexpr double kMiddle = 0.03;
 // True if the robot cannot be left as it is: the next session of a simulation restores everything.
 [[nodiscard]] bool begins_anew(const std::string& robot);
 
-// Lets `robot` grasp the cube and lead it to the middle of the table. Returns why it could not;
-// empty if it did. `look` is called in every step; when it throws, the cube is put down first.
-[[nodiscard]] std::string bring_to_middle(const std::string& robot,
+// Lets the robot `name` grasp the cube and lead it to the middle of the table. Returns why it could
+// not; empty if it did. `look` is called in every step; when it throws, the cube is put down first.
+[[nodiscard]] std::string bring_to_middle(const std::string& name,
                                           const std::function<void()>& look);
 
 }  // namespace trifinger::apps

@@ -157,10 +157,12 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
   require(::chdir(confinement.folder.c_str()) == 0, report);
 
   std::vector<char*> words;
+  words.reserve(confinement.words.size() + 1);
   for (const std::string& word : confinement.words)
     words.push_back(const_cast<char*>(word.c_str()));
   words.push_back(nullptr);
   std::vector<char*> environment;
+  environment.reserve(confinement.environment.size() + 1);
   for (const std::string& entry : confinement.environment) {
     environment.push_back(const_cast<char*>(entry.c_str()));
     if (entry.starts_with("PATH=")) ::setenv("PATH", entry.c_str() + 5, 1);  // execvpe searches it
@@ -255,7 +257,7 @@ class Guard {
     }
   }
 
-  void signal_all(int signal) {
+  void signal_all(int signal) const {
     if (by_.own_processes) {
       ::kill(-1, signal);  // all in the namespace but this one
       return;

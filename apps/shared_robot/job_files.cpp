@@ -56,13 +56,15 @@ void for_each_mapped(pid_t pid, const Use& use) {
   // fourth and the fifth word.
   std::istringstream maps(proc_text(pid, "maps"));
   for (std::string line; std::getline(maps, line);) {
+    std::istringstream words(line);
+    std::string skipped;
     unsigned major = 0;
     unsigned minor = 0;
-    unsigned long long inode = 0;
-    if (std::sscanf(line.c_str(), "%*s %*s %*s %x:%x %llu", &major, &minor, &inode) == 3 &&
-        inode != 0) {
-      use(FileIdentity{::makedev(major, minor), inode});
-    }
+    char colon = 0;
+    ino_t inode = 0;
+    words >> skipped >> skipped >> skipped >> std::hex >> major >> colon >> minor >> std::dec >>
+        inode;
+    if (words && colon == ':' && inode != 0) use(FileIdentity{::makedev(major, minor), inode});
   }
 }
 

@@ -173,7 +173,6 @@ std::string sweep(TestDrive& drive, std::size_t joint, boards::JointReport& repo
   }
   boards::JointSweep measured;
   measured.begin();
-  std::optional<double> begin;
   std::vector<double> furthest(drive.joints(), 0.0);
   std::vector<double> from;
   drive.follow(targets, [&](std::size_t /*i*/, const std::vector<double>& position,

@@ -47,7 +47,8 @@ constexpr Nanoseconds kMeasurePeriod = std::chrono::milliseconds(100);
 constexpr std::size_t kMostTroubles = 20;
 
 // Somebody has pressed Ctrl-C, or sent such a signal.
-struct TurnInterrupted {
+struct TurnInterrupted : std::exception {
+  explicit TurnInterrupted(int which) noexcept : signal(which) {}
   int signal;
 };
 
@@ -196,16 +197,16 @@ class Turn {
       } else {
         report_.end.text = "was not started: the robot is not fit: " + report_.before.problem;
       }
-    } catch (const std::exception& error) {
-      // Whatever it was, the robot must be brought back.
-      is_broken_ = true;
-      add_trouble(error.what());
-      if (report_.end.text.empty()) report_.end.text = "was ended, because this failed";
     } catch (const TurnInterrupted& interrupted) {
       report_.end = {
           .kind = JobEnd::Kind::kInterrupted,
           .signal = interrupted.signal,
           .text = "was not started: this was interrupted by " + signal_text(interrupted.signal)};
+    } catch (const std::exception& error) {
+      // Whatever it was, the robot must be brought back.
+      is_broken_ = true;
+      add_trouble(error.what());
+      if (report_.end.text.empty()) report_.end.text = "was ended, because this failed";
     }
     program_.reset();
     if (report_.before.is_fit || was_interrupted_ || is_broken_) restore();
@@ -230,7 +231,7 @@ class Turn {
     return signal;
   }
   void throw_if_interrupted() {
-    if (const std::optional<int> signal = look_for_signal()) throw TurnInterrupted{*signal};
+    if (const std::optional<int> signal = look_for_signal()) throw TurnInterrupted(*signal);
   }
 
   void make_folders() {
@@ -497,7 +498,7 @@ int restore_robot(const std::string& robot, const CareOptions& care) {
   options.tell = [&](const std::string& sentence) { console.print(robot, sentence); };
   options.look = [&signals] {
     if (const std::optional<int> signal = signals.wait(Nanoseconds::zero())) {
-      throw TurnInterrupted{*signal};
+      throw TurnInterrupted(*signal);
     }
   };
   try {
