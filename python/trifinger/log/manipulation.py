@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,8 @@ from trifinger.log.plot.panels import COLOURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# Phases in which the object is not handled. They have no colour.
+IDLE = ("look", "plan", "done", "failed")
 PHASES = {
     "grasp": "#F3EBD3",
     "lead": "#E3EEF6",
@@ -27,6 +31,8 @@ PHASES = {
     "lower": "#DCEFE4",
     "release": "#F3EBD3",
 }
+# Colours of all other phases, in the order in which they first come.
+PALETTE = ("#E3EEF6", "#DCEFE4", "#ECE6F2", "#F8E3DC", "#E0F0F0", "#F0ECDD", "#E9E9E9", "#F6E2EE")
 
 
 class Trace:
@@ -77,31 +83,47 @@ def rotation_errors(desired: Array, found: Array) -> Array:
 
 
 def save_report(trace: Trace, path: Path) -> None:
-    """Saves a plot of the manipulation: pose of the object, its error, and forces of the tips."""
+    """Saves a plot of a manipulation: pose of the object, forces, torque, and what a pen drew."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12.0, 11.0), layout="constrained")
-    parts: list[Axes] = list(figure.subplots(5, 1, sharex=True))
     known = ~np.isin(trace.phases, ("look", "plan"))
-    draw_position(parts[0], trace, known)
-    draw_error(parts[1], trace)
-    draw_forces(parts[2], trace, known, "normal", "what the tips press with")
-    draw_forces(parts[3], trace, known, "tangential", "what they rub")
-    draw_torque(parts[4], trace)
+    draws: list[Callable[[Axes], None]] = [
+        lambda axes: draw_position(axes, trace, known),
+        lambda axes: draw_error(axes, trace),
+    ]
+    for field, title in (("normal", "what the tips press with"), ("tangential", "what they rub")):
+        if f"{field}_0" in trace.columns:
+            draws.append(partial(draw_forces, trace=trace, known=known, field=field, title=title))
+    draws.append(lambda axes: draw_torque(axes, trace))
+
+    shows_line = "nib_reach" in trace.report
+    height = 2.2 * len(draws)
+    figure = Figure(figsize=(12.0, height + (5.0 if shows_line else 0.0)), layout="constrained")
+    over_time, *below = np.atleast_1d(
+        figure.subfigures(2, 1, height_ratios=(height, 5.0)) if shows_line else figure.subfigures()
+    )
+    parts: list[Axes] = list(over_time.subplots(len(draws), 1, sharex=True))
+    for axes, draw in zip(parts, draws, strict=True):
+        draw(axes)
     draw_phases(parts, trace)
     parts[0].set_xlim(trace.times[0], trace.times[-1])
-    parts[4].set_xlabel("time since the first step [s]")
-    report = trace.report
-    outcome = "" if report["is_done"] else f": {report['failure']}"
-    figure.suptitle(
-        f"{report['task']}{outcome}: {1e3 * report['position_rms']:.2f} mm, "
-        f"{np.degrees(report['orientation_rms']):.2f}° rms against the poses seen",
-        x=0.01,
-        ha="left",
-        fontsize=13,
-        fontweight="bold",
-    )
+    parts[-1].set_xlabel("time since the first step [s]")
+    for one in below:
+        draw_line(one.subplots(), trace)
+    figure.suptitle(title_of(trace.report), x=0.01, ha="left", fontsize=13, fontweight="bold")
     figure.savefig(path, dpi=110)
+
+
+def title_of(report: dict[str, Any]) -> str:
+    """What was done, how it ended, and how exactly."""
+    outcome = "" if report["is_done"] else f": {report['failure']}"
+    text = f"{report['task']}{outcome}"
+    if "position_rms" in report:
+        text += f": {1e3 * report['position_rms']:.2f} mm"
+        if "orientation_rms" in report:
+            text += f", {np.degrees(report['orientation_rms']):.2f}°"
+        text += " rms against the poses seen"
+    return text
 
 
 def draw_position(axes: Axes, trace: Trace, known: Array) -> None:
@@ -118,7 +140,7 @@ def draw_position(axes: Axes, trace: Trace, known: Array) -> None:
 
 def draw_error(axes: Axes, trace: Trace) -> None:
     """Draws the errors of position and angle while the object is led."""
-    led = np.isin(trace.phases, ("lead", "follow", "hold", "lower"))
+    led = ~np.isin(trace.phases, (*IDLE, "grasp", "release"))
     way = trace.group("estimated", "xyz") - trace.group("desired", "xyz")
     quaternions = ("qw", "qx", "qy", "qz")
     angle = rotation_errors(
@@ -152,12 +174,45 @@ def draw_torque(axes: Axes, trace: Trace) -> None:
     entitle(axes, "largest torque asked for, of what the motors give", "%")
 
 
+def draw_line(axes: Axes, trace: Trace) -> None:
+    """Draws what a pen should have drawn, and what it drew."""
+    on_paper = np.array([phase == "draw" for phase in trace.phases])
+    quaternions = ("qw", "qx", "qy", "qz")
+    styles: dict[str, dict[str, Any]] = {
+        "desired": {"linewidth": 4.5, "alpha": 0.3, "color": COLOURS[0]},
+        "estimated": {"linewidth": 1.2, "color": COLOURS[7]},
+    }
+    for kind, style in styles.items():
+        w, x, y, z = trace.group(kind, quaternions).T
+        along = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z)], axis=1)
+        nib = trace.group(kind, "xy") + trace.report["nib_reach"] * along
+        nib = np.where(on_paper[:, None], 1e2 * nib, np.nan)
+        axes.plot(nib[:, 0], nib[:, 1], label=kind, solid_capstyle="round", **style)
+    axes.set_aspect("equal", "datalim")
+    axes.grid(color="#E6E6E6", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel("x [cm]")
+    axes.legend(loc="upper right", ncols=2, fontsize=8, edgecolor="none")
+    entitle(axes, "line on the paper: desired (broad), estimated; y", "cm")
+
+
+def colours_of(phases: Iterable[str]) -> dict[str, str]:
+    """A colour for each phase: its own, or the next of the palette."""
+    colours: dict[str, str] = {}
+    others = cycle(PALETTE)
+    for phase in phases:
+        if phase not in colours:
+            colours[phase] = PHASES[phase] if phase in PHASES else next(others)
+    return colours
+
+
 def draw_phases(parts: Sequence[Axes], trace: Trace) -> None:
     """Draws the phases below all lines, with their names in the first panel, and the legends."""
-    spans = [span for span in trace.spans() if span[0] in PHASES]
+    spans = [span for span in trace.spans() if span[0] not in IDLE]
+    colours = colours_of([phase for phase, _, _ in spans])
     for axes in parts:
         for phase, begin, end in spans:
-            axes.axvspan(begin, end, color=PHASES[phase], linewidth=0, zorder=0)
+            axes.axvspan(begin, end, color=colours[phase], linewidth=0, zorder=0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(color="#FFFFFF", linewidth=0.6)
         axes.set_axisbelow(True)
