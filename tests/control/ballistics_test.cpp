@@ -57,7 +57,9 @@ TEST(BallisticEstimator, SaysWhenItFallsThroughAHeight) {
     ASSERT_TRUE(time);
     EXPECT_NEAR(estimator.at(*time).position.z(), flight.start.z() - 0.5, 1e-9);
     EXPECT_LT(estimator.at(*time).velocity.z(), 0.0);
-    if (flight.velocity.z() > 0) EXPECT_FALSE(estimator.falls_through(top + 0.01));
+    if (flight.velocity.z() > 0) {
+      EXPECT_FALSE(estimator.falls_through(top + 0.01));
+    }
   }
 }
 
