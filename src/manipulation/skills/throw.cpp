@@ -204,7 +204,7 @@ class Throw final : public Skill {
   }
 
   static constexpr Seconds kMaxApproach{10};
-  static constexpr Seconds kReleaseTime{0.03};  // After the stroke the ball still touches a tip.
+  static constexpr Seconds kReleaseTime{0.02};  // After the stroke the ball still touches a tip.
   static constexpr Seconds kRestTime{0.3};      // In which the ball must lie still.
   static constexpr Seconds kOldPose{0.2};       // An older pose says nothing.
   static constexpr double kSmoothing = 0.15;    // Share of a new pose in the ball's place.
@@ -212,6 +212,9 @@ class Throw final : public Skill {
   static constexpr double kLowest = 0.06;            // Below it the ball meets the table [m].
   static constexpr double kFloorDepth = 1.0;         // Below the feet of the platform [m].
   static constexpr double kAtStart = 0.03;           // Joints so near need no approach [rad].
+  static constexpr double kBrakeStiffness = 3.0;     // [Nm/rad]
+  static constexpr double kBrakeDamping = 0.15;      // [Nms/rad]
+  static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
   static constexpr double kMostCorrection = 0.01;    // [m]
 
   void enter(Phase phase) noexcept {
@@ -314,6 +317,10 @@ class Throw final : public Skill {
   }
 
   void act(Seconds elapsed, const control::JointState& joints) noexcept {
+    if (has_left_) {
+      brake(joints);
+      return;
+    }
     StrokeTargets targets = targets_at(config_.stroke, Seconds(-1));
     kinematics_.update(joints.position);
     JointValues torque = kinematics_.gravity_torques();
@@ -365,6 +372,23 @@ class Throw final : public Skill {
     torque_share_ = std::min(share, 1.0);
   }
 
+  // Fast joints are damped as hard as they can be. At the stroke's own stiffness they would swing.
+  void brake(const control::JointState& joints) noexcept {
+    if (!is_braking_) last_targets_ = joints.position;
+    is_braking_ = true;
+    kinematics_.update(joints.position);
+    const JointValues torque = kinematics_.gravity_torques();
+    for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      action_.position[i] = std::clamp(last_targets_[k], limits_.soft_lower[i] + kBrakeMargin,
+                                       limits_.soft_upper[i] - kBrakeMargin);
+      action_.position_kp[i] = kBrakeStiffness;
+      action_.position_kd[i] = kBrakeDamping;
+      action_.torque[i] = torque[k];
+    }
+    torque_share_ = 0.0;
+  }
+
   // The joints' way for the same small shift of all tips.
   [[nodiscard]] JointValues shift_of(const Eigen::Vector3d& shift) const noexcept {
     JointValues way(kMaxJoints);
@@ -401,6 +425,7 @@ class Throw final : public Skill {
   bool is_seen_{false};
   bool has_left_{false};
   bool is_down_{false};
+  bool is_braking_{false};
   TimeIndex last_seen_{-1};
   Pose measured_;
   Eigen::Vector3d place_{Eigen::Vector3d::Zero()};
