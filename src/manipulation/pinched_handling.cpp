@@ -233,7 +233,6 @@ void PinchedHandling::enter(Phase phase) noexcept {
 
 void PinchedHandling::see(TimeIndex captured, const Pose& pose) noexcept {
   if (!estimator_.update(clock_.time_of(captured), pose)) return;
-  last_seen_ = captured;
   if (captured >= average_from_) average_.add(pose);
 }
 
@@ -271,9 +270,20 @@ void PinchedHandling::stop() noexcept {
   }
 }
 
+// The third tip goes away from the box.
+void PinchedHandling::withdraw_pusher() noexcept {
+  const auto k = static_cast<std::size_t>(pinch_.pusher);
+  const Vector3d tip = servo_.tip(pinch_.pusher);
+  const Vector3d outward = turn_by(pinch_, turned_) * Vector3d::UnitZ();
+  ways_[k].rest_at(tip);
+  ways_[k].begin({tip + (kHover + 0.01) * outward, waiting_place(pinch_, config_.approach_height)},
+                 config_.approach_speed);
+}
+
 // Opens the fingers; fails then if there is a failure.
 void PinchedHandling::open(std::string_view failure) noexcept {
   if (next_failure_.empty()) next_failure_ = failure;
+  if (phase_ == Phase::kReach || phase_ == Phase::kTurn) withdraw_pusher();
   for (const auto& [finger, side] : {std::pair{pinch_.left, -1.0}, std::pair{pinch_.right, 1.0}}) {
     TipWay& way = ways_[static_cast<std::size_t>(finger)];
     const Vector3d back = servo_.tip(finger) + side * config_.clearance * pinch_.axis;
@@ -293,12 +303,7 @@ void PinchedHandling::put_down(std::string_view failure) noexcept {
   // The poses from now on tell how far it is to the table.
   average_.reset();
   average_from_ = clock_.step();
-  const auto k = static_cast<std::size_t>(pinch_.pusher);
-  const Vector3d tip = servo_.tip(pinch_.pusher);
-  const Vector3d outward = turn_by(pinch_, turned_) * Vector3d::UnitZ();
-  ways_[k].rest_at(tip);
-  ways_[k].begin({tip + (kHover + 0.01) * outward, waiting_place(pinch_, config_.approach_height)},
-                 config_.approach_speed);
+  withdraw_pusher();
   enter(Phase::kWithdraw);
 }
 
@@ -374,7 +379,6 @@ void PinchedHandling::measure() noexcept {
   const Vector3d& left = servo_.tip(pinch_.left);
   const Vector3d& right = servo_.tip(pinch_.right);
   middle_ = (left + right) / 2;
-  middle_speed_ = (servo_.velocity(pinch_.left) + servo_.velocity(pinch_.right)) / 2;
   distance_ = (right - left).dot(pinch_.axis);
 }
 

@@ -136,6 +136,7 @@ class PinchedHandling : public Skill {
   void look() noexcept;
   void finish_check() noexcept;
   void try_again_or_fail(std::string_view failure) noexcept;
+  void withdraw_pusher() noexcept;
   void open(std::string_view failure) noexcept;
   void put_down(std::string_view failure) noexcept;
   void take_torques(Seconds elapsed) noexcept;
@@ -165,7 +166,6 @@ class PinchedHandling : public Skill {
   std::string_view next_failure_;
   bool is_stopped_{false};
   int attempt_{1};
-  TimeIndex last_seen_{0};
   Pose rest_;                     // Of the box before it is handled.
   std::optional<Pose> first_;     // The same in the first attempt.
   std::optional<Pinch> planned_;  // What `plan` has found.
@@ -175,8 +175,7 @@ class PinchedHandling : public Skill {
   std::array<TipWay, control::kContacts> ways_;
   bool has_sensed_{false};
   Eigen::Vector3d middle_{Eigen::Vector3d::Zero()};  // Of the pinching tips, as measured.
-  Eigen::Vector3d middle_speed_{Eigen::Vector3d::Zero()};
-  double distance_{0.0};  // Of the pinching tips.
+  double distance_{0.0};                             // Of the pinching tips.
   TipWay middle_way_;
   double squeeze_{0.0};  // Force of the pinch [N].
   double carried_{0.0};  // Share of the weight that is carried.
