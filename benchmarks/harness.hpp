@@ -129,13 +129,13 @@ struct Effort {
 /// all that ends with the process.
 using Measure = std::vector<Row>(const Effort& effort);
 
-Measure lateness, lateness_beside_hogs, lift;
+Measure lateness, lateness_beside_hogs, lateness_beside_planner, lift;
 Measure append, wake, loop, inline_loop;
 Measure emulator;
 Measure motor_bus;
 Measure emulated_robot;
 Measure can_frames;
-Measure safety_chain, simulation, cameras, control_cycle;
+Measure safety_chain, simulation, cameras, control_cycle, planner;
 Measure policy, single_precision_policy;
 Measure vector_environment_1_thread, vector_environment_2_threads, environment;
 Measure any_robot;

@@ -26,6 +26,7 @@ struct NamedMeasure {
 constexpr std::array kMeasures{
     NamedMeasure{"lateness", benchmarks::lateness},
     NamedMeasure{"lateness_beside_hogs", benchmarks::lateness_beside_hogs},
+    NamedMeasure{"lateness_beside_planner", benchmarks::lateness_beside_planner},
     NamedMeasure{"append", benchmarks::append},
     NamedMeasure{"wake", benchmarks::wake},
     NamedMeasure{"loop", benchmarks::loop},
@@ -38,6 +39,7 @@ constexpr std::array kMeasures{
     NamedMeasure{"simulation", benchmarks::simulation},
     NamedMeasure{"cameras", benchmarks::cameras},
     NamedMeasure{"control_cycle", benchmarks::control_cycle},
+    NamedMeasure{"planner", benchmarks::planner},
     NamedMeasure{"policy", benchmarks::policy},
     NamedMeasure{"single_precision_policy", benchmarks::single_precision_policy},
     NamedMeasure{"vector_environment_1_thread", benchmarks::vector_environment_1_thread},

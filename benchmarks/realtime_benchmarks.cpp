@@ -10,9 +10,11 @@
 #include <functional>
 #include <memory>
 #include <sstream>
+#include <stop_token>
 #include <thread>
 
 #include "harness.hpp"
+#include "trifinger/control/online_planner.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -178,6 +180,27 @@ class Hog {
   Child child_;
 };
 
+// Plans without a pause for as long as this object lives, on one thread.
+class Planning {
+ public:
+  Planning()
+      : planner_(control::PlanningModel(description()), {}, {.num_threads = 1}, {.period = {}}),
+        feeder_([this](const std::stop_token& stop) {
+          control::PlanningState state = planner_.model().initial_state();
+          while (!stop.stop_requested()) {
+            state.time += kPeriod;
+            planner_.set_state(state);
+            std::this_thread::sleep_for(kPeriod);
+          }
+        }) {}
+
+ private:
+  static RobotDescription description() { return {.finger_height = 0.3}; }
+
+  control::OnlinePlanner planner_;
+  std::jthread feeder_;
+};
+
 }  // namespace
 
 std::vector<Row> lateness(const Effort& effort) {
@@ -195,6 +218,20 @@ std::vector<Row> lateness_beside_hogs(const Effort& effort) {
   return {lateness_row(effort, measure_pairs(effort, cyclictest_window),
                        "1 kHz beside two CPU hogs: lateness, likewise",
                        "cyclictest, same priority")};
+}
+
+std::vector<Row> lateness_beside_planner(const Effort& effort) {
+  const auto beside = [&] {
+    const Planning planning;
+    return backend_window(effort.window_time).lateness.quantile(0.99);
+  };
+  const auto alone = [&] { return backend_window(effort.window_time).lateness.quantile(0.99); };
+  const Paired paired = alternate(effort.windows, beside, alone);
+  const double ratio = paired.measure.median() / paired.reference.median();
+  Row row = make_row("1 kHz beside a planner: lateness, median of the windows' p99", "us", paired,
+                     "without the planner", "<= 1.2x", ratio <= 1.2);
+  row.ratio = ratio;
+  return {row};
 }
 
 }  // namespace trifinger::benchmarks

@@ -26,6 +26,7 @@ README = Path(__file__).with_name("README.md")
 MEASURES = (
     Measure("lateness", "figures"),
     Measure("lateness_beside_hogs", "figures"),
+    Measure("lateness_beside_planner", "figures"),
     Measure("append", "figures"),
     Measure("wake", "figures"),
     Measure("loop", "figures"),
@@ -41,6 +42,7 @@ MEASURES = (
     Measure("cameras", "figures"),
     Measure("images", "figures"),
     Measure("control_cycle", "figures"),
+    Measure("planner", "figures"),
     Measure("policy", "figures"),
     Measure("single_precision_policy", "figures"),
     Measure("vector_environment_1_thread", "figures"),

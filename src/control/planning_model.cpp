@@ -218,15 +218,19 @@ Twist PlanningModel::object_twist(const ObjectAddress& object, std::span<const d
 }
 
 void PlanningModel::check(const PlanningState& state) const {
-  require(state.position.size() == static_cast<std::size_t>(position_size()) &&
-              state.velocity.size() == static_cast<std::size_t>(velocity_size()),
-          "the state has " + std::to_string(state.position.size()) + " positions and " +
-              std::to_string(state.velocity.size()) + " velocities, must have " +
-              std::to_string(position_size()) + " and " + std::to_string(velocity_size()));
+  // Texts are made only for errors, because plans check their starts.
+  if (state.position.size() != static_cast<std::size_t>(position_size()) ||
+      state.velocity.size() != static_cast<std::size_t>(velocity_size())) {
+    throw InvalidArgument("the state has " + std::to_string(state.position.size()) +
+                          " positions and " + std::to_string(state.velocity.size()) +
+                          " velocities, must have " + std::to_string(position_size()) + " and " +
+                          std::to_string(velocity_size()));
+  }
   const auto is_finite = [](double value) { return std::isfinite(value); };
-  require(std::ranges::all_of(state.position, is_finite) &&
-              std::ranges::all_of(state.velocity, is_finite) && is_finite(state.time.count()),
-          "the state has a number that is not finite");
+  if (!std::ranges::all_of(state.position, is_finite) ||
+      !std::ranges::all_of(state.velocity, is_finite) || !is_finite(state.time.count())) {
+    throw InvalidArgument("the state has a number that is not finite");
+  }
 }
 
 }  // namespace trifinger::control

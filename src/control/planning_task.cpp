@@ -12,8 +12,6 @@
 namespace trifinger::control {
 namespace {
 
-using detail::require;
-
 double distance(const double* one, const double* other) noexcept {
   const double x = one[0] - other[0];
   const double y = one[1] - other[1];
@@ -95,31 +93,35 @@ void validate(const PlanningTask& task, const PlanningModel& model) {
   const auto is_finite = [](double value) { return std::isfinite(value); };
   for (std::size_t i = 0; i < task.terms.size(); ++i) {
     const CostTerm& term = task.terms[i];
-    const std::string name = "term " + std::to_string(i) + " of the cost ";
-    require(is_finite(term.weight) && is_finite(term.end_weight) && is_finite(term.distance) &&
-                is_finite(term.smoothing) && term.goal.position.allFinite() &&
-                term.goal.orientation.coeffs().allFinite() &&
-                std::ranges::all_of(term.joints, is_finite),
-            name + "has a number that is not finite");
-    const auto index = static_cast<std::size_t>(term.index);
+    // Texts are made only for errors, because terms change between plans.
+    const auto refuse = [i](const std::string& reason) {
+      throw InvalidArgument("term " + std::to_string(i) + " of the cost " + reason);
+    };
+    if (!is_finite(term.weight) || !is_finite(term.end_weight) || !is_finite(term.distance) ||
+        !is_finite(term.smoothing) || !term.goal.position.allFinite() ||
+        !term.goal.orientation.coeffs().allFinite() ||
+        !std::ranges::all_of(term.joints, is_finite)) {
+      refuse("has a number that is not finite");
+    }
+    const auto must_exist = [&](const char* kind, std::size_t count) {
+      if (term.index >= 0 && static_cast<std::size_t>(term.index) < count) return;
+      refuse("is for " + std::string(kind) + " " + std::to_string(term.index) + ", the model has " +
+             std::to_string(count));
+    };
     switch (term.kind) {
       case CostKind::kObjectPosition:
       case CostKind::kObjectOrientation:
       case CostKind::kObjectVelocity:
       case CostKind::kObjectRotation:
       case CostKind::kTipObject:
-        require(term.index >= 0 && index < model.objects().size(),
-                name + "is for object " + std::to_string(term.index) + ", the model has " +
-                    std::to_string(model.objects().size()));
+        must_exist("object", model.objects().size());
         break;
       case CostKind::kTipPosition:
-        require(term.index >= 0 && index < model.tip_sites().size(),
-                name + "is for finger " + std::to_string(term.index) + ", the model has " +
-                    std::to_string(model.tip_sites().size()));
+        must_exist("finger", model.tip_sites().size());
         break;
       case CostKind::kJointPosition:
-        require(model.num_joints() <= kMaxJoints,
-                name + "is for robots of up to " + std::to_string(kMaxJoints) + " joints");
+        if (model.num_joints() > kMaxJoints)
+          refuse("is for robots of up to " + std::to_string(kMaxJoints) + " joints");
         break;
       case CostKind::kJointVelocity:
       case CostKind::kEffort:
@@ -127,8 +129,9 @@ void validate(const PlanningTask& task, const PlanningModel& model) {
         break;
     }
   }
-  require(task.late_share >= 0.0 && task.late_share <= 1.0,
-          "late_share is " + std::to_string(task.late_share) + ", must be 0 to 1");
+  if (!(task.late_share >= 0.0 && task.late_share <= 1.0)) {
+    throw InvalidArgument("late_share is " + std::to_string(task.late_share) + ", must be 0 to 1");
+  }
   detail::require_not_negative("late_factor", task.late_factor);
 }
 

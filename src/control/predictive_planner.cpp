@@ -196,9 +196,7 @@ class PredictivePlanner::Implementation {
   double simulate(const PlanningState& start, const KnotSpline& commands, Seconds duration,
                   PlanningState& end) {
     model_.check(start);
-    require(commands.width() == model_.num_joints(),
-            "the commands have " + std::to_string(commands.width()) +
-                " numbers per knot, must have " + std::to_string(model_.num_joints()));
+    check_width(commands);
     detail::require_not_negative("duration", duration.count());
     std::ranges::copy(start.position, start_.position.begin());
     std::ranges::copy(start.velocity, start_.velocity.begin());
@@ -217,9 +215,7 @@ class PredictivePlanner::Implementation {
   }
 
   void begin_with(const KnotSpline& commands) {
-    require(commands.width() == model_.num_joints(),
-            "the commands have " + std::to_string(commands.width()) +
-                " numbers per knot, must have " + std::to_string(model_.num_joints()));
+    check_width(commands);
     previous_ = commands;
     has_previous_ = true;
     is_own_ = false;
@@ -262,6 +258,12 @@ class PredictivePlanner::Implementation {
     kPlan,    // Simulates the plan.
     kSingle,  // Simulates what `simulate` was asked for.
   };
+
+  void check_width(const KnotSpline& commands) const {
+    if (commands.width() == model_.num_joints()) return;
+    throw InvalidArgument("the commands have " + std::to_string(commands.width()) +
+                          " numbers per knot, must have " + std::to_string(model_.num_joints()));
+  }
 
   // Where a rollout writes its states; null pointers for nowhere.
   struct Record {

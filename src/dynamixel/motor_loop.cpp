@@ -8,8 +8,8 @@
 #include <thread>
 #include <utility>
 
-#include "latest.hpp"
 #include "motor_runner.hpp"
+#include "trifinger/base/latest.hpp"
 
 namespace trifinger::dynamixel {
 namespace {
@@ -28,8 +28,8 @@ struct MotorLoop::State {
 
   detail::MotorRunner runner;  // used by the thread only
   std::vector<std::string> lacks;
-  detail::Latest<MotorSnapshot> snapshots;
-  detail::Latest<detail::Goals> goals;
+  Latest<MotorSnapshot> snapshots;
+  Latest<detail::Goals> goals;
   std::atomic<std::uint64_t> request{0};
   std::atomic<bool> is_cut{false};
   std::atomic<bool> shall_end{false};

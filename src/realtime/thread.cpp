@@ -49,6 +49,14 @@ Refusal take_priority(int priority) {
   return set_priority(priority);
 }
 
+void use_any_processor() noexcept {
+  cpu_set_t everywhere;
+  CPU_ZERO(&everywhere);
+  // The kernel ignores processors that do not exist or are not allowed.
+  for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(cpu, &everywhere);
+  pthread_setaffinity_np(pthread_self(), sizeof(everywhere), &everywhere);
+}
+
 // The processors that this process may use, for example "0 to 3, 6".
 std::string allowed_processors() {
   cpu_set_t allowed;
@@ -168,6 +176,18 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
 
 std::vector<std::string> realtime_lacks() { return own_lacks(); }
 
+void leave_realtime() noexcept {
+  int policy = SCHED_OTHER;
+  sched_param parameters{};
+  if (pthread_getschedparam(pthread_self(), &policy, &parameters) != 0 ||
+      (policy != SCHED_FIFO && policy != SCHED_RR)) {
+    return;
+  }
+  parameters.sched_priority = 0;
+  pthread_setschedparam(pthread_self(), SCHED_OTHER, &parameters);
+  use_any_processor();
+}
+
 void outrank_realtime() noexcept {
   int policy = SCHED_OTHER;
   sched_param parameters{};
@@ -177,11 +197,7 @@ void outrank_realtime() noexcept {
   constexpr int kHighestPriority = 99;
   parameters.sched_priority = std::min(parameters.sched_priority + 1, kHighestPriority);
   pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
-  cpu_set_t everywhere;
-  CPU_ZERO(&everywhere);
-  // The kernel ignores processors that do not exist or are not allowed.
-  for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(cpu, &everywhere);
-  pthread_setaffinity_np(pthread_self(), sizeof(everywhere), &everywhere);
+  use_any_processor();
 }
 
 }  // namespace trifinger

@@ -89,8 +89,7 @@ struct Plan {
 /// and the task count, so it plans through contacts that nobody described.
 ///
 /// Results depend on options, seed, task and the starts so far, and not on the number of threads.
-/// `plan` does not allocate after the first call, except for the few bytes of MuJoCo's batches and
-/// what a cost function allocates. One planner must not
+/// `plan` does not allocate after the first call, unless a cost function does. One planner must not
 /// be used by several threads at once; its own threads run while `plan` does.
 class PredictivePlanner {
  public:

@@ -43,4 +43,9 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options);
 /// Does nothing if an ordinary thread made the calling thread.
 void outrank_realtime() noexcept;
 
+/// Makes the calling thread an ordinary one, whatever thread made it: without real-time priority,
+/// and on any processor. Threads that it makes from now on are ordinary, too. Does nothing to an
+/// ordinary thread.
+void leave_realtime() noexcept;
+
 }  // namespace trifinger
