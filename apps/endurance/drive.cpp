@@ -29,7 +29,7 @@ constexpr Timeout kPatienceForStep = 10s;
 constexpr Timeout kPatienceForRest = 20s;
 constexpr Nanoseconds kSlice = 100ms;
 constexpr std::size_t kMostEvents = 32;
-// Before another self-test, the joints free themselves for this time per attempt.
+// After a self-test that failed, the joints free themselves for this time per attempt.
 constexpr Seconds kFreeTime{3.0};
 
 const FieldDescription& field_of(const ElementDescription& element, std::string_view what,
@@ -199,8 +199,7 @@ std::optional<Drive::Ended> Drive::drive_session() {
     robot.latest_observation(observations_.data(), kPatienceToBegin);
     const auto position = numbers(observations_.data(), layout_.position_, layout_.joints());
     if (home_.empty()) home_.assign(position.begin(), position.end());
-    motion_.begin(position, home_, options_.first_session + sessions_++,
-                  recovery_.attempts() > 1 ? kFreeTime * recovery_.attempts() : Seconds(0));
+    motion_.begin(position, home_, options_.first_session + sessions_++, failed_tests_ * kFreeTime);
     health_.begin_session();
     next_ = 0;
     ++current_.sessions;
@@ -354,12 +353,14 @@ std::optional<Drive::Ended> Drive::judge_pass() {
   const std::optional<PassResult> pass = health_.take_pass();
   if (!pass || is_tested_) return std::nullopt;
   if (pass->hindered) {
+    ++failed_tests_;
     return Ended{.trouble = Trouble::kSelfTest,
                  .text = fmt::format("joint {} did not follow in the self-test: it went {:.3f} of "
                                      "{:.3f} rad",
                                      *pass->hindered, pass->went, pass->wanted)};
   }
   is_tested_ = true;
+  failed_tests_ = 0;
   recovery_.is_well();
   is_missing_ = false;
   if (trouble_since_) {

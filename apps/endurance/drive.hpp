@@ -171,6 +171,7 @@ class Drive {
   Nanoseconds period_{0};
   TimeIndex next_{0};             // the first step of this session that was not judged
   bool is_tested_{false};         // in this session
+  int failed_tests_{0};           // in a row
   std::uint32_t lost_frames_{0};  // of this session
   std::uint32_t discarded_{0};
   std::optional<Nanoseconds> trouble_since_;
