@@ -2,10 +2,47 @@
 #include "evaluation/skill_rows.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
 #include <iterator>
+#include <string_view>
 #include <utility>
 
 namespace trifinger::evaluation {
+namespace {
+
+// The same row, played as it was taught, with or without what varies. Nobody asks for a rate: what
+// comes out is told.
+SkillRow taught(SkillRow row, bool varies) {
+  row.what = (varies ? "taught, varied: " : "taught, as it was taught: ") + row.what;
+  row.reach = "stated";
+  row.needed = 0.0;
+  row.together = {};
+  row.trial.is_taught = true;
+  if (!varies) {
+    row.vary = [](SkillTrial& trial, std::uint64_t seed) { trial.simulation.seed = seed; };
+  }
+  return row;
+}
+
+// The skills whose motions are in config/skills/taught.
+constexpr std::array<std::string_view, 4> kTaught{"flip", "stand", "throw", "turn"};
+
+// Each of them as it was taught, and with what its first row varies. A flip that varies is to
+// another face, of which no one motion can know.
+std::vector<SkillRow> taught_rows(const std::vector<SkillRow>& controlled) {
+  std::vector<SkillRow> rows;
+  for (const std::string_view skill : kTaught) {
+    const auto row =
+        std::ranges::find(controlled, skill, [](const SkillRow& each) { return each.trial.skill; });
+    if (row == controlled.end()) continue;
+    rows.push_back(taught(*row, false));
+    if (skill != "flip") rows.push_back(taught(*row, true));
+  }
+  return rows;
+}
+
+}  // namespace
 
 std::vector<SkillRow> all_skill_rows() {
   std::vector<SkillRow> rows;
@@ -18,6 +55,7 @@ std::vector<SkillRow> all_skill_rows() {
   add(repose_rows());
   add(catch_rows());
   add(throw_rows());
+  add(taught_rows(rows));
   return rows;
 }
 
