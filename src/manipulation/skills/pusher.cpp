@@ -27,6 +27,12 @@ double distance(const double* one, const double* other) noexcept {
   return std::hypot(one[0] - other[0], one[1] - other[1], one[2] - other[2]);
 }
 
+// Weights of a retreat: of the object's shift [1/m] and turn [1/rad], and of tips that are near
+// [1/m].
+constexpr double kStay = 60.0;
+constexpr double kStayTurned = 6.0;
+constexpr double kLeave = 3.0;
+
 double square(double value) noexcept { return value * value; }
 
 std::size_t index_of(const RobotDescription& description, const std::string& name) {
@@ -79,6 +85,11 @@ void Pusher::hold() noexcept {
   forgets_ = true;
 }
 
+void Pusher::retreat() noexcept {
+  left_ = object_.pose;
+  begin_mode(Mode::kRetreat);
+}
+
 void Pusher::push(const Goal& goal) noexcept {
   goal_ = goal;
   is_moving_ = false;
@@ -116,6 +127,7 @@ void Pusher::request(Seconds now) noexcept {
   if (mode_ == Mode::kPush) choose_weights(now);
   request_.mode = mode_;
   request_.goal = goal_;
+  request_.left = left_;
   request_.weights = weights_;
   request_.now = now;
   request_.begin = now + config_.plan_delay;
@@ -217,13 +229,15 @@ double Pusher::cost(const CostInput& input) const noexcept {
     sum += config_.target_cost * square(input.target[i] - data.qpos[i]);
   sum += config_.speed_cost * (square(velocity[0]) + square(velocity[1]) + square(velocity[2]));
   sum += config_.spin_cost * (square(velocity[3]) + square(velocity[4]) + square(velocity[5]));
-  if (request_.mode == Mode::kRetreat) {
-    sum += 3.0 * (square(velocity[0]) + square(velocity[1]) + square(velocity[2]));
-    sum += 0.02 * (square(velocity[3]) + square(velocity[4]) + square(velocity[5]));
-    return sum + 5.0 * away;
-  }
   const Pose pose{Eigen::Vector3d(position),
                   Eigen::Quaterniond(position[3], position[4], position[5], position[6])};
+  if (request_.mode == Mode::kRetreat) {
+    // The object stays where it is: that counts more than to be away soon.
+    sum += kStay * (pose.position - request_.left.position).norm();
+    sum +=
+        kStayTurned * control::rotation_error(request_.left.orientation, pose.orientation).norm();
+    return sum + kLeave * away;
+  }
   const Deviation deviation = deviation_of(request_.goal, pose);
   const PushWeights& weights = request_.weights;
   sum += weights.position * deviation.position;

@@ -80,7 +80,7 @@ class Pusher {
 
   void hold() noexcept;
   void push(const Goal& goal) noexcept;
-  void retreat() noexcept { begin_mode(Mode::kRetreat); }
+  void retreat() noexcept;
   // The next plan has no predecessor.
   void forget() noexcept { forgets_ = true; }
 
@@ -107,6 +107,7 @@ class Pusher {
   struct Request {
     Mode mode{Mode::kIdle};
     Goal goal{};
+    Pose left{};
     PushWeights weights{};
     Seconds now{0};
     Seconds begin{0};
@@ -133,6 +134,7 @@ class Pusher {
 
   Mode mode_{Mode::kIdle};
   Goal goal_{};
+  Pose left_{};  // Where the tips leave the object.
   PushWeights weights_{};
   bool is_moving_{false};
   Seconds weights_begin_{0};
