@@ -82,7 +82,8 @@ TEST(BallisticEstimator, ForgetsWhatWasBeforeTheFlight) {
       const Vector3d error(noise(random), noise(random), noise(random));
       estimator.add(Seconds(0.01 * i), flight.at(std::max(0.01 * i, 0.0)) + error);
     }
-    EXPECT_LT(estimator.span(), Seconds(0.3));
+    // In the first 0.1 s it falls by as little as 5 cm; a part of that still fits.
+    EXPECT_LT(estimator.span(), Seconds(0.35));
     EXPECT_LT((estimator.at(Seconds(0.32)).position - flight.at(0.32)).norm(), 0.01);
   }
 }

@@ -107,7 +107,7 @@ TEST(Catch, EndsIfPosesStop) {
     if (t % 10 == 0 && t < 250) skill->see(t, {.position = {0.0, 0.0, 1.045 - fallen}});
     (void)skill->update(t, resting_joints(trial));
   }
-  EXPECT_EQ(skill->state().failure, "the ball fell out of the fingers");
+  EXPECT_EQ(skill->state().failure, "the ball went out of sight");
 }
 
 TEST(Catch, EndsInEachPhaseWhenStopped) {
@@ -134,14 +134,16 @@ TEST(Catch, DoesNotAllocate) {
   const SkillTrial trial = make_skill_trial("catch", "catch");
   const auto skill = make_skill("catch", context_of(trial));
   const control::JointState joints = resting_joints(trial);
+  bool has_held = false;
   const test::AllocationCounter allocations;
   for (TimeIndex t = -1; t < 1000; ++t) {
     const double fallen = 0.5 * 9.81 * 1e-6 * static_cast<double>(t * t);
     if (t % 10 == 0) skill->see(t, {.position = {0.0, 0.0, std::max(1.045 - fallen, 0.545)}});
     (void)skill->update(t, joints);
+    has_held = has_held || skill->state().phase == "hold";
   }
   EXPECT_EQ(allocations.count(), 0U);
-  EXPECT_EQ(skill->state().phase, "hold");
+  EXPECT_TRUE(has_held);
 }
 
 TEST(Catch, RefusesARobotWhoseFingersPointDown) {
