@@ -22,6 +22,7 @@
 #include "shared/exit_code.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
+#include "trifinger/base/suggestion.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/config.hpp"
@@ -269,7 +270,20 @@ int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
   return trace.failure.empty() ? kDone : kFailed;
 }
 
+// Throws InvalidArgument if there is no such task.
+void require_task(const std::string& task) {
+  std::vector<std::string_view> names{"lift", "slide"};
+  for (const manipulation::SkillInfo& skill : manipulation::all_skills())
+    names.push_back(skill.name);
+  if (std::ranges::find(names, task) != names.end()) return;
+  const std::string_view similar = closest(task, names);
+  throw InvalidArgument(fmt::format("there is no task '{}', {}", task,
+                                    similar.empty() ? "there are " + quoted_list(names, "and")
+                                                    : fmt::format("perhaps '{}'", similar)));
+}
+
 int manipulate(const ManipulateOptions& options) {
+  require_task(options.task);
   auto robot = connect<TriFinger>(options.robot);
   const auto context = context_of(robot.session(), options.needs_sight);
   const bool is_cube_task = options.task == "lift" || options.task == "slide";

@@ -81,7 +81,8 @@ def test_puts_the_cube_down_when_it_is_interrupted(
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["throw"], "must be 'lift' or 'slide'"),
+        (["trow"], "there is no task 'trow', perhaps 'throw'"),
+        (["throw"], "the scene has no 'ball'"),
         (["lift", "--set", "lift.hight=1"], "lift.hight"),
         (["lift", "nonsense"], "there are edu, pro"),
         (["lift", "--robot", "nobody"], "nobody"),
