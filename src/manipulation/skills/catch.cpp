@@ -125,7 +125,7 @@ class Catch final : public Skill {
       TimeIndex step, const control::JointState& joints) noexcept override {
     const Seconds elapsed = clock_.advance(step);
     drive_.sense(joints);
-    if (!has_begun_) begin();
+    if (!has_begun_) find_way();
     follow_phases();
     move(elapsed);
     note();
@@ -200,7 +200,7 @@ class Catch final : public Skill {
     enter(failure.empty() ? Phase::kDone : Phase::kFailed);
   }
 
-  void begin() noexcept {
+  void find_way() noexcept {
     has_begun_ = true;
     begin_ = drive_.tips();
     double way = 0.0;
