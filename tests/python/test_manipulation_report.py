@@ -3,6 +3,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def test_there_is_a_panel_for_what_the_table_has(
     saved: list[int] = []
     save = matplotlib_figure.Figure.savefig
 
-    def note(self: matplotlib_figure.Figure, path: Path, **settings: int) -> None:
+    def note(self: Any, path: Path, **settings: Any) -> None:
         saved.append(len(self.axes))
         save(self, path, **settings)
 

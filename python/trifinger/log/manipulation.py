@@ -99,17 +99,19 @@ def save_report(trace: Trace, path: Path) -> None:
     shows_line = "nib_reach" in trace.report
     height = 2.2 * len(draws)
     figure = Figure(figsize=(12.0, height + (5.0 if shows_line else 0.0)), layout="constrained")
-    over_time, *below = np.atleast_1d(
-        figure.subfigures(2, 1, height_ratios=(height, 5.0)) if shows_line else figure.subfigures()
-    )
+    over_time: Any = figure
+    below: Any = None
+    if shows_line:
+        halves: Any = figure.subfigures(2, 1, height_ratios=(height, 5.0))
+        over_time, below = halves
     parts: list[Axes] = list(over_time.subplots(len(draws), 1, sharex=True))
     for axes, draw in zip(parts, draws, strict=True):
         draw(axes)
     draw_phases(parts, trace)
     parts[0].set_xlim(trace.times[0], trace.times[-1])
     parts[-1].set_xlabel("time since the first step [s]")
-    for one in below:
-        draw_line(one.subplots(), trace)
+    if below is not None:
+        draw_line(below.subplots(), trace)
     figure.suptitle(title_of(trace.report), x=0.01, ha="left", fontsize=13, fontweight="bold")
     figure.savefig(path, dpi=110)
 
