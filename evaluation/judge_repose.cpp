@@ -241,6 +241,7 @@ std::vector<SkillRow> repose_rows() {
        .reach = "all; 10 mm, 0.1 rad",
        .needed = 0.9,
        .trial = make_skill_trial("pushing", "place", {}, {"max_duration=178"}),
+       .most_trials = 3,
        .vary = [](SkillTrial& trial, std::uint64_t seed) { vary_goals(trial, seed, 10); },
        .judge = [](const SkillTrial& trial,
                    const SkillTrialResult& result) { return judge_place(trial, result, kTen); },

@@ -94,6 +94,7 @@ struct SkillRow {
   std::string reach;   // In words, as asked.
   double needed{1.0};  // Share of the trials that must succeed.
   SkillTrial trial;
+  int most_trials{1000};  // However many seeds are asked for: some take minutes.
   std::function<void(SkillTrial& trial, std::uint64_t seed)> vary;
   Judge judge;
   std::string figure;     // What the figure is: "distance".

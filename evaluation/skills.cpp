@@ -44,7 +44,8 @@ struct JudgedRow {
 
 // Runs the trials of a row on all processors.
 JudgedRow judged(const Options& options, SkillRow row) {
-  std::vector<Judgement> judgements(static_cast<std::size_t>(options.seeds));
+  std::vector<Judgement> judgements(
+      static_cast<std::size_t>(std::min(options.seeds, row.most_trials)));
   std::atomic<std::size_t> next{0};
   const auto work = [&] {
     for (std::size_t i = next++; i < judgements.size(); i = next++) {
