@@ -126,8 +126,9 @@ TEST(BallisticEstimator, DoesNotAllocate) {
 }
 
 TEST(BallisticEstimator, RefusesATolerance) {
-  EXPECT_THROW(BallisticEstimator(0.0), InvalidArgument);
-  EXPECT_THROW(BallisticEstimator(std::numeric_limits<double>::quiet_NaN()), InvalidArgument);
+  for (const double tolerance : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    EXPECT_THROW(BallisticEstimator{tolerance}, InvalidArgument);
+  }
 }
 
 }  // namespace
