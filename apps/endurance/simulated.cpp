@@ -27,13 +27,12 @@ namespace {
 using Kind = InjectedFault::Kind;
 
 // B a board or its bus, J a joint, K the next joint, D a duration [s].
-constexpr std::array<std::string_view, 21> kBoardFaults{
+constexpr std::array<std::string_view, 20> kBoardFaults{
     "power off for D s",
     "board B off for D s",
     "board B restarts",
     "board B near rollover",
     "board B silent for D s",
-    "board B error encoder",
     "board B error temperature",
     "bus B loses 30 % for D s",
     "bus B duplicates 30 % for D s",

@@ -11,6 +11,12 @@
 
 namespace trifinger::boards {
 
+// Where these joints begin to search does not count.
+inline bool homes_at_end_stop(HomingMethod method) noexcept {
+  return method == HomingMethod::kEndStop || method == HomingMethod::kEndStopIndex ||
+         method == HomingMethod::kReleasedEndStop;
+}
+
 inline double seconds(Nanoseconds time) noexcept {
   return std::chrono::duration<double>(time).count();
 }
@@ -220,8 +226,33 @@ void BoardRobot<R>::begin_homing() noexcept {
   }
 }
 
+// Fingers that hook into each other come apart when each joint is pushed another way each time. No
+// push is harder than that towards an end stop.
+template <class R>
+DriverReport BoardRobot<R>::free_joints() noexcept {
+  constexpr Nanoseconds kPush = std::chrono::milliseconds(400);
+  constexpr TimeIndex kPushes = 12;
+  const TimeIndex steps = std::max<TimeIndex>(1, kPush / options_.period);
+  if (part_steps_ == steps * kPushes) {
+    must_free_ = false;
+    begin_homing();
+    return home();
+  }
+  Joints torque{};
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const HomingGains gain = gains(i);
+    const double most = std::min(std::abs(options_.homing.torque[i]), gain.max_torque);
+    if (part_steps_ % steps == 0) push_[i] = pushes_.uniform(-most, most);
+    torque[i] = std::clamp(push_[i] - gain.kd * measure(i).velocity, -most, most);
+  }
+  ++part_steps_;
+  drive(torque);
+  return DriverReport::busy();
+}
+
 template <class R>
 DriverReport BoardRobot<R>::home() noexcept {
+  if (must_free_) return free_joints();
   Joints torque{};
   bool is_part_done = true;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
@@ -298,6 +329,8 @@ DriverReport BoardRobot<R>::move() noexcept {
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const double error = std::abs(observation_.position[i] - options_.initial_position[i]);
     if (error > kTolerance) {
+      // Fingers that have fallen may hold each other, and then homing took that for end stops.
+      must_free_ = homes_at_end_stop(options_.homing.method);
       return joint_fault(i,
                          "did not reach its initial position; check max_current, home_position, "
                          "and whether something is in its way");

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "trifinger/base/random.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/boards/board.hpp"
@@ -229,6 +230,8 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   void begin_test() noexcept;
   [[nodiscard]] DriverReport test() noexcept;
   void begin_homing() noexcept;
+  // Pushes the joints to and fro, before they are homed again.
+  [[nodiscard]] DriverReport free_joints() noexcept;
   [[nodiscard]] DriverReport home() noexcept;
   void begin_move() noexcept;
   [[nodiscard]] DriverReport move() noexcept;
@@ -261,8 +264,11 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   std::array<NewestIndex, R::kJoints> newest_index_{};
   std::uint64_t lost_before_{0};  // frames lost before this session
   TimeIndex part_steps_{0};       // of this part of homing, or of the move
-  Joints zero_{};                 // raw angle of each joint at 0 rad
-  Joints start_{};                // where the move begins
+  bool must_free_{false};         // something was in the way of the last move
+  Random pushes_{};
+  Joints push_{};
+  Joints zero_{};   // raw angle of each joint at 0 rad
+  Joints start_{};  // where the move begins
   bool is_homed_{false};
   bool has_fault_{false};
   Observation observation_{};
