@@ -84,7 +84,8 @@ class Bare {
     double time = 0.0;
     for (int done = 0; done < steps; done += kPiece) {
       for (int i = 0; i < samples_; ++i) {
-        const auto at = static_cast<std::size_t>((i * (steps + 1) + done) * joints);
+        const auto at =
+            static_cast<std::size_t>(i * (steps + 1) + done) * static_cast<std::size_t>(joints);
         std::copy_n(torques.data() + at, joints, row(mjSTATE_CTRL, i));
       }
       const auto begin = Clock::now();

@@ -10,13 +10,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
+#include <exception>
 #include <fstream>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <numeric>
 #include <optional>
 #include <random>
 #include <string>
@@ -42,6 +41,7 @@ using Vector3 = Eigen::Vector3d;
 constexpr double kPi = std::numbers::pi;
 constexpr TimeIndex kSettling = 150;     // Steps in which the ball comes to rest in the cradle.
 constexpr TimeIndex kFlight = 80;        // Steps after a stroke until the ball is looked at.
+constexpr double kOffset = 0.0015;       // Of each joint at the start [rad].
 constexpr double kFree = 0.003;          // A ball this far from all tips is released [m].
 constexpr double kPenetration = 0.0015;  // Tips that press deeper are not believed [m].
 
@@ -73,16 +73,20 @@ class Plant {
         kinematics_(options.description),
         ball_radius_(options.description.objects.front().size[0] / 2),
         tip_radius_(figures(options.description).tip_radius),
+        weight_(options.description.objects.front().mass),
         robot_((options.description.objects.front().mass *= mass,
                 options.description.contact.tip_friction = friction, options)) {}
 
   // Puts the ball at `ball` on the tips at `start`. False if it does not come to rest there.
   bool settle(const JointValues& start, const Vector3& ball) {
     TriFinger::Action hold;
-    Stroke rest{.targets = {start + offset_}};
+    const Stroke rest{.targets = {start + offset_}};
     kinematics_.update(start);
+    const Vector3 third = -weight_ / 3.0 * control::gravity();
+    const TipPositions forces = third.replicate<3, 1>();
+    carrying_ = kinematics_.tip_jacobians().transpose() * forces;
     manipulation::follow(rest, manipulation::targets_at(rest, Seconds(-1)), limits_,
-                         kinematics_.gravity_torques(), hold);
+                         kinematics_.gravity_torques() + carrying_, hold);
     JointVector<TriFinger::kJoints> position;
     JointValues::Map(position.data(), start.size()) = start + offset_;
     robot_.reset(position, Random{.seed = 0});
@@ -99,16 +103,17 @@ class Plant {
   double throw_ball(const Stroke& stroke) {
     double deepest = 0.0;
     const auto length = static_cast<TimeIndex>(std::lround(stroke.duration().count() * 1e3));
-    kinematics_.update(stroke.targets.front());
-    const JointValues weight = kinematics_.gravity_torques();
     TriFinger::Action action;
     double gap = 0.0;
+    // What the skill does.
     const bool runs = run(length + kFlight, [&](TimeIndex t) {
+      kinematics_.update(joint_values(observation_.position));
       gap = clearance();
       deepest = std::max(deepest, -gap);
+      const double left = std::max(1.0 - static_cast<double>(t) / static_cast<double>(length), 0.0);
       manipulation::follow(stroke,
                            manipulation::targets_at(stroke, Seconds(1e-3 * static_cast<double>(t))),
-                           limits_, weight, action);
+                           limits_, kinematics_.gravity_torques() + left * carrying_, action);
       return action;
     });
     if (!runs) return -1.0;
@@ -137,7 +142,7 @@ class Plant {
     return Vector3::Map(robot_.object_pose("ball").position.data());
   }
   [[nodiscard]] double clearance() const {
-    const TipPositions tips = kinematics_.tip_positions(joint_values(observation_.position));
+    const TipPositions tips = kinematics_.tip_positions();
     const Vector3 ball = ball_position();
     double least = std::numeric_limits<double>::infinity();
     for (int i = 0; i < 3; ++i) {
@@ -152,6 +157,8 @@ class Plant {
   Kinematics kinematics_;
   double ball_radius_;
   double tip_radius_;
+  double weight_;         // Believed mass of the ball [kg].
+  JointValues carrying_;  // Torques that carry it at the start of the stroke [Nm].
   SimulatedRobot<TriFinger> robot_;
   TriFinger::Observation observation_;
 };
@@ -173,7 +180,7 @@ class Finder {
   }
   std::unique_ptr<Plant> any_plant() {
     const double mass = dice_.between(0.8, 1.2);
-    return make_plant(mass, dice_.between(0.6, 1.0), 0.004);
+    return make_plant(mass, dice_.between(0.6, 1.0), kOffset);
   }
 
   [[nodiscard]] double height_over(const Cradle& cradle) const {
@@ -216,7 +223,7 @@ class Finder {
   };
 
   // A cradle that moves along a line.
-  std::optional<Found> random_stroke(bool is_far) {
+  std::optional<Found> random_stroke() {
     const double reach = ball_radius_ + tip_radius_;
     const double azimuth = dice_.between(-kPi, kPi);
     const double back = dice_.between(-0.03, 0.13);
@@ -230,7 +237,7 @@ class Finder {
     const double tilt = dice_.between(-1.2, 1.2);
     const double spread = dice_.between(-0.01, 0.01);
     const double power = dice_.between(1.3, 2.6);
-    const int knots = static_cast<int>(dice_.between(5, is_far ? 9 : 13));
+    const int knots = static_cast<int>(dice_.between(5, 13));
     const auto start = joints_of(cradle, azimuth, 0.0, nullptr);
     if (!start) return std::nullopt;
     const Vector3 direction(std::cos(azimuth) * std::cos(elevation),
@@ -330,11 +337,11 @@ class Finder {
   double tip_radius_;
 };
 
-std::string text_of(const Finder::Found& found, double radius) {
+std::string text_of(const Finder::Found& found) {
   std::string text = fmt::format(
-      "    ball: [{:.4f}, {:.4f}, {:.4f}]\n    radius: {:.4f}\n    spacing: {}\n    stiffness: "
-      "{}\n    damping: {}\n    targets:\n",
-      found.ball.x(), found.ball.y(), found.ball.z(), radius, found.stroke.spacing.count(),
+      "    ball: [{:.4f}, {:.4f}, {:.4f}]\n    spacing: {}\n    stiffness: {}\n    damping: {}\n"
+      "    targets:\n",
+      found.ball.x(), found.ball.y(), found.ball.z(), found.stroke.spacing.count(),
       found.stroke.stiffness, found.stroke.damping);
   for (const JointValues& target : found.stroke.targets) {
     text += "      - [";
@@ -367,56 +374,63 @@ Finder::Found read(const std::string& path) {
   return found;
 }
 
-int find(const std::string& robot, const std::string& from, std::uint64_t seed, int tries,
-         int best_of, int iterations, int samples, bool is_far,
-         const std::filesystem::path& output) {
-  const RobotConfig config = load_robot_config(robot);
-  const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
-  Finder finder(options, seed);
+struct FindOptions {
+  std::string robot{"throw"};
+  std::string from;
+  std::uint64_t seed{0};
+  int tries{2000};
+  int candidates{3};
+  int first_rounds{40};
+  int rounds{40};
+  int samples{64};
+  std::string output{"stroke.yml"};
+};
+
+int find(const FindOptions& options) {
+  const RobotConfig config = load_robot_config(options.robot);
+  const auto& simulation = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  Finder finder(simulation, options.seed);
   double kept = -10.0;
   finder.keep = [&](const Finder::Found& found) {
     if (found.value <= kept) return;
     kept = found.value;
-    std::ofstream(output) << text_of(found, 0.0);
+    std::ofstream(options.output) << text_of(found);
   };
   std::vector<std::unique_ptr<Plant>> one;
   one.push_back(finder.make_plant(1.0, 0.8, 0.0));
   std::vector<Finder::Found> all;
-  for (int i = 0; i < tries; ++i) {
-    auto found = finder.random_stroke(is_far);
+  for (int i = 0; i < options.tries; ++i) {
+    auto found = finder.random_stroke();
     if (!found) continue;
     found->value = finder.value_of(*found, one, false);
     all.push_back(*found);
   }
-  if (!from.empty()) {
-    const Finder::Found start = read(from);
-    for (const double factor : {1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.3}) {
+  if (!options.from.empty()) {
+    const Finder::Found start = read(options.from);
+    for (const double factor : {1.0, 1.15, 1.3, 1.5, 1.75, 2.0}) {
       Finder::Found found = stretched(start, factor);
       found.value = finder.value_of(found, one, false);
       all.push_back(found);
     }
   }
+  if (all.empty()) throw InvalidArgument("no stroke to begin with: give --tries or --from");
   std::ranges::sort(all, std::greater{}, &Finder::Found::value);
-  for (std::size_t i = 0; i < std::min<std::size_t>(6, all.size()); ++i)
-    fmt::print(stderr, "try: {:.3f} m, {} targets\n", all[i].value, all[i].stroke.targets.size());
-  std::vector<std::unique_ptr<Plant>> several;
-  several.push_back(finder.make_plant(0.85, 0.95, 0.004));
-  several.push_back(finder.make_plant(1.2, 0.65, 0.004));
-  several.push_back(finder.make_plant(1.0, 0.8, 0.0));
-  Finder::Found best;
-  for (std::size_t i = 0; i < std::min<std::size_t>(static_cast<std::size_t>(best_of), all.size());
-       ++i) {
-    finder.improve(all[i], one, iterations, samples, 0.12);
-    fmt::print(stderr, "candidate {}: {:.3f} m\n", i, all[i].value);
-    if (all[i].value > best.value) best = all[i];
+  all.resize(std::min(all.size(), static_cast<std::size_t>(std::max(options.candidates, 1))));
+  for (Finder::Found& found : all) {
+    fmt::print(stderr, "candidate: {:.3f} m\n", found.value);
+    finder.improve(found, one, options.first_rounds, options.samples, 0.12);
   }
-  kept = -10.0;
-  finder.improve(best, several, iterations, samples, 0.05);
-  kept = -10.0;
-  several.push_back(finder.any_plant());
-  several.push_back(finder.any_plant());
-  several.push_back(finder.any_plant());
-  finder.improve(best, several, iterations / 3, samples, 0.02);
+  Finder::Found best = *std::ranges::max_element(all, {}, &Finder::Found::value);
+  std::vector<std::unique_ptr<Plant>> several;
+  several.push_back(finder.make_plant(0.82, 0.95, kOffset));
+  several.push_back(finder.make_plant(1.18, 0.95, kOffset));
+  several.push_back(finder.make_plant(0.85, 0.65, kOffset));
+  several.push_back(finder.make_plant(1.2, 0.65, kOffset));
+  several.push_back(finder.make_plant(1.0, 0.8, 0.0));
+  kept = -10.0;  // What many robots can do counts less than what one can do.
+  finder.improve(best, several, options.rounds, options.samples, 0.04);
+  finder.keep(best);
+
   std::vector<double> judged;
   for (int i = 0; i < 20; ++i) {
     const auto plant = finder.any_plant();
@@ -424,36 +438,39 @@ int find(const std::string& robot, const std::string& from, std::uint64_t seed, 
       judged.push_back(plant->throw_ball(best.stroke));
   }
   std::ranges::sort(judged);
-  for (double d : judged) fmt::print(stderr, "{:.2f} ", d);
-  fmt::print(stderr, "\n");
-  std::ofstream(output) << text_of(best, 0.0);
+  fmt::print("others:");
+  for (const double distance : judged) fmt::print(" {:.2f}", distance);
+  fmt::print(" m\n");
   return 0;
+}
+
+int run_program(int argument_count, char** arguments) {
+  FindOptions options;
+  CLI::App program("Finds a stroke with which three tips throw the ball that lies on them.");
+  program.add_option("--robot", options.robot, "Configuration of the robot")->capture_default_str();
+  program.add_option("--from", options.from, "File of a stroke to begin with, beside random ones");
+  program.add_option("--seed", options.seed, "Of everything random")->capture_default_str();
+  program.add_option("--tries", options.tries, "Number of random strokes")->capture_default_str();
+  program.add_option("--candidates", options.candidates, "How many of the best are improved")
+      ->capture_default_str();
+  program.add_option("--first-rounds", options.first_rounds, "Rounds for one robot")
+      ->capture_default_str();
+  program.add_option("--rounds", options.rounds, "Rounds for several robots that differ")
+      ->capture_default_str();
+  program.add_option("--samples", options.samples, "Strokes in a round")->capture_default_str();
+  program.add_option("--output", options.output, "Where the stroke goes")->capture_default_str();
+  CLI11_PARSE(program, argument_count, arguments);
+  return find(options);
 }
 
 }  // namespace
 }  // namespace trifinger::evaluation
 
 int main(int argument_count, char** arguments) {
-  CLI::App program("Finds a stroke that throws a ball far.");
-  std::string robot{"throw"};
-  std::uint64_t seed{0};
-  int tries{400};
-  int best_of{3};
-  int iterations{60};
-  int samples{48};
-  bool is_far{false};
-  std::string output{"stroke.yml"};
-  std::string from;
-  program.add_option("--from", from);
-  program.add_option("--robot", robot);
-  program.add_option("--seed", seed);
-  program.add_option("--tries", tries);
-  program.add_option("--best-of", best_of);
-  program.add_option("--iterations", iterations);
-  program.add_option("--samples", samples);
-  program.add_flag("--far", is_far);
-  program.add_option("--output", output);
-  CLI11_PARSE(program, argument_count, arguments);
-  return trifinger::evaluation::find(robot, from, seed, tries, best_of, iterations, samples, is_far,
-                                     output);
+  try {
+    return trifinger::evaluation::run_program(argument_count, arguments);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "find_throw: {}\n", error.what());
+    return 1;
+  }
 }

@@ -20,8 +20,9 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
   Judgement judgement;
   const auto second =
       static_cast<std::size_t>(control::Seconds(1) / control::Seconds(trial.simulation.period));
-  if (result.end <= second || result.truth.empty()) {
-    judgement.why = "it ended within a second";
+  if (!result.trace.failure.empty() || result.end <= second) {
+    judgement.why =
+        result.trace.failure.empty() ? "it ended within a second" : result.trace.failure;
     return judgement;
   }
   const Eigen::Vector3d held = result.truth[result.end - 1].object.position;
@@ -33,9 +34,7 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
   }
   const TrueStep& last = result.truth.back();
   judgement.figure = motion;
-  if (!result.trace.failure.empty()) {
-    judgement.why = result.trace.failure;
-  } else if (fewest < 2) {
+  if (fewest < 2) {
     judgement.why = "the tips do not touch the ball";
   } else if (motion > kStill) {
     judgement.why = "the ball moves";

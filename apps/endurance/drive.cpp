@@ -123,7 +123,7 @@ Drive::Drive(Place& place, const Session& session, DriveOptions options,
       type_(session.info().type),
       options_([&] {
         options.motion.period = session.info().period;
-        return std::move(options);
+        return options;
       }()),
       stop_(stop),
       motion_(limits_of(session), options_.motion),

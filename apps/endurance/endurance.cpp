@@ -51,6 +51,7 @@ struct EnduranceOptions {
 // Short names for legends: "120 middle" is the middle joint of finger 120.
 std::vector<std::string> joint_names(const std::string& type, std::size_t count) {
   std::vector<std::string> names;
+  names.reserve(count);
   const bool has_fingers = (type == "trifinger" && count == 9) || (type == "finger" && count == 3);
   for (std::size_t i = 0; i < count; ++i) {
     names.push_back(has_fingers ? fmt::format("{} {}", 120 * (i / 3),

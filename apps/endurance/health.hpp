@@ -79,8 +79,8 @@ class Health {
     double back_end{0.0};
   };
 
-  void note_collision(std::size_t joint, double error, JointTally& tally, Tally& all) noexcept;
-  void measure_pass(std::size_t joint, double position, double torque) noexcept;
+  void note_collision(std::size_t i, double error, JointTally& tally, Tally& all) noexcept;
+  void measure_pass(std::size_t i, double position, double torque) noexcept;
   void end_pass(Tally& tally) noexcept;
 
   const RandomMotion& motion_;

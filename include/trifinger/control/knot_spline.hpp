@@ -44,12 +44,12 @@ class KnotSpline {
 
   /// The values of one knot.
   [[nodiscard]] std::span<double> knot(int index) noexcept {
-    return values().subspan(static_cast<std::size_t>(index * width_),
-                            static_cast<std::size_t>(width_));
+    const auto width = static_cast<std::size_t>(width_);
+    return values().subspan(static_cast<std::size_t>(index) * width, width);
   }
   [[nodiscard]] std::span<const double> knot(int index) const noexcept {
-    return values().subspan(static_cast<std::size_t>(index * width_),
-                            static_cast<std::size_t>(width_));
+    const auto width = static_cast<std::size_t>(width_);
+    return values().subspan(static_cast<std::size_t>(index) * width, width);
   }
   /// The values of all knots, one knot after the other.
   [[nodiscard]] std::span<double> values() noexcept { return values_; }
