@@ -346,7 +346,7 @@ std::string text_of(const Finder::Found& found) {
   for (const JointValues& target : found.stroke.targets) {
     text += "      - [";
     for (Eigen::Index i = 0; i < target.size(); ++i)
-      text += fmt::format("{}{:.4f}", i ? ", " : "", target[i]);
+      text += fmt::format("{}{:.4f}", i > 0 ? ", " : "", target[i]);
     text += "]\n";
   }
   return text;

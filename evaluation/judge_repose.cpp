@@ -9,7 +9,9 @@
 #include <cstdio>
 #include <numbers>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -53,7 +55,7 @@ std::optional<std::string> setting(const SkillTrial& trial, const std::string& k
 }
 
 std::size_t face_of(const std::string& name) {
-  const auto found = std::ranges::find(kFaces, name);
+  const auto* const found = std::ranges::find(kFaces, name);
   if (found == kFaces.end()) throw InvalidArgument("there is no face " + name);
   return static_cast<std::size_t>(found - kFaces.begin());
 }
@@ -63,11 +65,17 @@ std::vector<TrialGoal> goals_of(const SkillTrial& trial) {
   const std::string text = setting(trial, "goals").value_or("");
   for (std::size_t at = text.find('{'); at != std::string::npos; at = text.find('{', at + 1)) {
     TrialGoal goal{};
-    std::array<char, 3> face{};
-    if (std::sscanf(text.c_str() + at, "{place: [%lf, %lf], face: \"%2s\", turn: %lf}", &goal.x,
-                    &goal.y, face.data(), &goal.turn) != 4)
+    std::string face;
+    // "{place: [0.01, -0.02], face: "+x", turn: 1.5}": what is no number and no face becomes space.
+    std::string rest = text.substr(at, text.find('}', at) - at);
+    for (const std::string_view word : {"{place: [", "face: \"", "turn:", "],", "\",", ","}) {
+      const std::size_t begin = rest.find(word);
+      if (begin != std::string::npos) rest.replace(begin, word.size(), word.size(), ' ');
+    }
+    std::istringstream words(rest);
+    if (!(words >> goal.x >> goal.y >> face >> goal.turn))
       throw InvalidArgument("goals that no trial has written: " + text);
-    goal.face = face_of(face.data());
+    goal.face = face_of(face);
     goals.push_back(goal);
   }
   return goals;
@@ -107,7 +115,7 @@ double angle_from(const TrialGoal& goal, const Quaterniond& orientation) {
 }
 
 // In words, what is wrong with how the cube stands at `step`; empty if it stands by itself.
-std::string wrong_with(const TrueStep& step) {
+std::string_view wrong_with(const TrueStep& step) {
   if (step.touches() > 0) return "a tip touches it";
   if (step.twist.linear.norm() > 0.005 || step.twist.angular.norm() > 0.1) return "it moves";
   return "";
@@ -138,7 +146,7 @@ Judgement judge_flip(const SkillTrial& trial, const SkillTrialResult& result, do
   judgement.why += last_second(result, [&](const TrueStep& step) -> std::string {
     const double tilt = angle_between(step.object.orientation * normal, Vector3d::UnitZ());
     if (tilt > kAngle) return fmt::format("the face is {:.2f} rad from looking up", tilt);
-    return wrong_with(step);
+    return std::string(wrong_with(step));
   });
   if (judgement.why.empty() && judgement.figure > longest) judgement.why = "it took too long";
   judgement.succeeds = judgement.why.empty();
@@ -157,7 +165,7 @@ Judgement judge_place(const SkillTrial& trial, const SkillTrialResult& result, d
     const double angle = angle_from(goal, step.object.orientation);
     if (distance > kPlace || angle > kAngle)
       return fmt::format("{:.1f} mm and {:.3f} rad from the goal", 1e3 * distance, angle);
-    return wrong_with(step);
+    return std::string(wrong_with(step));
   };
   // Each goal counts once the cube has stood there for so long.
   constexpr int kStands = 250;

@@ -21,8 +21,6 @@
 namespace trifinger::control {
 namespace {
 
-using detail::require;
-
 // Nobody sleeps longer than this without a look at what should end the sleep.
 constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
 
@@ -111,7 +112,7 @@ PlanningModel::PlanningModel(const RobotDescription& description,
   option.integrator = mjINT_EULER;
   option.disableflags |= mjDSBL_ISLAND | mjDSBL_SENSOR;
   choose_contacts(robot, options, *model_);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(robot.num_joints()); ++i) {
+  for (std::size_t i = 0; std::cmp_less(i, robot.num_joints()); ++i) {
     model_->dof_damping[i] += limits.safety_kd[i];
     joints_.push_back({.lower = limits.soft_lower[i],
                        .upper = limits.soft_upper[i],

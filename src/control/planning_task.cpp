@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
 
@@ -104,7 +105,7 @@ void validate(const PlanningTask& task, const PlanningModel& model) {
       refuse("has a number that is not finite");
     }
     const auto must_exist = [&](const char* kind, std::size_t count) {
-      if (term.index >= 0 && static_cast<std::size_t>(term.index) < count) return;
+      if (term.index >= 0 && std::cmp_less(term.index, count)) return;
       refuse("is for " + std::string(kind) + " " + std::to_string(term.index) + ", the model has " +
              std::to_string(count));
     };
@@ -129,7 +130,8 @@ void validate(const PlanningTask& task, const PlanningModel& model) {
         break;
     }
   }
-  if (!(task.late_share >= 0.0 && task.late_share <= 1.0)) {
+  const bool is_share = task.late_share >= 0.0 && task.late_share <= 1.0;
+  if (!is_share) {
     throw InvalidArgument("late_share is " + std::to_string(task.late_share) + ", must be 0 to 1");
   }
   detail::require_not_negative("late_factor", task.late_factor);

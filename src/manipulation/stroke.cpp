@@ -48,7 +48,8 @@ void validate(const Stroke& stroke, const control::SafetyLimits& limits) {
       reject("target has ", target.size(), " numbers, must have ", TriFinger::kJoints);
     for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
       const double value = target[static_cast<Eigen::Index>(i)];
-      if (!(value >= limits.soft_lower[i] && value <= limits.soft_upper[i])) {
+      const bool is_within = value >= limits.soft_lower[i] && value <= limits.soft_upper[i];
+      if (!is_within) {
         reject("target of joint ", i, " is ", value, " rad, its soft limits are ",
                limits.soft_lower[i], " and ", limits.soft_upper[i], " rad");
       }

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cmath>
+#include <exception>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -92,7 +93,7 @@ TEST(BringToMiddle, SaysIfNoGraspReachesTheCube) {
 }
 
 TEST(BringToMiddle, PutsTheCubeDownWhenItIsInterrupted) {
-  struct Interrupted {};
+  struct Interrupted : std::exception {};
   const RobotWithCube robot("[0.07, 0.04, 0.0325]");
   int steps = 0;
   const auto look = [&steps] {

@@ -445,7 +445,7 @@ TEST(PredictivePlanner, CostsOfTermsFunctionsAndBatchesAreTheSame) {
         ASSERT_EQ(static_cast<std::size_t>(batch.num_rollouts), sums.size());
         for (int i = 0; i < batch.num_rollouts; ++i) {
           for (int k = 0; k < batch.num_states; ++k) {
-            const auto at = static_cast<std::size_t>(2 * (i * batch.num_states + k));
+            const auto at = 2 * static_cast<std::size_t>(i * batch.num_states + k);
             const double off =
                 std::pow(batch.positions[at] - 1, 2) + std::pow(batch.positions[at + 1] + 2, 2);
             const double effort =

@@ -71,23 +71,23 @@ TEST(Drive, GoesOnAfterEveryFaultThatAnEmulatedRobotCanHave) {
 TEST(Drive, AsksForAHandIfAnInterfaceWasRemoved) {
   class Gone final : public Place {
    public:
-    explicit Gone(const std::atomic<bool>& stop) : place_({.robot = kBoards}, stop) {}
-    [[nodiscard]] UntypedFrontend connect() override { return place_.connect(); }
-    void recover() override { place_.recover(); }
-    void pause(Nanoseconds time) override { place_.pause(time); }
-    [[nodiscard]] Nanoseconds now() const noexcept override { return place_.now(); }
-    bool expect(std::uint64_t steps) override {
-      steps_ += steps;
-      if (steps_ > 9000 && !std::exchange(is_gone_, true)) place_.add("bus 2 gone");
-      return place_.expect(steps);
+    explicit Gone(const std::atomic<bool>& stop) : inner({.robot = kBoards}, stop) {}
+    [[nodiscard]] UntypedFrontend connect() override { return inner.connect(); }
+    void recover() override { inner.recover(); }
+    void pause(Nanoseconds time) override { inner.pause(time); }
+    [[nodiscard]] Nanoseconds now() const noexcept override { return inner.now(); }
+    bool expect(std::uint64_t more) override {
+      steps += more;
+      if (steps > 9000 && !std::exchange(is_gone, true)) inner.add("bus 2 gone");
+      return inner.expect(more);
     }
-    SimulatedPlace place_;
-    std::uint64_t steps_{0};
-    bool is_gone_{false};
+    SimulatedPlace inner;
+    std::uint64_t steps{0};
+    bool is_gone{false};
   };
   const std::atomic<bool> stop{false};
   Gone place(stop);
-  Drive drive(place, place.place_.session(), {.recovery = {.attempts = 3}}, stop);
+  Drive drive(place, place.inner.session(), {.recovery = {.attempts = 3}}, stop);
   const Outcome outcome = drive.run();
   EXPECT_TRUE(outcome.needs_hand);
   EXPECT_NE(outcome.why.find("3 attempts"), std::string::npos) << outcome.why;

@@ -48,6 +48,8 @@ Tally random_tally(Random& random) {
 
 struct Folder {
   Folder() { std::filesystem::remove_all(path); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
   ~Folder() { std::filesystem::remove_all(path); }
   std::filesystem::path path{std::filesystem::temp_directory_path() /
                              ("trifinger_endurance_test_" + std::to_string(::getpid()))};

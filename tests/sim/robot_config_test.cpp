@@ -105,7 +105,7 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
-  EXPECT_EQ(count, 15);
+  EXPECT_EQ(count, 21);
 }
 
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -350,12 +351,11 @@ class Catch final : public Skill {
     const double lead = 0.3 * duration;
     const double t = std::clamp((now - contact_).count() + lead, 0.0, duration);
     // A velocity like half a period of a sine, squared: it begins and ends smoothly.
-    const double w = control_pi() / duration;
+    const double w = std::numbers::pi / duration;
     sink_.velocity = -speed * std::sin(w * t) * std::sin(w * t);
     sink_.position = -speed * (0.5 * t - 0.25 / w * std::sin(2 * w * t));
     sink_.acceleration = t > 0.0 && t < duration ? -speed * w * std::sin(2 * w * t) : 0.0;
   }
-  static constexpr double control_pi() noexcept { return 3.14159265358979323846; }
 
   void note() noexcept {
     state_.phase = name_of(phase_);
@@ -363,12 +363,11 @@ class Catch final : public Skill {
     state_.failure = failure_;
     state_.desired = {.pose = {.position = expected()}};
     state_.object.pose = {.position = place_, .orientation = orientation_};
-    if (phase_ == Phase::kWait || phase_ == Phase::kClose) {
-      if (flight_.count() > 0) {
-        const control::PointMotion now = flight_.at(clock_.now());
-        state_.object.pose.position = now.position;
-        state_.object.twist.linear = now.velocity;
-      }
+    const bool is_flying = phase_ == Phase::kWait || phase_ == Phase::kClose;
+    if (is_flying && flight_.count() > 0) {
+      const control::PointMotion now = flight_.at(clock_.now());
+      state_.object.pose.position = now.position;
+      state_.object.twist.linear = now.velocity;
     }
     state_.torque_share = drive_.torque_share();
   }

@@ -45,7 +45,8 @@ double Fetcher::half_width(const Pose& object, const Vector3d& direction) const 
 FingerPose Fetcher::pose_for(int finger, const Vector3d& tip, const Vector3d& near) const noexcept {
   FingerPose pose = kinematics_.inverse_kinematics(finger, tip, near);
   for (int i = 0; i < kJointsPerFinger; ++i) {
-    const auto joint = static_cast<std::size_t>(finger * kJointsPerFinger + i);
+    const auto joint =
+        static_cast<std::size_t>(finger) * kJointsPerFinger + static_cast<std::size_t>(i);
     if (pose.position[i] < limits_.soft_lower[joint] + kMargin ||
         pose.position[i] > limits_.soft_upper[joint] - kMargin)
       pose.reach = Reach::kOutsideLimits;
@@ -70,7 +71,7 @@ bool Fetcher::begin(Seconds now, const control::JointState& joints, const Pose& 
   // The finger that needs to turn its joints least.
   double least = std::numeric_limits<double>::infinity();
   for (int finger = 0; finger < kinematics_.num_fingers(); ++finger) {
-    Vector3d near = rest_.segment<3>(static_cast<Eigen::Index>(kJointsPerFinger * finger));
+    Vector3d near = rest_.segment<3>(kJointsPerFinger * static_cast<Eigen::Index>(finger));
     double turn = 0.0;
     bool reaches = true;
     const Vector3d end = behind + (distance + kGap) * direction;
@@ -113,22 +114,27 @@ void Fetcher::next_leg() noexcept {
   switch (leg_) {
     case Leg::kUp:
       to_ = {behind_.x(), behind_.y(), height};
-      return begin_leg(Leg::kOver);
+      begin_leg(Leg::kOver);
+      return;
     case Leg::kOver:
       to_ = behind_;
-      return begin_leg(Leg::kDown);
+      begin_leg(Leg::kDown);
+      return;
     case Leg::kDown: {
       const double distance = direction_.dot(goal_ - behind_);
       to_ = behind_ + std::max(0.0, distance) * direction_;
-      return begin_leg(Leg::kDrag);
+      begin_leg(Leg::kDrag);
+      return;
     }
     case Leg::kDrag:
       to_ = tip_ - 0.03 * direction_;
-      return begin_leg(Leg::kBack);
+      begin_leg(Leg::kBack);
+      return;
     case Leg::kBack:
       to_ = tip_;
       to_.z() = kDragHeight + 0.09;
-      return begin_leg(Leg::kLift);
+      begin_leg(Leg::kLift);
+      return;
     case Leg::kLift:
     case Leg::kEnd:
       leg_ = Leg::kEnd;
@@ -155,7 +161,7 @@ const TriFinger::Action& Fetcher::update(Seconds now, const control::JointState&
 
   const double leaving = std::clamp((now - begin_time_) / kRestTime, 0.0, 1.0);
   const double smooth = leaving * leaving * leaving * (10 - 15 * leaving + 6 * leaving * leaving);
-  const auto first = static_cast<Eigen::Index>(kJointsPerFinger * finger_);
+  const Eigen::Index first = kJointsPerFinger * static_cast<Eigen::Index>(finger_);
   const Vector3d near = targets_.segment<3>(first);
   targets_ = begin_ + smooth * (rest_ - begin_);
   const FingerPose pose = pose_for(finger_, tip_, near);

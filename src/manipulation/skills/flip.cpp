@@ -11,7 +11,7 @@ namespace trifinger::manipulation {
 std::unique_ptr<Skill> make_flip(const SkillContext& context, const config::Node& root) {
   const ReposeConfig config = read_repose(root);
   const Eigen::Vector3d face = read_face(root, "face");
-  const double radius = root.required<double>("radius", {.unit = "m", .min = 0, .max = 0.2});
+  const auto radius = root.required<double>("radius", {.unit = "m", .min = 0, .max = 0.2});
   const Eigen::Vector3d half =
       Eigen::Vector3d::Map(box_of(context.description, config.object).size.data()) / 2;
   return std::make_unique<Repose>(

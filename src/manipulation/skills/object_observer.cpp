@@ -54,7 +54,10 @@ void ObjectObserver::restart(Seconds captured, const Pose& pose) {
 
 void ObjectObserver::correct(Seconds captured, const Pose& pose,
                              std::span<const JointSample> history) {
-  if (!is_known_ || history.empty()) return restart(captured, pose);
+  if (!is_known_ || history.empty()) {
+    restart(captured, pose);
+    return;
+  }
   const Seconds elapsed = captured - seen_.time;
   if (elapsed <= Seconds(0)) return;
   load(seen_);
@@ -65,7 +68,10 @@ void ObjectObserver::correct(Seconds captured, const Pose& pose,
   const Eigen::Vector3d shift = pose.position - expected.pose.position;
   const Eigen::Vector3d turn = control::rotation_error(pose.orientation, expected.pose.orientation);
   const bool is_finite = shift.allFinite() && turn.allFinite();
-  if (!is_finite || shift.norm() > kJump || turn.norm() > kTurn) return restart(captured, pose);
+  if (!is_finite || shift.norm() > kJump || turn.norm() > kTurn) {
+    restart(captured, pose);
+    return;
+  }
   const double rate = gain_ * gain_ / (2.0 - gain_) / elapsed.count();
   const Pose corrected{
       expected.pose.position + gain_ * shift,

@@ -21,7 +21,7 @@ std::unique_ptr<Skill> make_place(const SkillContext& context, const config::Nod
     const auto place =
         item.required<std::array<double, 2>>("place", {.unit = "m", .min = -0.2, .max = 0.2});
     const Eigen::Vector3d face = read_face(item, "face");
-    const double turn = item.required<double>("turn", {.unit = "rad", .min = -3.15, .max = 3.15});
+    const auto turn = item.required<double>("turn", {.unit = "rad", .min = -3.15, .max = 3.15});
     goals.push_back(
         {.pose = {{place[0], place[1], half.dot(face.cwiseAbs())}, lying_on(face, turn)},
          .axis = {},

@@ -72,11 +72,10 @@ Pusher::Pusher(const SkillContext& context, const std::string& object, const Pus
                config.planner),
       observer_(model_of(context, config), index_, config.pose_gain),
       kinematics_(context.description),
-      weights_(config.placing) {
-  planned_ = planner_.newest().commands;
-  next_ = planned_;
-  targets_ = planned_;
-}
+      weights_(config.placing),
+      planned_(planner_.newest().commands),
+      next_(planned_),
+      targets_(planned_) {}
 
 void Pusher::hold() noexcept {
   begin_mode(Mode::kIdle);

@@ -132,10 +132,10 @@ void Repose::follow_phases(const control::JointState& joints) noexcept {
         end(next_failure_);
       break;
     case Phase::kPush:
-      if (is_unseen())
+      if (is_unseen()) {
         give_up(kNotSeen);
-      else if (std::exchange(wants_fetch_, false) &&
-               fetcher_.begin(clock_.now(), joints, seen_, goal_.pose.position)) {
+      } else if (std::exchange(wants_fetch_, false) &&
+                 fetcher_.begin(clock_.now(), joints, seen_, goal_.pose.position)) {
         ++fetches_;
         pusher_.hold();
         enter(Phase::kFetch);
@@ -149,7 +149,10 @@ void Repose::follow_phases(const control::JointState& joints) noexcept {
           clock_.in_phase() > 2 * (config_.push.plan_period + config_.push.plan_delay);
       const bool is_away = pusher_.nearest_tip() > kAlmost * config_.push.retreat_distance;
       if (clock_.in_phase() < config_.leave_time && !(has_planned && is_away)) break;
-      if (!next_failure_.empty()) return end(next_failure_);
+      if (!next_failure_.empty()) {
+        end(next_failure_);
+        return;
+      }
       pusher_.hold();
       enter(Phase::kCheck);
       break;
@@ -187,7 +190,10 @@ void Repose::follow_push() noexcept {
     close_since_.reset();
   else if (!close_since_)
     close_since_ = clock_.now();
-  if (close_since_ && clock_.now() - *close_since_ >= config_.settle_time) return leave();
+  if (close_since_ && clock_.now() - *close_since_ >= config_.settle_time) {
+    leave();
+    return;
+  }
 
   if (position + orientation < kProgress * least_) {
     least_ = position + orientation;
@@ -196,8 +202,10 @@ void Repose::follow_push() noexcept {
   const bool is_far = deviation.position > config_.fetch_distance;
   // An object that is far away may still be on its way.
   constexpr Seconds kOnItsWay{1.0};
-  if (is_far && clock_.in_phase() > kOnItsWay && clock_.now() - progress_ > kOnItsWay)
-    return leave();
+  if (is_far && clock_.in_phase() > kOnItsWay && clock_.now() - progress_ > kOnItsWay) {
+    leave();
+    return;
+  }
   if (clock_.now() - progress_ > config_.stuck_time) {
     pusher_.forget();
     leave();
