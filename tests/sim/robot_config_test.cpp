@@ -10,6 +10,7 @@
 #include <fstream>
 #include <optional>
 #include <regex>
+#include <set>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -246,6 +247,10 @@ TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
   for (const std::string& name : config_names()) {
     SCOPED_TRACE(name);
     const AnyRobotConfig config = load_any_robot_config(name);
+    // Robots for a skill differ in what the skill needs.
+    const std::set<std::string> for_skills{"catch",      "pushing", "sim_balance",
+                                           "sim_cuboid", "throw",   "throw_far"};
+    if (for_skills.contains(name)) continue;
     // Those from a file have their limits there alone.
     if (std::holds_alternative<FileRobotConfig>(config)) continue;
     std::visit(expect_same, std::get<RobotConfig>(config).simulation);
