@@ -20,7 +20,11 @@ SkillRow taught(SkillRow row, bool varies) {
   row.together = {};
   row.trial.is_taught = true;
   if (!varies) {
-    row.vary = [](SkillTrial& trial, std::uint64_t seed) { trial.simulation.seed = seed; };
+    row.vary = [](SkillTrial& trial, std::uint64_t seed) {
+      trial.simulation.seed = seed;
+      // The face that looks up in the motion.
+      if (trial.skill == "flip") trial.settings.emplace_back("face=+x");
+    };
   }
   return row;
 }

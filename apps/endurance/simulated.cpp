@@ -101,10 +101,10 @@ class SimulatedPlace::World {
   [[nodiscard]] virtual bool moves_clock() const noexcept = 0;
   virtual void pass(Nanoseconds time) = 0;
   // The back-end was started anew.
-  virtual void restart() {}
-  [[nodiscard]] virtual std::size_t num_boards() const noexcept { return 0; }
-  [[nodiscard]] virtual std::size_t num_joints() const noexcept { return 0; }
-  virtual void add(const std::string& fault) { static_cast<void>(fault); }
+  virtual void restart() = 0;
+  [[nodiscard]] virtual std::size_t num_boards() const noexcept = 0;
+  [[nodiscard]] virtual std::size_t num_joints() const noexcept = 0;
+  virtual void add(const std::string& fault) = 0;
 };
 
 // A simulation without motors between: its driver knows no time.
@@ -116,6 +116,10 @@ class SimulatedPlace::OtherWorld final : public World {
   [[nodiscard]] UntypedDriver& driver() noexcept override { return *driver_; }
   [[nodiscard]] bool moves_clock() const noexcept override { return false; }
   void pass(Nanoseconds time) override { clock_.advance(time); }
+  void restart() override {}
+  [[nodiscard]] std::size_t num_boards() const noexcept override { return 0; }
+  [[nodiscard]] std::size_t num_joints() const noexcept override { return 0; }
+  void add(const std::string& /*fault*/) override {}
 
  private:
   std::unique_ptr<UntypedDriver> driver_;
@@ -212,8 +216,8 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
   std::optional<boards::BoardRobot<R>> robot_;
 };
 
-SimulatedPlace::SimulatedPlace(const SimulatedOptions& options, const std::atomic<bool>& stop)
-    : options_(options), stop_(stop) {
+SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>& stop)
+    : options_(std::move(options)), stop_(stop) {
   AnyRobotConfig any = load_any_robot_config(options_.robot, options_.overrides);
   if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
     if (from_file->servos) {

@@ -49,7 +49,7 @@ struct InjectedFault {
 class SimulatedPlace final : public Place {
  public:
   // Throws InvalidArgument, config::ConfigError, SystemError.
-  SimulatedPlace(const SimulatedOptions& options, const std::atomic<bool>& stop);
+  SimulatedPlace(SimulatedOptions options, const std::atomic<bool>& stop);
   ~SimulatedPlace() override;
 
   [[nodiscard]] Session session() const;
