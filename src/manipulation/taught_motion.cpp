@@ -69,7 +69,7 @@ class TaughtSkill final : public Skill {
       for (std::size_t i = 0; i < kMaxJoints; ++i) {
         const double value = position[static_cast<Eigen::Index>(i)];
         // A hand, or the speed of a joint, may have brought it a little further.
-        constexpr double kSlack = 0.1;
+        constexpr double kSlack = 0.2;
         if (value < limits_.soft_lower[i] - kSlack || value > limits_.soft_upper[i] + kSlack) {
           throw InvalidArgument(detail::text_of("the motion moves joint ", i, " to ", value,
                                                 " rad, beyond its soft limits"));

@@ -49,7 +49,7 @@ struct TaughtMotion {
 /// The torques are those that led the tips, those that the motion needs in free space, and those of
 /// the joints' springs towards their positions with the robot's own gains.
 /// Desired positions stay within the soft limits.
-/// @throws InvalidArgument if the robot has not nine joints, or if a position is more than 0.1 rad
+/// @throws InvalidArgument if the robot has not nine joints, or if a position is more than 0.2 rad
 /// beyond its soft limits
 [[nodiscard]] std::unique_ptr<Skill> play_instead(std::unique_ptr<Skill> skill,
                                                   const SkillContext& context, TaughtMotion motion);
