@@ -8,8 +8,10 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -102,9 +104,10 @@ std::vector<double> ticks(double low, double high, int wanted) {
     if (step >= raw) break;
   }
   std::vector<double> result;
-  for (double tick = std::ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step) {
-    result.push_back(std::abs(tick) < 1e-9 * step ? 0.0 : tick);
-  }
+  // A hair is added, so that the ends count although they are rounded.
+  const auto first = static_cast<std::int64_t>(std::ceil(low / step - 1e-9));
+  const auto last = static_cast<std::int64_t>(std::floor(high / step + 1e-9));
+  for (std::int64_t i = first; i <= last; ++i) result.push_back(static_cast<double>(i) * step);
   return result;
 }
 
@@ -137,7 +140,7 @@ std::string draw(const Chart& chart, const std::vector<double>& hours, double la
   const auto y = [&](double value) {
     return kTop + (kHeight - kTop - kBottom) * (high - value) / (high - low);
   };
-  svg += fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\">", kWidth, kHeight);
+  svg += fmt::format(R"(<svg viewBox="0 0 {} {}" role="img">)", kWidth, kHeight);
   for (const double tick :
        ticks(low, high, chart.is_logarithmic ? static_cast<int>(high - low) : 5)) {
     const double shown = chart.is_logarithmic ? std::pow(10.0, tick) : tick;
@@ -147,7 +150,7 @@ std::string draw(const Chart& chart, const std::vector<double>& hours, double la
         kLeft, kWidth - kRight, y(tick), y(tick), kLeft - 6, y(tick) + 4, shown);
   }
   for (const double tick : ticks(0.0, std::max(last_hour, 1e-3), 8)) {
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"x\">{:g} h</text>", x(tick),
+    svg += fmt::format(R"(<text x="{:.1f}" y="{:.1f}" class="x">{:g} h</text>)", x(tick),
                        kHeight - 8, tick);
   }
   for (std::size_t i = 0; i < chart.curves.size(); ++i) {
@@ -161,11 +164,11 @@ std::string draw(const Chart& chart, const std::vector<double>& hours, double la
       const double at = y(chart.is_logarithmic ? std::log10(*value) : *value);
       points += fmt::format("{:.1f},{:.1f} ", x(hours[k]), at);
       if (hours.size() <= 60) {
-        dots += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2\" fill=\"{}\"/>",
+        dots += fmt::format(R"(<circle cx="{:.1f}" cy="{:.1f}" r="2" fill="{}"/>)",
                             x(hours[k]), at, colour);
       }
     }
-    svg += fmt::format("<polyline points=\"{}\" stroke=\"{}\"/>", points, colour) + dots;
+    svg += fmt::format(R"(<polyline points="{}" stroke="{}"/>)", points, colour) + dots;
   }
   svg += "</svg><p class=\"legend\">";
   for (std::size_t i = 0; i < chart.curves.size(); ++i) {
@@ -359,7 +362,7 @@ std::string joints_table(const History& history) {
     table += fmt::format(
         "<tr><th>{}</th><td>{:.0f}</td><td>{:.0f}</td><td>{}</td><td>{}</td><td>{:.4f}</td>"
         "<td>{}</td><td>{}</td><td>{:.2f}</td></tr>",
-        escaped(history.owner().joints[i]), joint.way, joint.way / (2 * 3.14159265358979),
+        escaped(history.owner().joints[i]), joint.way, joint.way / (2 * std::numbers::pi),
         count_text(joint.collisions), cell(mean_friction(joint), "{:.4f}"), joint.friction_most,
         cell(pass_error_rms(joint), "{:.4f}"), cell(error_rms(total, joint), "{:.4f}"),
         joint.thermal_margin);
@@ -394,7 +397,7 @@ std::string make_page(const History& history, const PageState& state) {
   const std::string title = "Health of " + escaped(history.owner().robot);
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">";
   // A page that is written no more need not be read again.
-  if (!state.is_over) page += "<meta http-equiv=\"refresh\" content=\"60\">";
+  if (!state.is_over) page += R"(<meta http-equiv="refresh" content="60">)";
   page += fmt::format("<title>{}</title><style>{}</style></head><body><h1>{}</h1>", title, kStyle,
                       title);
   page += fmt::format("<p class=\"state {}\">{}</p>",

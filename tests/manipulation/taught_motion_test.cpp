@@ -7,6 +7,7 @@
 #include <cmath>
 #include <fstream>
 #include <memory>
+#include <numbers>
 #include <string>
 
 #include "support/allocation_counter.hpp"
@@ -26,7 +27,7 @@ TaughtMotion wave(const JointValues& centre, double amplitude = 0.1) {
   TaughtMotion motion;
   constexpr int kSamples = 200;
   for (int i = 0; i <= kSamples; ++i) {
-    const double phase = 2 * 3.14159265358979 * i / kSamples;
+    const double phase = 2 * std::numbers::pi * i / kSamples;
     const double level = amplitude * (1 - std::cos(phase));
     motion.positions.emplace_back(centre + JointValues::Constant(kMaxJoints, level));
     motion.torques.emplace_back(JointValues::Constant(kMaxJoints, 0.01 * level));
