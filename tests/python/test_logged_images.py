@@ -7,6 +7,7 @@ import io
 import itertools
 import json
 import subprocess
+import weakref
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,8 @@ from PIL import Image
 from trifinger.cameras import Cameras
 from trifinger.commands import export
 from trifinger.errors import CameraLost, HistoryLost, InvalidArgument, NotInLog
-from trifinger.log import camera_film
-from trifinger.log.images import LoggedCameras
+from trifinger.log import camera_film, original
+from trifinger.log.images import LoggedCameras, LoggedImages
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -387,3 +388,38 @@ def test_a_robot_in_real_time_is_recorded(start_program: StartProgram, tmp_path:
         if by_number[number].has("camera60"):  # a very busy machine may be too slow
             np.testing.assert_array_equal(by_number[number].raw("camera60"), image)
     assert sum(by_number[number].has("camera60") for number in seen) > 0
+
+
+def test_logs_of_the_original_have_the_images_of_their_steps(
+    raw: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Picture(np.ndarray):  # type: ignore[type-arg]
+        """An image that a weak reference can name."""
+
+    taken: list[weakref.ref[Any]] = []
+    pixels = LoggedImages.raw
+
+    def raw_of(images: LoggedImages, camera: str) -> Any:
+        alive = sum(image() is not None for image in taken)
+        assert alive < 2 * len(NAMES)  # of one element, and the one before
+        picture = pixels(images, camera).view(Picture)
+        taken.append(weakref.ref(picture))
+        return picture
+
+    monkeypatch.setattr(LoggedImages, "raw", raw_of)
+    arrivals = [int(images.element["stamp"]["arrival_index"]) for images in raw.cameras]
+    for first, last in ((None, None), (100, 300), (None, 120), (arrivals[2], arrivals[4])):
+        _, path = original.export(raw.session, tmp_path, first, last)
+        expected = [
+            seen
+            for seen, arrival, following in zip(
+                raw.seen, arrivals, [*arrivals[1:], STEPS + 1], strict=True
+            )
+            if following > (first or 0) and arrival < (last or STEPS + 1)
+        ]
+        entries = list(original.read_camera_log(path, has_object=True))  # sim_cameras has a cube
+        assert len(entries) == len(expected)
+        for entry, seen in zip(entries, expected, strict=True):
+            for image, name in zip(entry.images, NAMES, strict=True):
+                np.testing.assert_array_equal(image, seen[name])
+    assert len(taken) > 3 * len(NAMES)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from trifinger.errors import Error
 from trifinger.log.original import ACTION_FIELDS, OBSERVATION_FIELDS, read_robot_log, times_of
 
 from trifinger_compat.generic import ErrorStatus, Status
@@ -39,9 +40,13 @@ class BaseBinaryLogReader:
     def read_file(self, filename: str | Path) -> None:
         """Reads a file in place of what was read before; raises RuntimeError."""
         rows = read_robot_log(filename, self.action_class.JOINTS, self.observation_class.TIPS)
-        self.data = [
-            self._entry(row, float(time)) for row, time in zip(rows, times_of(rows), strict=True)
-        ]
+        try:
+            self.data = [
+                self._entry(row, float(time))
+                for row, time in zip(rows, times_of(rows), strict=True)
+            ]
+        except ValueError as error:  # an error status that does not exist, or no text
+            raise Error(f"the log {filename} is damaged: {error}") from error
 
     def _entry(self, row: Any, time: float) -> LogEntry:
         status = Status()

@@ -6,8 +6,11 @@ format of x86's `long double`, which is decoded here, so that files can be read 
 """
 
 import gzip
+import secrets
 import struct
+import zlib
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, BinaryIO, cast
@@ -17,11 +20,12 @@ from numpy.typing import NDArray
 
 from trifinger._trifinger import LoggedSession
 from trifinger.arrays import Array
-from trifinger.errors import Error, NotInLog
+from trifinger.errors import Error
 from trifinger.log.images import LoggedCameras
 
 ROBOT_VERSION = 2
 CAMERA_VERSION = 1
+BLOCK = 1 << 20  # bytes that are read at once
 MESSAGE_SIZE = 64  # bytes, with a zero at the end
 ACTION_FIELDS = ("torque", "position", "position_kp", "position_kd")
 OBSERVATION_FIELDS = ("position", "velocity", "torque", "tip_force")
@@ -77,7 +81,8 @@ def times_of(rows: NDArray[np.void]) -> Array:
     mantissa = rows["stamp"]["mantissa"].astype(np.float64)
     exponent = (rows["stamp"]["exponent"] & np.uint16(0x7FFF)).astype(np.int32)
     sign = np.where(rows["stamp"]["exponent"] & np.uint16(0x8000), -1.0, 1.0)
-    seconds: Array = sign * np.ldexp(mantissa, exponent - _BIAS - 63)
+    with np.errstate(over="ignore"):  # a damaged one may be infinite here
+        seconds: Array = sign * np.ldexp(mantissa, exponent - _BIAS - 63)
     return seconds
 
 
@@ -86,18 +91,26 @@ def _open(path: Path) -> BinaryIO:
     try:
         with path.open("rb") as file:
             is_compressed = file.read(2) == b"\x1f\x8b"
+        return cast(BinaryIO, gzip.open(path, "rb") if is_compressed else path.open("rb"))
     except OSError as error:
         raise Error(f"the log {path} cannot be opened: {error.strerror}") from error
-    return cast(BinaryIO, gzip.open(path, "rb") if is_compressed else path.open("rb"))
 
 
-def _read(file: IO[bytes], size: int, path: Path) -> bytes:
+def _read_some(file: IO[bytes], size: int, path: Path) -> bytes:
     try:
-        data = file.read(size)
-    except (OSError, EOFError) as error:
+        return file.read(size)
+    except (OSError, EOFError, zlib.error) as error:
         raise Error(f"the log {path} is damaged: {error}") from error
-    if len(data) < size:
-        raise Error(f"the log {path} is cut off")
+
+
+def _read(file: IO[bytes], size: int, path: Path) -> bytearray:
+    """So many bytes. A size that is damaged needs no more memory than the file has data."""
+    data = bytearray()
+    while len(data) < size:
+        block = _read_some(file, min(size - len(data), BLOCK), path)
+        if not block:
+            raise Error(f"the log {path} is cut off")
+        data += block
     return data
 
 
@@ -115,14 +128,31 @@ def read_robot_log(path: str | Path, joints: int, tips: int) -> NDArray[np.void]
     with _open(path) as file:
         count = _read_count(file, ROBOT_VERSION, path)
         data = _read(file, count * row.itemsize, path)
-        if file.read(1):
+        if _read_some(file, 1, path):
             raise Error(f"the log {path} is longer than one of a robot with {joints} joints")
     return np.frombuffer(data, dtype=row)
 
 
+@contextmanager
+def _written(path: str | Path, level: int) -> Iterator[gzip.GzipFile]:
+    """A compressed file that is written; one that is not complete never gets the final name."""
+    path = Path(path).resolve()
+    if path.exists() and not path.is_file():  # a device is written, not replaced
+        with path.open("wb") as raw, gzip.GzipFile(path.name, "wb", level, raw) as file:
+            yield file
+        return
+    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    try:
+        with part.open("xb") as raw, gzip.GzipFile(path.name, "wb", level, raw) as file:
+            yield file
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def write_robot_log(path: str | Path, rows: NDArray[np.void]) -> None:
     """Writes a robot log, compressed."""
-    with gzip.open(path, "wb", compresslevel=6) as file:
+    with _written(path, level=6) as file:
         file.write(struct.pack("<IQ", ROBOT_VERSION, len(rows)))
         file.write(np.ascontiguousarray(rows).tobytes())
 
@@ -173,7 +203,7 @@ def read_camera_log(path: str | Path, *, has_object: bool) -> Iterator[CameraEnt
     with _open(path) as file:
         for _ in range(_read_count(file, CAMERA_VERSION, path)):
             yield _read_entry(file, path, has_object)
-        if file.read(1):
+        if _read_some(file, 1, path):
             raise Error(
                 f"the log {path} has more data than expected: it was written "
                 f"{'without' if has_object else 'with'} poses of an object"
@@ -186,7 +216,8 @@ def _read_entry(file: IO[bytes], path: Path, has_object: bool) -> CameraEntry:
     for _ in range(3):
         rows, columns, kind, _ = _IMAGE_HEAD.unpack(_read(file, _IMAGE_HEAD.size, path))
         channels = (kind >> 3) + 1
-        if kind & 7 or not (0 <= rows < 1 << 16 and 0 <= columns < 1 << 16):
+        is_kind = 0 <= kind < 1 << 12 and kind & 7 == 0
+        if not (is_kind and 0 <= rows < 1 << 16 and 0 <= columns < 1 << 16):
             # It is read at a wrong place, or of a type that no camera has.
             raise Error(
                 f"the log {path} cannot be read: it has no image where one must be; perhaps it was "
@@ -205,7 +236,7 @@ def _read_entry(file: IO[bytes], path: Path, has_object: bool) -> CameraEntry:
 def write_camera_log(path: str | Path, count: int, entries: Iterable[CameraEntry]) -> None:
     """Writes a log of `count` elements, compressed."""
     written = 0
-    with gzip.open(path, "wb", compresslevel=1) as file:
+    with _written(path, level=1) as file:
         file.write(struct.pack("<IQ", CAMERA_VERSION, count))
         for entry in entries:
             file.write(struct.pack("<d", entry.stamp))
@@ -217,8 +248,13 @@ def write_camera_log(path: str | Path, count: int, entries: Iterable[CameraEntry
             for pose in entry.poses:
                 file.write(np.asarray(pose, dtype="<f8").tobytes())
             written += 1
-    if written != count:
-        raise Error(f"{path} should have {count} elements, has {written}")
+        if written != count:
+            raise Error(f"{path} should have {count} elements, would have {written}")
+
+
+def has_cameras(session: LoggedSession) -> bool:
+    """True if the session has what cameras saw."""
+    return any(companion.name.endswith(".cameras") for companion in session.companions)
 
 
 def export(
@@ -226,17 +262,35 @@ def export(
 ) -> list[Path]:
     """Writes a session to `robot_data.dat` and, if it has cameras, `camera_data.dat`.
 
-    Returns the files. Tip forces become numbers from 0 to 1, as the original has them.
+    Both have what programs could see in the steps from `first` to before `last`. Returns the files.
+    Tip forces become numbers from 0 to 1, as the original has them.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    robot = folder / "robot_data.dat"
+    robot, camera = folder / "robot_data.dat", folder / "camera_data.dat"
     write_robot_log(robot, robot_rows(session, first, last))
-    if not any(companion.name.endswith(".cameras") for companion in session.companions):
+    if not has_cameras(session):
         return [robot]
-    camera = folder / "camera_data.dat"
-    entries = list(_camera_entries(session))
-    write_camera_log(camera, len(entries), entries)
+    export_cameras(session, camera, first, last)
     return [robot, camera]
+
+
+def export_cameras(
+    session: LoggedSession, path: Path, first: int | None = None, last: int | None = None
+) -> None:
+    """Writes the images that a program could see in the steps from `first` to before `last`.
+
+    These are also those that were the newest at `first`. Only one element is in memory at a time.
+    """
+    cameras = LoggedCameras(session)
+    newest = None if first is None else cameras.get_latest_at(first)
+    wanted = [
+        images.index
+        for images in cameras
+        if (newest is None or images.index >= newest.index)
+        and (last is None or images.element["stamp"]["arrival_index"] < last)
+        and all(images.has(name) for name in cameras.names)
+    ]
+    write_camera_log(path, len(wanted), _camera_entries(session, cameras, wanted))
 
 
 def _given(series: NDArray[Any] | None) -> NDArray[Any]:
@@ -245,7 +299,9 @@ def _given(series: NDArray[Any] | None) -> NDArray[Any]:
     return series
 
 
-def robot_rows(session: LoggedSession, first: int | None, last: int | None) -> NDArray[np.void]:
+def robot_rows(
+    session: LoggedSession, first: int | None = None, last: int | None = None
+) -> NDArray[np.void]:
     """The whole steps of a session as rows of a robot log."""
     steps = session.read(first, last)
     observations, statuses = _given(steps.observations), _given(steps.statuses)
@@ -279,21 +335,18 @@ def _arrivals(companion: LoggedSession) -> NDArray[np.int64]:
     return arrivals
 
 
-def _camera_entries(session: LoggedSession) -> Iterator[CameraEntry]:
-    cameras = LoggedCameras(session)
+def _camera_entries(
+    session: LoggedSession, cameras: LoggedCameras, wanted: Iterable[int]
+) -> Iterator[CameraEntry]:
     objects = next((each for each in session.companions if each.name.endswith(".object")), None)
     poses = _poses(objects) if objects is not None else None
     arrivals = _arrivals(cameras.companion).tolist()
     by_index = dict(zip(cameras.companion.time_index.tolist(), arrivals, strict=True))
-    for images in cameras:
-        if not all(images.has(name) for name in cameras.names):
-            continue
-        try:
-            pixels = [images.raw(name) for name in cameras.names]
-        except NotInLog:
-            continue
+    for index in wanted:
+        images = cameras.at(index)
+        pixels = [images.raw(name) for name in cameras.names]
         times = [float(images.time_of(name).astype(np.int64)) * 1e-9 for name in cameras.names]
-        arrival = by_index[images.index]
+        arrival = by_index[index]
         pose = [] if poses is None else [poses(arrival)] * 2
         yield CameraEntry(arrival * 1e-6, pixels, times, pose)
 

@@ -2,7 +2,10 @@
 """Log files of the original, byte by byte, and what our programs make of our logs."""
 
 import gzip
+import os
+import pickle
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +82,105 @@ def test_damaged_robot_logs_are_errors(tmp_path: Path) -> None:
 
 def image_bytes(image: Any, seconds: float) -> bytes:
     return struct.pack("<iiiB", *image.shape, 0, 1) + image.tobytes() + struct.pack("<d", seconds)
+
+
+def spoiled(good: bytes) -> Iterator[bytes]:
+    """A file with each single bit flipped, and cut off everywhere."""
+    for i in range(len(good)):
+        yield good[:i]
+        for bit in range(8):
+            changed = bytearray(good)
+            changed[i] ^= 1 << bit
+            yield bytes(changed)
+
+
+def robot_log() -> bytes:
+    return struct.pack("<IQ", 2, 1) + entry(5, 1234.5, error=1)
+
+
+def camera_log(has_object: bool) -> bytes:
+    image = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    data = struct.pack("<IQd", 1, 1, 5000.0) + 3 * image_bytes(image, 5.0)
+    return data + (np.arange(16.0).tobytes() if has_object else b"")
+
+
+@pytest.mark.parametrize("is_compressed", [True, False])
+@pytest.mark.parametrize(
+    ("data", "reader"),
+    [
+        (robot_log(), robot_interfaces.trifinger.BinaryLogReader),
+        (camera_log(False), ImagesReader),
+        (camera_log(True), ObjectReader),
+    ],
+)
+def test_damage_is_an_error_or_changes_nothing(
+    data: bytes, reader: Any, is_compressed: bool, tmp_path: Path
+) -> None:
+    def content(log: Any) -> bytes:
+        return pickle.dumps(vars(log))
+
+    path = tmp_path / "log"
+    good = gzip.compress(data, mtime=0) if is_compressed else data
+    path.write_bytes(good)
+    expected = content(reader(path))
+    errors = 0
+    for bad in spoiled(good):
+        path.write_bytes(bad)
+        try:
+            read = reader(path)
+        except RuntimeError:
+            errors += 1
+        else:
+            # Only compressed files have a sum that tells.
+            assert not is_compressed or content(read) == expected
+    assert errors > len(good)  # each cut, and some bits
+
+
+@pytest.mark.parametrize("count", [2, 2**40, 2**63, 2**64 - 1])
+def test_a_damaged_count_needs_no_memory(count: int, tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    for version, reader in ((2, robot_interfaces.trifinger.BinaryLogReader), (1, ImagesReader)):
+        good = robot_log() if version == 2 else camera_log(False)
+        path.write_bytes(struct.pack("<IQ", version, count) + good[12:])
+        with pytest.raises(RuntimeError, match="cut off"):
+            reader(path)
+    size = struct.pack("<iiiB", 65535, 65535, 0, 1)
+    path.write_bytes(struct.pack("<IQd", 1, 1, 0.0) + size)
+    with pytest.raises(RuntimeError, match="cut off"):
+        ImagesReader(path)
+
+
+def test_a_log_that_is_not_complete_never_gets_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "logs" / "camera_data.dat"
+    path.parent.mkdir()
+    element = original.CameraEntry(0.0, [np.zeros((2, 2), dtype=np.uint8)] * 3, [0.0] * 3)
+
+    def entries(count: int) -> Iterator[original.CameraEntry]:
+        for _ in range(count):
+            yield element
+        raise OSError("no space")
+
+    with pytest.raises(OSError, match="no space"):
+        original.write_camera_log(path, 3, entries(2))
+    assert list(path.parent.iterdir()) == []
+    original.write_camera_log(path, 1, [element])
+    good = path.read_bytes()
+    with pytest.raises(RuntimeError, match="should have 2 elements, would have 1"):
+        original.write_camera_log(path, 2, [element])
+    assert list(path.parent.iterdir()) == [path]
+    assert path.read_bytes() == good
+    link = tmp_path / "link"
+    link.symlink_to(path)
+    original.write_camera_log(link, 2, [element] * 2)
+    assert link.is_symlink()
+    assert len(ImagesReader(path).data) == 2
+    # What is no file, as /dev/null, is written and not replaced.
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pipe.open("r+b", buffering=0) as reading:
+        original.write_camera_log(pipe, 2, [element] * 2)
+        assert pipe.is_fifo()
+        assert gzip.decompress(reading.read(1 << 16)) == gzip.decompress(path.read_bytes())
 
 
 @pytest.mark.parametrize("has_object", [True, False])
