@@ -2,6 +2,7 @@
 """Keeping the series of a robot, and writing them to files of the original."""
 
 import enum
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from trifinger_compat.clock import SINCE_1970
 from trifinger_compat.robot_data import BaseData
 
 BLOCK = 500  # steps that are read at once
+_SERIES = ("status", "observation", "desired_action", "applied_action")
 
 
 class Format(enum.Enum):
@@ -50,6 +52,8 @@ class BaseLogger:
         self._data = robot_data
         self._limit = buffer_limit
         self._rows: list[NDArray[np.void]] = []
+        self._lost = 0  # steps that were overwritten before they were read
+        self._error: Exception | None = None
         self._thread: threading.Thread | None = None
         self._is_ending = threading.Event()
         self._filename: str | Path | None = None
@@ -62,6 +66,7 @@ class BaseLogger:
             return
         self._filename = filename
         self._is_ending.clear()
+        self._error = None
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -78,13 +83,27 @@ class BaseLogger:
         """Forgets all steps and keeps no more."""
         self._filename = None
         self.stop()
-        self._rows = []
+        self._rows, self._lost, self._error = [], 0, None
 
     def stop_and_save(self, filename: str | Path, log_format: _Format = _Format.BINARY) -> None:
-        """Stops, and writes what was kept."""
+        """Stops, and writes what was kept; raises RuntimeError if steps could not be kept.
+
+        Steps that were overwritten before they could be kept are counted on stderr.
+        """
         self._filename = None
         self.stop()
+        if self._error is not None:
+            raise Error(
+                f"the logger of '{self._data.name}' ended after {self._count()} steps: "
+                f"{self._error}"
+            ) from self._error
         _save(filename, self._all_rows(), log_format)
+        if self._lost:
+            print(
+                f"{filename} lacks {self._lost} steps of '{self._data.name}': they were "
+                "overwritten before they could be kept; `trifinger record` is faster",
+                file=sys.stderr,
+            )
 
     def save_current_robot_data(
         self, filename: str | Path, start_index: int = 0, end_index: int = -1
@@ -98,9 +117,24 @@ class BaseLogger:
         """Writes steps that can still be read; the last index is not included."""
         _save(filename, self._current(start_index, end_index), Format.BINARY)
 
+    def _range(self) -> tuple[int, int]:
+        """The first step that all series have, and the one after the last."""
+        ranges = [self._data.robot.range(name) for name in _SERIES]
+        return max(first for first, _ in ranges), min(end for _, end in ranges)
+
     def _current(self, start: int, end: int) -> NDArray[np.void]:
-        first, newest = self._data.robot.range("status")
-        return self._read(max(first, start), newest if end < 0 else min(end, newest))
+        margin = 0
+        while True:
+            first, newest = self._range()
+            last = newest if end < 0 else min(end, newest)
+            try:
+                return self._read(max(first + margin, start), last)
+            except HistoryLost:
+                # The robot goes on meanwhile and overwrites the oldest steps.
+                margin = max(1, 2 * margin)
+
+    def _count(self) -> int:
+        return sum(map(len, self._rows))
 
     def _all_rows(self) -> NDArray[np.void]:
         if not self._rows:
@@ -108,15 +142,18 @@ class BaseLogger:
         return np.concatenate(self._rows)
 
     def _run(self) -> None:
-        robot = self._data.robot
-        next_step = robot.range("status")[1]
-        kept = sum(map(len, self._rows))
+        try:
+            self._keep()
+        except Exception as error:  # stop_and_save() raises it
+            self._error = error
+
+    def _keep(self) -> None:
+        next_step = self._range()[1]
+        kept = self._count()
         while True:
             # What is there when the end is asked for is kept.
             is_ending = self._is_ending.wait(0.05)
-            first, end = robot.range("status")
-            end = min(end, robot.range("applied_action")[1])
-            next_step = max(next_step, first)
+            end = self._range()[1]
             while next_step < end and (not self._limit or kept < self._limit):
                 last = min(end, next_step + BLOCK)
                 if self._limit:
@@ -124,6 +161,7 @@ class BaseLogger:
                 try:
                     rows = self._read(next_step, last)
                 except HistoryLost as error:
+                    self._lost += error.oldest - next_step
                     next_step = error.oldest
                     continue
                 self._rows.append(rows)
