@@ -2,6 +2,8 @@
 #include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <sched.h>
+#include <sys/types.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <csignal>
@@ -48,6 +50,7 @@ struct RunOptions {
   std::optional<std::filesystem::path> record;
   log::ImageStorage images{log::ImageStorage::kJpeg};
   bool has_sensors{true};
+  pid_t parent{0};  // ends in order when it has ended, unless 0
   RealtimeOptions realtime;
 };
 
@@ -157,9 +160,11 @@ class Run {
     while (!loop.wait_for_end(Timeout::zero())) {
       if (const std::optional<int> signal = signals_.wait(kRefresh)) {
         if (is_stopping_) die_of(*signal);
-        is_stopping_ = true;
-        backend_.request_stop();
+        stop();
         reporter_.print("comes to rest; a second Ctrl-C kills");
+      } else if (has_lost_parent() && !is_stopping_) {
+        stop();
+        reporter_.print("comes to rest: the program that has started it has ended");
       }
       report();
     }
@@ -174,6 +179,15 @@ class Run {
   }
 
  private:
+  void stop() {
+    is_stopping_ = true;
+    backend_.request_stop();
+  }
+
+  [[nodiscard]] bool has_lost_parent() const {
+    return options_.parent > 0 && ::getppid() != options_.parent;
+  }
+
   void report() {
     // Taken before `look`, so that the end of a session is reported before the sentences about it.
     const std::vector<std::string> sentences = messages_.take();
@@ -328,6 +342,7 @@ void add_run(CLI::App& program, Action& action) {
   command.add_flag_callback(
       "--no-sensors", [&options = options] { options.has_sensors = false; },
       "Do not start 'trifinger cameras' and 'trifinger track' beside a robot with cameras");
+  command.add_option("--with-process", options.parent)->group("");
   add_realtime(command, options.realtime);
   command.footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, exit code 0; a second one kills.\n"

@@ -5,11 +5,13 @@ In a checkout, `python -m robot_fingers.programs NAME` runs one of them.
 """
 
 import argparse
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,8 @@ import trifinger
 from robot_interfaces.py_generic import RobotBackendTerminationReason
 from robot_interfaces.py_trifinger_types import MultiProcessData
 from trifinger.commands import program
-from trifinger.log.original import export
+from trifinger.errors import Error
+from trifinger.log import original
 from trifinger_compat.robot_data import RobotBackend
 
 from robot_fingers.pybullet_drivers import simulator_overrides
@@ -117,27 +120,77 @@ def _has_cameras(config: str, overrides: Mapping[str, object]) -> bool:
     return done.returncode != 0 or "\ncameras." in done.stdout
 
 
-def _save(record: str, arguments: Any) -> bool:
-    """Writes the logs that were asked for; False if there were no images to write."""
-    session = trifinger.Log(record).session(arguments.name)
-    with tempfile.TemporaryDirectory() as folder:
-        files = {path.name: path for path in export(session, Path(folder))}
-        for name, target in (
-            ("robot_data.dat", arguments.robot_logfile),
-            ("camera_data.dat", arguments.camera_logfile),
-        ):
-            if target is not None and name in files:
-                target.write_bytes(files[name].read_bytes())
-    if arguments.camera_logfile is None or "camera_data.dat" in files:
-        return True
-    print(f"{arguments.camera_logfile} is not written: {_NO_CAMERAS}", file=sys.stderr)
-    return False
+def _require_targets(parser: argparse.ArgumentParser, arguments: Any) -> None:
+    """Ends the program if a log could not be written: a run must not be for nothing."""
+    for target in filter(None, (arguments.robot_logfile, arguments.camera_logfile)):
+        try:
+            if target.exists() and not target.is_file():
+                target.open("wb").close()
+            else:  # it will be a new file
+                tempfile.TemporaryFile(dir=target.resolve().parent).close()
+        except OSError as error:
+            parser.error(f"the log {target} cannot be written: {error.strerror}")
 
 
-def _started(arguments: Any, config: str, *values: Any, **options: Any) -> RobotBackend:
-    """A robot that runs; says why and ends the program if it cannot."""
+def _save(record: Path, arguments: Any) -> bool:
+    """Writes the logs that were asked for; False, and says why, if one could not be written."""
     try:
-        return RobotBackend(
+        session = trifinger.Log(record).session(arguments.name)
+        if arguments.robot_logfile is not None:
+            original.write_robot_log(arguments.robot_logfile, original.robot_rows(session))
+        if arguments.camera_logfile is not None:
+            if not original.has_cameras(session):
+                raise Error(f"{arguments.camera_logfile} is not written: {_NO_CAMERAS}")
+            original.export_cameras(session, arguments.camera_logfile)
+    except (Error, OSError) as error:
+        print(error, file=sys.stderr)
+        return False
+    return True
+
+
+@contextmanager
+def _record() -> Iterator[Path]:
+    """A folder for what a robot does. It stays, and is named, unless the block ends well."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        yield folder
+    except BaseException:
+        if any(folder.iterdir()):
+            print(
+                f"what the robot did is kept in {folder}; `trifinger log export {folder} --format "
+                "original -o FOLDER` writes the logs",
+                file=sys.stderr,
+            )
+        else:
+            folder.rmdir()
+        raise
+    shutil.rmtree(folder)
+
+
+class _EndOnSignal:
+    """Makes SIGTERM an orderly end, from now on."""
+
+    def __init__(self) -> None:
+        self.ask: Callable[[], None] | None = None
+        """Asks what runs to end; before there is one, the program ends."""
+        signal.signal(signal.SIGTERM, self._end)
+
+    def _end(self, *_: Any) -> None:
+        if self.ask is None:
+            sys.exit(128 + signal.SIGTERM)
+        self.ask()
+
+
+def _run_until_end(
+    arguments: Any, config: str, *values: Any, **options: Any
+) -> RobotBackendTerminationReason:
+    """Starts a robot, says that it is ready, waits for its end and says why it has ended.
+
+    Says why and ends the program if it cannot start.
+    """
+    at_end = _EndOnSignal()
+    try:
+        backend = RobotBackend(
             MultiProcessData(arguments.name, True),
             config,
             *values,
@@ -145,19 +198,17 @@ def _started(arguments: Any, config: str, *values: Any, **options: Any) -> Robot
             max_number_of_actions=arguments.max_number_of_actions,
             **options,
         )
-    except RuntimeError as error:
+    except (RuntimeError, OSError) as error:
         sys.exit(str(error))
-
-
-def _until_end(backend: RobotBackend, arguments: Any) -> RobotBackendTerminationReason:
-    """Says that the robot is ready, waits for its end and says why it has ended."""
-    signal.signal(signal.SIGTERM, lambda *_: backend.ask_to_end())
-    _say_ready(arguments)
+    at_end.ask = backend.ask_to_end
     try:
+        _say_ready(arguments)
         number = backend.wait_until_terminated()
-    except KeyboardInterrupt:
+    except BaseException as error:
         backend.request_shutdown()
         number = backend.wait_until_terminated()
+        if not isinstance(error, KeyboardInterrupt):
+            raise
     reason = RobotBackendTerminationReason(number)
     print(f"The robot has ended: {reason.name}.", flush=True)
     return reason
@@ -171,17 +222,19 @@ def _run(
     real_time: bool,
 ) -> int:
     """Runs a robot and its logs; returns the exit status."""
-    has_log = _wants_logs(arguments)
-    if has_log and not arguments.max_number_of_actions:
+    if not _wants_logs(arguments):
+        reason = _run_until_end(arguments, config, overrides, real_time=real_time)
+        return max(0, -reason)
+    if not arguments.max_number_of_actions:
         parser.error("--robot-logfile and --camera-logfile need --max-number-of-actions")
     if arguments.camera_logfile is not None and not _has_cameras(config, overrides):
         parser.error(f"--camera-logfile: {_NO_CAMERAS}")
-    with tempfile.TemporaryDirectory() as folder:
-        record = folder if has_log else None
-        backend = _started(arguments, config, overrides, real_time=real_time, record=record)
-        reason = _until_end(backend, arguments)
-        if record is not None:
-            _save(record, arguments)
+    _require_targets(parser, arguments)
+    with _record() as folder:
+        record = str(folder)
+        reason = _run_until_end(arguments, config, overrides, real_time=real_time, record=record)
+        if not _save(folder, arguments):
+            sys.exit(max(1, -reason))
     return max(0, -reason)
 
 
@@ -228,7 +281,7 @@ def trifinger_robot_backend(words: Sequence[str] | None = None) -> int:
     )
     _add_ignored(parser)
     arguments = parser.parse_args(words)
-    reason = _until_end(_started(arguments, arguments.config), arguments)
+    reason = _run_until_end(arguments, arguments.config)
     is_whole = reason is RobotBackendTerminationReason.MAXIMUM_NUMBER_OF_ACTIONS_REACHED
     if reason >= 0 and arguments.fail_on_incomplete_run and not is_whole:
         return INCOMPLETE
@@ -248,24 +301,27 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
     parser.add_argument("-a", "--max-number-of-actions", help="not needed here: all are kept")
     _add_ignored(parser)
     arguments = parser.parse_args(words)
-    with tempfile.TemporaryDirectory() as folder:
-        command = [program.path(), "record", arguments.name, "--to", folder, "--until-end"]
+    _require_targets(parser, arguments)
+    with _record() as folder:
+        at_end = _EndOnSignal()
+        command = [program.path(), "record", arguments.name, "--to", str(folder), "--until-end"]
         recorder = subprocess.Popen(
             [*command, "--images", "raw"], stdout=subprocess.DEVNULL, start_new_session=True
         )
-        signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
-        _say_ready(arguments)
+        at_end.ask = recorder.terminate
         try:
+            _say_ready(arguments)
             status = recorder.wait()
-        except KeyboardInterrupt:
+        except BaseException as error:
             recorder.terminate()
             status = recorder.wait()
+            if not isinstance(error, KeyboardInterrupt):
+                raise
         if _wants_logs(arguments):
-            if not any(Path(folder).iterdir()):
-                print(f"no robot '{arguments.name}' ran: there are no logs", file=sys.stderr)
-                return 1
-            if not _save(folder, arguments):
-                return 1
+            if not any(folder.iterdir()):
+                sys.exit(f"no robot '{arguments.name}' ran: there are no logs")
+            if not _save(folder, arguments) or status > 0:
+                sys.exit(max(1, status))
     return max(0, status)
 
 

@@ -6,7 +6,6 @@ original calls the data of a robot is the name of its session.
 """
 
 import os
-import signal
 import subprocess
 import threading
 import time
@@ -309,7 +308,7 @@ class RobotFrontend:
         robot = self._data.controlled()
         if self._desired is None:
             self._desired = robot.new_action()
-            self._limit = notes.max_actions(self._data.name)
+            self._limit = notes.max_actions(self._data.name, robot.session_info().backend_pid)
         desired = self._desired
         desired["torque"] = action.torque
         desired["position"] = action.position
@@ -389,7 +388,7 @@ class RobotBackend:
         self._data = robot_data
         self._max_actions = max_number_of_actions
         self._reason = RobotBackendTerminationReason.NOT_TERMINATED
-        self._is_signalled = False
+        self._first_signal = threading.Lock()  # whoever gets it sends the signal
         values: dict[str, object] = {
             "backend.history": max(16384, robot_data.history_size),
             "backend.late_action.policy": "repeat",
@@ -400,24 +399,32 @@ class RobotBackend:
             values["backend.first_action_timeout"] = first_action_timeout
         words = [program.path(), "run", config, "--name", name]
         words += ["--real-time" if real_time else "--non-real-time"]
+        words += ["--with-process", str(os.getpid())]
         for key, value in values.items():
             words += ["--set", f"{key}={value}"]
         if record is not None:
             words += ["--record", record, "--images", "raw"]
-        notes.write(name, max_number_of_actions)
+        if max_number_of_actions:
+            notes.write(name, max_number_of_actions)
         self._process = subprocess.Popen(words, stdout=subprocess.DEVNULL, start_new_session=True)
-        # Another process may start a robot of this name at the same time.
-        while not robot_data.is_available(self._process.pid):
-            if self._process.poll() is not None:
-                notes.remove(name)
-                raise RuntimeError(
-                    f"the back-end '{name}' ended with the status {self._process.returncode} when "
-                    "it should begin"
-                )
-            time.sleep(0.01)
-        self._robot = trifinger.observe(name)
+        try:
+            self._wait_until_it_runs()
+            self._robot = trifinger.observe(name)
+        except BaseException:  # also Ctrl-C: nobody would end it later
+            self._stop()
+            raise
         self._watch = threading.Thread(target=self._watch_session, daemon=True)
         self._watch.start()
+
+    def _wait_until_it_runs(self) -> None:
+        # Another process may start a robot of this name at the same time.
+        while not self._data.is_available(self._process.pid):
+            if self._process.poll() is not None:
+                raise RuntimeError(
+                    f"the back-end '{self._data.name}' ended with the status "
+                    f"{self._process.returncode} when it should begin"
+                )
+            time.sleep(0.01)
 
     def _watch_session(self) -> None:
         while self._process.poll() is None:
@@ -454,16 +461,13 @@ class RobotBackend:
         self._signal_once()
 
     def _signal_once(self) -> None:
-        # A second signal would kill it, and its session would be left behind.
-        if self._is_signalled:
-            return
-        self._is_signalled = True
-        with suppress(ProcessLookupError):  # it has just ended
-            os.kill(self._process.pid, signal.SIGTERM)
+        # A second signal would kill it, and its session would be left behind. Handlers of signals
+        # call this, too: they must not wait for a lock that they interrupt.
+        if self._first_signal.acquire(blocking=False):
+            self._process.terminate()
 
     def _stop(self) -> None:
-        if self._process.poll() is None:
-            self._signal_once()
+        self._signal_once()
         self._process.wait()
         notes.remove(self._data.name)
 

@@ -3,6 +3,7 @@
 
 import copy
 import pickle
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -412,6 +413,120 @@ def test_a_back_end_waits_for_the_robot_that_it_started() -> None:
         robot_fingers.pybullet_drivers.create_trifinger_backend(Late(name, True), False, False)
 
 
+def test_whoever_interrupts_the_start_of_a_back_end_leaves_no_robot_behind() -> None:
+    class Interrupted(robot_interfaces.trifinger.MultiProcessData):  # type: ignore[name-defined,misc]
+        """Ctrl-C comes while the program waits for the robot."""
+
+        process: int | None = None
+
+        def is_available(self, process: int | None = None) -> bool:
+            self.process = process
+            if process is not None:
+                raise KeyboardInterrupt
+            return False
+
+    data = Interrupted(new_name(), True)
+    with pytest.raises(KeyboardInterrupt):
+        robot_fingers.pybullet_drivers.create_trifinger_backend(data, False, False, 1.0, 20)
+    assert data.process is not None
+    assert not Path(f"/proc/{data.process}").exists()
+    assert data.name not in [info.name for info in trifinger.list_sessions()]
+
+
+def children_of(process: int) -> list[int]:
+    text = Path(f"/proc/{process}/task/{process}/children").read_text()
+    return [
+        child
+        for child in map(int, text.split())
+        if b"--with-process" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+    ]
+
+
+def is_running(process: int) -> bool:
+    """False also if it has ended, and nobody has asked how."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_during_the_start_leaves_no_robot_behind(number: int) -> None:
+    with started("pybullet_backend", "--name", new_name(), stderr=subprocess.DEVNULL) as process:
+        while not (children := children_of(process.pid)):
+            time.sleep(0.001)
+        process.send_signal(number)
+        process.communicate()
+    # A child that is just being made ends a moment later than its parent.
+    while any(map(is_running, children)):
+        time.sleep(0.01)
+
+
+def test_a_robot_ends_with_the_program_that_has_started_it() -> None:
+    name = new_name()
+    with started("pybullet_backend", "--name", name) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "The robot is ready.\n"
+        process.kill()
+    while name in [info.name for info in trifinger.list_sessions()]:
+        time.sleep(0.01)
+
+
+def test_a_limit_of_actions_is_known_whatever_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = new_name()
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/run/user/1000")
+    own = {"XDG_RUNTIME_DIR": str(tmp_path), "TMPDIR": str(tmp_path)}
+    with started("pybullet_backend", "--name", name, "-a", "20", variables=own) as robot:
+        assert robot.stdout is not None
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(20):
+            frontend.append_desired_action(frontend.Action(position=HOME))
+        frontend.get_robot_observation(20)
+        # The front-end has ended the session itself: the back-end would take one action more.
+        with pytest.raises(RuntimeError, match="Maximum number of actions reached"):
+            frontend.append_desired_action(frontend.Action())
+        assert robot.wait() == 0
+
+
+def test_a_log_that_could_not_be_written_is_refused_at_once(tmp_path: Path) -> None:
+    for log in (tmp_path / "none" / "robot_data.dat", tmp_path):
+        words = ["--name", new_name(), "-a", "20", "--robot-logfile", log]
+        for program in ("pybullet_backend", "trifinger_data_backend"):
+            with started(program, *words, stderr=subprocess.PIPE) as refused:
+                said, errors = refused.communicate()
+                assert (refused.returncode, said) == (2, "")
+                assert f"the log {log} cannot be written: " in errors
+
+
+def test_a_run_whose_log_cannot_be_written_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, folder, temporary = new_name(), tmp_path / "logs", tmp_path / "temporary"
+    folder.mkdir()
+    temporary.mkdir()
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    words = ["--name", name, "-a", "20", "--robot-logfile", folder / "robot_data.dat"]
+    own = {"TMPDIR": str(temporary)}
+    with started("pybullet_backend", *words, stderr=subprocess.PIPE, variables=own) as robot:
+        assert robot.stdout is not None
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        folder.rmdir()
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(20):
+            frontend.get_robot_observation(frontend.append_desired_action(frontend.Action()))
+        errors = robot.communicate()[1]
+        assert robot.returncode == 1
+    (kept,) = temporary.iterdir()
+    assert f"kept in {kept}; `trifinger log export {kept} --format original" in errors
+    (path,) = original.export(trifinger.Log(kept).session(name), tmp_path)
+    assert len(robot_interfaces.trifinger.BinaryLogReader(path).data) == 20
+
+
 def test_the_one_robot_of_the_type_is_found_among_others(monkeypatch: pytest.MonkeyPatch) -> None:
     with other_robot("dclaw") as claw, running() as name:
         names = {claw, name}
@@ -523,6 +638,37 @@ def test_a_logger_writes_what_a_reader_reads(tmp_path: Path) -> None:
     ]
     assert len(names) == 4 + 30 + 72
     assert names[34] == "applied_action_torque_0"
+    backend.request_shutdown()
+
+
+def test_a_logger_writes_a_session_that_has_ended(tmp_path: Path) -> None:
+    data = robot_interfaces.trifinger.SingleProcessData()
+    backend = robot_fingers.pybullet_drivers.create_trifinger_backend(
+        data, False, False, max_number_of_actions=20
+    )
+    logger = robot_interfaces.trifinger.Logger(data)
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    for _ in range(20):
+        frontend.get_observation(frontend.append_desired_action(Action(position=HOME)))
+    backend.wait_until_terminated()
+    path = tmp_path / "robot_data.dat"
+    logger.save_current_robot_data_binary(path)
+    log = robot_interfaces.trifinger.BinaryLogReader(path)
+    assert [entry.timeindex for entry in log.data] == list(range(20))
+
+
+def test_a_logger_writes_a_history_that_is_full_in_real_time(tmp_path: Path) -> None:
+    data = robot_interfaces.trifinger.SingleProcessData()
+    backend = robot_data.RobotBackend(data, "trifinger_pro", {"backend.history": 50})
+    logger = robot_interfaces.trifinger.Logger(data)
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    frontend.append_desired_action(Action(position=HOME))  # the robot repeats it
+    frontend.wait_until_timeindex(200)
+    path = tmp_path / "robot_data.dat"
+    for _ in range(50):
+        logger.save_current_robot_data_binary(path)
+        steps = [entry.timeindex for entry in robot_interfaces.trifinger.BinaryLogReader(path).data]
+        assert steps == list(range(steps[0], steps[-1] + 1))
     backend.request_shutdown()
 
 
