@@ -32,8 +32,8 @@ RATE = 10  # images of each camera per second [Hz]
 class SingleProcessCameras:
     """The series of cameras of this process."""
 
-    def __init__(self, history_size: int = 1000) -> None:
-        self.history_size = history_size
+    def __init__(self, history_size: int = 1000, what: str = "images") -> None:
+        self.history_size, self._what = history_size, what
         self._elements: deque[tuple[float, Any]] = deque(maxlen=history_size)
         self._changed = threading.Condition()
         self._count = 0
@@ -72,7 +72,7 @@ class SingleProcessCameras:
     def _wait_for(self, t: int) -> None:
         self._changed.wait_for(lambda: self._count > t or self._error is not None)
         if self._count <= t:
-            raise RuntimeError(f"no more images come: {self._error}") from self._error
+            raise RuntimeError(f"no more {self._what} come: {self._error}") from self._error
 
     def range(self) -> tuple[int, int]:
         """The first number that can be read, and the one after the newest."""

@@ -29,7 +29,7 @@ class Data:
         self, shared_memory_id_prefix: str, is_master: bool, history_size: int = 1000
     ) -> None:
         if is_master:
-            self.poses = SingleProcessCameras(history_size)
+            self.poses = SingleProcessCameras(history_size, what="poses")
             _shared[shared_memory_id_prefix] = self
         elif shared_memory_id_prefix in _shared:
             self.poses = _shared[shared_memory_id_prefix].poses
@@ -51,12 +51,15 @@ class _Backend:
         self._thread.start()
 
     def _run(self) -> None:
-        while True:
-            pose = self._pose()
-            self._kept.append((time.time() * 1000, pose))
-            self._data.append(pose)
-            if self._is_ending.wait(0.1):
-                return
+        try:
+            while True:
+                pose = self._pose()
+                self._kept.append((time.time() * 1000, pose))
+                self._data.append(pose)
+                if self._is_ending.wait(0.1):
+                    return
+        except Exception as error:  # those who wait for poses get it
+            self._data.fail(error)
 
     def _pose(self) -> ObjectPose:
         raise NotImplementedError
@@ -110,7 +113,10 @@ class Frontend:
         self._data = object_tracker_data.poses
 
     def get_pose(self, t: int) -> ObjectPose:
-        """Pose number `t`; waits for it. ValueError if it was overwritten."""
+        """Pose number `t`; waits for it.
+
+        Raises ValueError if it was overwritten, RuntimeError if it will not come.
+        """
         pose: ObjectPose = self._data.element(t)[1]
         return pose
 

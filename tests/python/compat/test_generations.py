@@ -434,6 +434,28 @@ def test_poses_of_a_simulated_object(tmp_path: Path) -> None:
         py_object_tracker.get_model_by_name("sphere")
 
 
+def test_an_object_that_has_gone_ends_the_wait_for_its_poses() -> None:
+    class Gone:
+        """An object that is there once."""
+
+        looks = 0
+
+        def get_state(self) -> tuple[list[float], list[float]]:
+            self.looks += 1
+            if self.looks > 1:
+                raise ValueError("it fell off the table")
+            return [0, 0, 1], [0, 0, 0, 1]
+
+    data = py_object_tracker.Data("gone", True)
+    backend = py_object_tracker.SimulationBackend(data, Gone())
+    frontend = py_object_tracker.Frontend(data)
+    assert list(frontend.get_pose(0).position) == [0, 0, 1]
+    for wait in (frontend.get_pose, frontend.wait_until_timeindex, frontend.get_timestamp_ms):
+        with pytest.raises(RuntimeError, match="no more poses come: it fell off the table"):
+            wait(1)
+    backend.stop()
+
+
 @pytest.mark.release
 def test_a_policy_is_run_and_its_log_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
