@@ -4,21 +4,28 @@
 import argparse
 import ast
 import importlib
+import inspect
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from trifinger_compat.handles import SERVED, no_such_call
 from trifinger_compat.symbols import (
     DIFFERS,
     MISSING,
     PACKAGES,
+    REFUSED,
     SAME,
     SYMBOLS,
+    Symbol,
 )
+from trifinger_compat.world import whole_milliseconds
 
 _BY_PATH = {symbol.path.rstrip(":").replace(":", "."): symbol for symbol in SYMBOLS}
 # Members of instances that say enough by their names.
@@ -84,6 +91,15 @@ class _Names(ast.NodeVisitor):
             self._add(node.lineno, symbol.name, symbol.verdict, symbol.note)
         self.generic_visit(node)
 
+    def visit_Call(self, node: ast.Call) -> None:
+        """`SimFinger("trifingerpro", time_step=0.0005)`."""
+        name = self._dotted(node.func)
+        if name is not None and _is_ours(name.partition(".")[0]):
+            for argument, value in _arguments(_find(name)[0], node):
+                if why := _refusal(argument, value):
+                    self._add(node.lineno, f"{name}({argument}=)", MISSING, why)
+        self.generic_visit(node)
+
     def _dotted(self, node: ast.expr) -> str | None:
         """The whole name of an attribute of something that was imported."""
         if isinstance(node, ast.Name):
@@ -117,11 +133,39 @@ def _judge_call(name: str) -> tuple[str, str]:
     return MISSING, str(no_such_call(call)).partition(": ")[2]
 
 
+@cache
+def _refused() -> dict[int, Symbol]:
+    """The names that refuse, by what they stand for: that may have other names, too."""
+    things = {}
+    for symbol in REFUSED:
+        module, _, name = symbol.path.partition(":")
+        package, _, rest = module.partition(".")
+        with suppress(ImportError):  # an installed data set package may lack what it needs
+            owner = importlib.import_module(package)
+            things[id(getattr(getattr(owner, rest) if rest else owner, name))] = symbol
+    return things
+
+
 def _judge(name: str) -> tuple[str, str]:
     """What becomes of a name with dots, and why."""
     if name in _BY_PATH:
         symbol = _BY_PATH[name]
         return symbol.verdict, symbol.note
+    thing, lacks = _find(name)
+    if lacks:
+        return MISSING, lacks
+    if id(thing) in _refused():
+        symbol = _refused()[id(thing)]
+        return symbol.verdict, symbol.note
+    return SAME, ""
+
+
+def _find(name: str) -> tuple[object, str]:
+    """What a name with dots stands for, or why it stands for nothing.
+
+    It is only the beginning of the name if that says enough: if it is a value, whose members are
+    not known without running the program, or if it refuses.
+    """
     parts = name.split(".")
     for end in range(len(parts), 0, -1):
         module = ".".join(parts[:end])
@@ -133,12 +177,39 @@ def _judge(name: str) -> tuple[str, str]:
         thing: object = importlib.import_module(module)
         for attribute in parts[end:]:
             if not hasattr(thing, attribute):
-                return MISSING, f"{module} has no '{attribute}' here"
+                return None, f"{module} has no '{attribute}' here"
             thing = getattr(thing, attribute)
-            if not isinstance(thing, type) and not hasattr(thing, "__name__"):
-                break  # what a value has is not known without running the program
-        return SAME, ""
-    return MISSING, "there is no such module"
+            is_value = not isinstance(thing, type) and not hasattr(thing, "__name__")
+            if is_value or id(thing) in _refused():
+                break
+        return thing, ""
+    return None, "there is no such module"
+
+
+def _arguments(thing: Any, call: ast.Call) -> Iterator[tuple[str, ast.expr]]:
+    """The arguments of a call by their names, as far as the program shows them."""
+    has_names = inspect.isclass(thing) or inspect.isfunction(thing)
+    if has_names and not any(isinstance(value, ast.Starred) for value in call.args):
+        yield from zip(inspect.signature(thing).parameters, call.args, strict=False)
+    yield from ((each.arg, each.value) for each in call.keywords if each.arg is not None)
+
+
+def _refusal(argument: str, node: ast.expr) -> str:
+    """Why an argument is refused; empty if it is taken, or not known without running."""
+    try:
+        value = ast.literal_eval(node)
+    except ValueError:
+        return ""
+    if argument == "robot_position_offset" and value not in ((0, 0, 0), [0, 0, 0]):
+        return "the robot cannot be moved against its table; move the objects the other way"
+    if argument == "use_real_robot" and value:
+        return "use trifinger.environments for a real robot: `trifinger/Reach` with a `robot`"
+    if argument in ("time_step", "time_step_s") and isinstance(value, float):
+        try:
+            whole_milliseconds(value)
+        except ValueError as error:
+            return str(error)
+    return ""
 
 
 def check_text(text: str, file: Path) -> list[Finding]:
@@ -179,6 +250,7 @@ def report(path: Path, show_all: bool) -> int:
         f"{len(files)} files, {total} places that use the original: {counts[SAME]} work as they "
         f"are, {counts[DIFFERS]} work with a difference, {counts[MISSING]} do not work."
     )
+    print(f"Not judged: members of objects, except {' and '.join(sorted(_MEMBERS))}.")
     if counts["unreadable"]:
         print(f"{counts['unreadable']} files could not be read.")
     return 1 if counts[MISSING] or counts["unreadable"] else 0

@@ -30,6 +30,10 @@ _RLDS = "trifinger_rl_datasets"
 
 _DRAWN_BY_NOBODY = "markers are kept, and drawn by nobody; `trifinger view` shows goals"
 _OPAQUE = "markers, objects and cameras take it; calls of an installed PyBullet raise an error"
+_CAMERAS = "the robot's configuration has the cameras (docs/cameras.md); read them with a Frontend"
+_NO_DRIVER = "no driver for this robot; examples/05 and docs/drivers.md show how to write one"
+_OWN_FILE = "reads the original's file, which no back-end takes; see 'The real robot'"
+_OWN_CONFIGURATION = "takes a configuration of this project, not the original's"
 _OWN_PACKAGE = "only with trifinger_rl_datasets itself, see 'Data sets'; else NotImplementedError"
 
 
@@ -384,7 +388,58 @@ OTHERS: list[Symbol] = [
     ),
 ]
 
-SYMBOLS = RANKED + OTHERS
+# Names that no program was seen to use, and that take nothing, or not all that the original takes.
+REFUSED: list[Symbol] = _all(
+    0,
+    (
+        "ts.collision_objects.import_mesh",
+        f"{_TS}.collision_objects:import_mesh",
+        MISSING,
+        "there are boxes alone; use a Cuboid of the same size",
+    ),
+    *(
+        (f"cam.camera.{name}", f"trifinger_cameras.camera:{name}", MISSING, _CAMERAS)
+        for name in ("OpenCVDriver", "PylonDriver")
+    ),
+    (
+        "cam.tricamera.TriCameraDriver",
+        "trifinger_cameras.py_tricamera_types:TriCameraDriver",
+        MISSING,
+        _CAMERAS,
+    ),
+    (
+        "ot.py_tricamera_types.TriCameraObjectTrackerDriver",
+        f"{_OT}.py_tricamera_types:TriCameraObjectTrackerDriver",
+        MISSING,
+        _CAMERAS,
+    ),
+    (
+        "ot.py_object_tracker.CubeDetector",
+        f"{_OT}.py_object_tracker:CubeDetector",
+        MISSING,
+        "use trifinger.tracking.Tracker",
+    ),
+    *(
+        (f"rf.create_{name}_backend", f"{_RF}:create_{name}_backend", MISSING, _NO_DRIVER)
+        for name in ("one_joint", "two_joint", "solo_eight")
+    ),
+    *(
+        (f"rf.create_{name}_backend", f"{_RF}:create_{name}_backend", DIFFERS, _OWN_CONFIGURATION)
+        for name in ("trifinger", "real_finger")
+    ),
+    *(
+        (f"rf.{name}Config", f"{_RF}:{name}Config", DIFFERS, _OWN_FILE)
+        for name in ("TriFinger", "Finger", "OneJoint", "TwoJoint", "SoloEight")
+    ),
+    (
+        "rrc_2022_datasets.TriFingerDatasetEnv",
+        "rrc_2022_datasets:TriFingerDatasetEnv",
+        DIFFERS,
+        "only with rrc_2022_datasets itself, which was not tried; else NotImplementedError",
+    ),
+)
+
+SYMBOLS = RANKED + OTHERS + REFUSED
 
 PACKAGES = (
     "trifinger_simulation",

@@ -43,6 +43,17 @@ def link_indices(finger_type: str) -> tuple[list[int], list[int]]:
     return [begin + link for begin in begins for link in links], [b + tip for b in begins]
 
 
+def whole_milliseconds(time_step: float) -> int:
+    """The length of a step [s] in ms; raises ValueError if a simulation cannot have it."""
+    milliseconds = time_step * 1000
+    if not milliseconds >= 1 or abs(milliseconds - round(milliseconds)) > 1e-6:
+        raise InvalidArgument(
+            f"the time step is {time_step} s; this simulation moves in whole milliseconds, so "
+            "it must be 0.001, 0.002, 0.003 and so on"
+        )
+    return round(milliseconds)
+
+
 def world_of(client_id: Client | int) -> "World":
     """The world of this number; raises ValueError if there is none."""
     key = client_id if isinstance(client_id, Client) else Client(client_id)
@@ -86,15 +97,10 @@ class World:
 
     def __init__(self, finger_type: str, time_step: float) -> None:
         """`finger_type` is a name in CONFIGURATIONS, `time_step` whole milliseconds [s]."""
-        milliseconds = time_step * 1000
-        if milliseconds < 1 or abs(milliseconds - round(milliseconds)) > 1e-6:
-            raise InvalidArgument(
-                f"the time step is {time_step} s; this simulation moves in whole milliseconds, so "
-                "it must be 0.001, 0.002, 0.003 and so on"
-            )
+        milliseconds = whole_milliseconds(time_step)
         self.finger_type = finger_type
         self.config = CONFIGURATIONS[finger_type]
-        self.time_step = round(milliseconds) / 1000
+        self.time_step = milliseconds / 1000
         self.items: dict[str, Item] = {}
         self.statics: list[str] = []
         self.joint_friction = 0.0  # [Nm]; set it before the first step

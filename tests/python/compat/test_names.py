@@ -8,6 +8,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import robot_fingers
+import robot_interfaces
+import trifinger_cameras
+import trifinger_object_tracking
 import trifinger_simulation
 from backend import PACKAGES
 from trifinger_cameras import camera as camera_types
@@ -224,6 +228,40 @@ def test_cameras_of_a_folder_can_get_company() -> None:
     images = cameras.get_images()
     assert len(images) == 4
     assert np.array_equal(images[0], images[3])
+
+
+def test_what_cannot_be_served_says_what_to_use() -> None:
+    cameras, tracked = trifinger_cameras.camera, trifinger_object_tracking.py_tricamera_types
+    for refused, text in (
+        (trifinger_simulation.collision_objects.import_mesh, "use a Cuboid"),
+        (cameras.OpenCVDriver, "docs/cameras.md"),
+        (cameras.PylonDriver, "docs/cameras.md"),
+        (trifinger_cameras.tricamera.TriCameraDriver, "docs/cameras.md"),
+        (tracked.TriCameraObjectTrackerDriver, "docs/cameras.md"),
+        (trifinger_object_tracking.py_object_tracker.CubeDetector, "trifinger.tracking.Tracker"),
+        (robot_fingers.create_one_joint_backend, "docs/drivers.md"),
+        (robot_fingers.create_two_joint_backend, "docs/drivers.md"),
+        (robot_fingers.create_solo_eight_backend, "docs/drivers.md"),
+    ):
+        with pytest.raises(NotImplementedError, match=text):
+            refused(1, 2)
+
+
+def test_back_ends_refuse_configurations_of_the_original() -> None:
+    data = robot_interfaces.trifinger.SingleProcessData()
+    for config in (
+        robot_fingers.TriFingerConfig({}),
+        robot_fingers.FingerConfig({}),
+        robot_fingers.OneJointConfig({}),
+        robot_fingers.TwoJointConfig({}),
+        robot_fingers.SoloEightConfig({}),
+    ):
+        for create in (
+            robot_fingers.create_trifinger_backend,
+            robot_fingers.create_real_finger_backend,
+        ):
+            with pytest.raises(NotImplementedError, match="'The real robot'"):
+                create(data, config)
 
 
 def test_small_helps_of_the_environments() -> None:

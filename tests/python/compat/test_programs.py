@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Programs of the kinds that exist, in simulation and on a back-end in another process."""
 
+import ast
 import importlib.util
+import inspect
 import json
 import os
+import pkgutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import pytest
-from backend import environment, running
+from backend import PACKAGES as FOLDER, environment, running
 from trifinger_compat import check
 from trifinger_compat.robot_data import VARIABLE
+from trifinger_compat.symbols import PACKAGES, SAME
 
 PROGRAMS = Path(__file__).parent / "programs"
 pytestmark = pytest.mark.release
@@ -153,6 +159,68 @@ def test_the_check_says_what_does_not_work_and_why(
     assert "theirs.py:8: trifinger_simulation.tasks.move_cube.sample_goal works\n" in (
         capsys.readouterr().out
     )
+
+
+def test_the_check_sees_arguments_that_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "theirs.py"
+    program.write_text(
+        "from trifinger_simulation import SimFinger, TriFingerPlatform\n"
+        "import trifinger_simulation as ts\n"
+        "SimFinger('trifingerpro', 0.0005)\n"
+        "ts.TriFingerPlatform(time_step_s=0.0015)\n"
+        "ts.sim_finger.SimFinger('trifingerpro', robot_position_offset=(0, 0, 0.1))\n"
+        "SimFinger('trifingerpro', 0.004, robot_position_offset=[0, 0, 0])\n"
+        "SimFinger(*words, 0.0005)\n"
+        "TriFingerPlatform(time_step_s=step)\n"
+    )
+    assert check.main([str(program)]) == 1
+    said = capsys.readouterr().out.splitlines()
+    found = [line.partition("theirs.py:")[2].partition(": ")[0] for line in said[:-2]]
+    assert [name.partition(" ")[0] for name in found] == ["3", "4", "5"]
+    assert "SimFinger(time_step=) does not work: the time step is 0.0005 s" in said[0]
+    assert "TriFingerPlatform(time_step_s=) does not work: the time step is 0.0015" in said[1]
+    assert "SimFinger(robot_position_offset=) does not work: the robot cannot be" in said[2]
+    assert said[-1] == "Not judged: members of objects, except _pybullet_client_id and finger_id."
+
+
+def raises_at_once(thing: Any) -> bool:
+    """True for a function or class that can only raise NotImplementedError."""
+    function = thing.__init__ if isinstance(thing, type) else thing
+    if not inspect.isfunction(function) or str(FOLDER) not in function.__code__.co_filename:
+        return False
+    (node,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+    assert isinstance(node, ast.FunctionDef)
+    first = next((each for each in node.body if not isinstance(each, ast.Expr)), None)
+    return isinstance(first, ast.Raise) and "NotImplementedError" in ast.unparse(first)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_the_check_knows_all_that_can_only_raise() -> None:
+    modules = [importlib.import_module(package) for package in PACKAGES]
+    for package in list(modules):
+        walked = pkgutil.walk_packages(getattr(package, "__path__", []), f"{package.__name__}.")
+        names = [found.name for found in walked if not found.name.endswith("__main__")]
+        modules += map(importlib.import_module, names)
+    refused = {
+        f"{module.__name__}.{name}"
+        for module in modules
+        for name, thing in vars(module).items()
+        if not name.startswith("_") and raises_at_once(thing)
+    }
+    assert {name.rpartition(".")[2] for name in refused} >= {
+        *("import_mesh", "TriCameraDriver", "PylonDriver", "OpenCVDriver", "CubeDetector"),
+        *("TriCameraObjectTrackerDriver", "create_solo_eight_backend", "TriFingerDatasetEnv"),
+    }
+    judged = {
+        finding.name: finding.verdict
+        for name in refused
+        for finding in check.check_text(f"import {name.partition('.')[0]}\n{name}()", Path())
+        if finding.name == name
+    }
+    assert judged.keys() == refused
+    assert [name for name, verdict in judged.items() if verdict == SAME] == []
 
 
 def test_the_check_needs_something_to_read(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ _TESTS = {
         "rlds.PolicyBase, rlds.PolicyConfig"
     ),
     "test_data_set_packages.py::test_data_sets_need_their_own_package": (
-        "TriFingerDatasetEnv.get_dataset, rlds.TriFingerDatasetEnv"
+        "TriFingerDatasetEnv.get_dataset, rlds.TriFingerDatasetEnv, "
+        "rrc_2022_datasets.TriFingerDatasetEnv"
     ),
     "test_data_set_packages.py::test_policies_are_found_by_their_names": (
         "rlds.evaluate_sim.load_policy_class"
@@ -201,6 +202,16 @@ _TESTS = {
     "test_tasks_of_the_original.py::test_the_six_orientations_turn_their_faces_up": "mc._base_orientations",
     "test_tasks_of_the_original.py::test_wrong_layouts_are_errors": "rd.validate_goal",
     "test_tasks_of_the_original.py::test_wrong_trajectories_are_errors": "mct.validate_goal",
+    "test_names.py::test_back_ends_refuse_configurations_of_the_original": (
+        "rf.FingerConfig, rf.OneJointConfig, rf.SoloEightConfig, rf.TriFingerConfig, "
+        "rf.TwoJointConfig, rf.create_real_finger_backend, rf.create_trifinger_backend"
+    ),
+    "test_names.py::test_what_cannot_be_served_says_what_to_use": (
+        "cam.camera.OpenCVDriver, cam.camera.PylonDriver, cam.tricamera.TriCameraDriver, "
+        "ot.py_object_tracker.CubeDetector, ot.py_tricamera_types.TriCameraObjectTrackerDriver, "
+        "rf.create_one_joint_backend, rf.create_solo_eight_backend, rf.create_two_joint_backend, "
+        "ts.collision_objects.import_mesh"
+    ),
 }
 
 # name of the original -> "file::test"
