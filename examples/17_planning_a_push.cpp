@@ -42,7 +42,7 @@ int main(int argument_count, char** arguments) {
   const Pose goal{rest.position + kAway, rest.orientation};
   const PlanningTask task{
       .terms = {{.kind = CostKind::kObjectPosition, .weight = 10, .end_weight = 5, .goal = goal},
-                {.kind = CostKind::kObjectVelocity, .weight = 0.7, .shape = CostShape::kSquare},
+                {.kind = CostKind::kObjectVelocity, .weight = 10, .shape = CostShape::kSquare},
                 {.kind = CostKind::kTipObject, .weight = 2, .distance = 0.046}}};
   const PlannerOptions options{
       .method = PlanningMethod::kPredictiveSampling, .horizon = kHorizon, .knots = 6, .seed = 1};

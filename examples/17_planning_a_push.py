@@ -34,7 +34,7 @@ goal = control.Pose(rest.position + AWAY, rest.orientation)
 task = control.PlanningTask(
     [
         CostTerm(kind=CostKind.OBJECT_POSITION, weight=10, end_weight=5, goal=goal),
-        CostTerm(kind=CostKind.OBJECT_VELOCITY, weight=0.7, shape=CostShape.SQUARE),
+        CostTerm(kind=CostKind.OBJECT_VELOCITY, weight=10, shape=CostShape.SQUARE),
         CostTerm(kind=CostKind.TIP_OBJECT, weight=2, distance=0.046),
     ]
 )

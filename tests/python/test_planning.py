@@ -227,7 +227,7 @@ def test_splines_go_through_their_knots() -> None:
     np.testing.assert_allclose(spline.at(2.1)[0], [1, 2])
     with pytest.raises(trifinger.InvalidArgument, match="must be 0 to 2"):
         spline.knot(3)
-    with pytest.raises(trifinger.InvalidArgument, match=r"values has shape \(2, 2\), must have \(3, 2\)"):
+    with pytest.raises(trifinger.InvalidArgument, match=r"values has shape \(2, 2\), must"):
         spline.values = np.zeros((2, 2))
 
 
