@@ -125,7 +125,8 @@ def test_a_batch_cost_equal_to_terms_finds_the_same_plan(
         tips = np.maximum(0, reach - 0.046).sum(axis=-1)
         speed = (batch.velocities[:, :, :9] ** 2).sum(axis=-1)
         running = (10 * far + 2 * tips + 0.01 * speed)[:, :-1]
-        return batch.time_step * running.sum(axis=1) + far[:, -1]
+        costs: Array = batch.time_step * running.sum(axis=1) + far[:, -1]
+        return costs
 
     options = few(method, rounds=2)
     start = model.initial_state()
@@ -171,7 +172,7 @@ def test_a_batch_has_all_rollouts_and_the_function_may_keep_it(
 def test_simulate_goes_where_the_plan_leads_to(model: control.PlanningModel) -> None:
     planner = control.PredictivePlanner(model, control.PlanningTask(push()), few())
     start = model.initial_state()
-    reached = {}
+    reached: dict[str, Array] = {}
     keeper = control.PlanningTask(
         push(),
         lambda batch: reached.update(end=batch.positions[0, -1]) or np.zeros(len(batch.tips)),
