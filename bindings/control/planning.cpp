@@ -105,11 +105,13 @@ void BatchCost::add(const RolloutBatch& batch, std::span<double> costs) {
   if (!function.is_valid()) throw Error("the cost function is gone");
   // relaxed: only this thread itself looks for its own number.
   running_in_.store(std::this_thread::get_id(), std::memory_order_relaxed);
-  struct End {
-    std::atomic<std::thread::id>& running_in;
-    ~End() { running_in.store({}, std::memory_order_relaxed); }
-  } const end{running_in_};
-  add_costs(function(nb::cast(to_python(batch))), costs);
+  try {
+    add_costs(function(nb::cast(to_python(batch))), costs);
+  } catch (...) {
+    running_in_.store({}, std::memory_order_relaxed);
+    throw;
+  }
+  running_in_.store({}, std::memory_order_relaxed);
 }
 
 bool BatchCost::runs_here() const noexcept {
@@ -147,8 +149,9 @@ PredictivePlanner& PythonPlanner::planner() {
 
 Plan PythonPlanner::plan(const PlanningState& start) {
   const Busy busy(*this);
-  // Another thread may change the original.
-  const PlanningState own = start;
+  // Another thread may change the originals.
+  PlanningState own;
+  own = start;
   const GilRelease release;
   return planner_.plan(own);
 }
@@ -156,8 +159,10 @@ Plan PythonPlanner::plan(const PlanningState& start) {
 double PythonPlanner::simulate(const PlanningState& start, const KnotSpline& commands,
                                Seconds duration, PlanningState& end) {
   const Busy busy(*this);
-  const PlanningState own = start;
-  const KnotSpline own_commands = commands;
+  PlanningState own;
+  own = start;
+  KnotSpline own_commands;
+  own_commands = commands;
   const GilRelease release;
   return planner_.simulate(own, own_commands, duration, end);
 }

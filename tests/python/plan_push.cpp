@@ -4,6 +4,7 @@
 // enumerators.
 #include <cstdlib>
 #include <iostream>
+#include <string>
 #include <utility>
 
 #include "trifinger/control/predictive_planner.hpp"
@@ -12,12 +13,12 @@ using namespace trifinger::control;
 
 int main(int argument_count, char** arguments) {
   if (argument_count != 4) return EXIT_FAILURE;
-  const PlannerOptions options{.method = static_cast<PlanningMethod>(std::atoi(arguments[1])),
+  const PlannerOptions options{.method = static_cast<PlanningMethod>(std::stoi(arguments[1])),
                                .samples = 10,
                                .rounds = 2,
                                .horizon = Seconds(0.12),
-                               .spline = static_cast<SplineKind>(std::atoi(arguments[3])),
-                               .command = static_cast<PlannedCommand>(std::atoi(arguments[2])),
+                               .spline = static_cast<SplineKind>(std::stoi(arguments[3])),
+                               .command = static_cast<PlannedCommand>(std::stoi(arguments[2])),
                                .num_threads = 1,
                                .seed = 7};
   PlanningModel model({});
