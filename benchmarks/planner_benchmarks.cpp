@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <ctime>
 #include <memory>
 #include <numeric>
 #include <utility>
@@ -41,6 +42,14 @@ PlanningTask task(const PlanningModel& model) {
       .late_factor = 3.0};
 }
 
+// Processor time of this process [s]. Time that others get in between does not count; both sides
+// of the comparison use one thread.
+double processor_seconds() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
 // Starts on the way of the cube, from the first touch on.
 std::vector<Start> make_starts(const RobotDescription& description, int count) {
   constexpr int kApproach = 8;
@@ -73,7 +82,7 @@ class Bare {
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations");
   }
 
-  // `torques` are those of `RolloutBatch`. Returns the time that the steps take [s].
+  // `torques` are those of `RolloutBatch`. Returns the processor time of the steps [s].
   double run(const PlanningState& start, const std::vector<double>& torques, int steps,
              int joints) {
     for (int i = 0; i < samples_; ++i) {
@@ -88,9 +97,9 @@ class Bare {
             static_cast<std::size_t>(i * (steps + 1) + done) * static_cast<std::size_t>(joints);
         std::copy_n(torques.data() + at, joints, row(mjSTATE_CTRL, i));
       }
-      const auto begin = Clock::now();
+      const double begin = processor_seconds();
       mjb_step(batch_.get(), nullptr, 0, std::min(kPiece, steps - done), mjSTAGE_NONE);
-      time += seconds_since(begin);
+      time += processor_seconds() - begin;
     }
     return time;
   }
@@ -131,9 +140,9 @@ std::vector<Row> planner(const Effort& effort) {
     double time = 0.0;
     for (const Start& start : starts) {
       planner.begin_with(start.commands);
-      const auto begin = Clock::now();
+      const double begin = processor_seconds();
       (void)planner.plan(start.state);
-      time += seconds_since(begin);
+      time += processor_seconds() - begin;
     }
     // Each plan ends with a rollout of itself.
     const double count = static_cast<double>(starts.size()) * (samples + 1);
@@ -155,7 +164,7 @@ std::vector<Row> planner(const Effort& effort) {
                      paired.ratio.median() >= 0.9);
   row.remark = fmt::format("{} samples of {} steps of {:g} ms", samples, steps,
                            1e3 * planner.model().time_step().count());
-  return {row, make_row("planner: rollouts of 0.5 s, one thread", "rollouts/s", rollouts, ">= 1500",
+  return {row, make_row("planner: rollouts of 0.5 s", "rollouts/s per core", rollouts, ">= 1500",
                         rollouts.median() >= 1500.0)};
 }
 

@@ -48,6 +48,8 @@ void bind_forces(nanobind::module_& m);
 void bind_estimation(nanobind::module_& m);
 /// GraspPlanner, GraspController.
 void bind_grasping(nanobind::module_& m);
+/// PlanningModel, PlanningTask, PredictivePlanner, OnlinePlanner.
+void bind_planning(nanobind::module_& m);
 
 /// Guide, GuideState, guide.
 void bind_guide(nanobind::module_& m);

@@ -66,6 +66,38 @@ inline constexpr const char* normal = R"(Direction in which the tip can push, in
 inline constexpr const char* position = R"([m])";
 }
 
+namespace CostKind {
+inline constexpr const char* CostKind = R"(A quantity that a cost counts.)";
+inline constexpr const char* kEffort = R"(Length of the vector of torques that the plan asks for [Nm].)";
+inline constexpr const char* kJointPosition = R"(Distance of the joints from `joints`, as a vector [rad].)";
+inline constexpr const char* kJointVelocity = R"(Length of the vector of joint velocities [rad/s].)";
+inline constexpr const char* kObjectOrientation = R"(Angle between the object's orientation and `goal.orientation` [rad].)";
+inline constexpr const char* kObjectPosition = R"(Distance of the object's centre from `goal.position` [m].)";
+inline constexpr const char* kObjectRotation = R"(Angular speed of the object [rad/s].)";
+inline constexpr const char* kObjectVelocity = R"(Speed of the object's centre [m/s].)";
+inline constexpr const char* kTargetDistance = R"(Distance of the joints from the plan's targets [rad]; 0 for torques.)";
+inline constexpr const char* kTipObject = R"(Sum over tips of the distance to the object's centre beyond `distance` [m].)";
+inline constexpr const char* kTipPosition = R"(Distance of the tip of finger `index` from `goal.position` [m].)";
+}
+
+namespace CostShape {
+inline constexpr const char* CostShape = R"(How a quantity becomes a cost.)";
+inline constexpr const char* kLinear = R"(The quantity itself: the last centimetre counts like the first.)";
+inline constexpr const char* kSmooth = R"(`sqrt(q^2 + smoothing^2) - smoothing`: like a square below `smoothing`, linear far beyond
+it.)";
+inline constexpr const char* kSquare = R"(The square of the quantity.)";
+}
+
+namespace CostTerm {
+inline constexpr const char* CostTerm = R"(One ready-made part of a cost: plain data.)";
+inline constexpr const char* distance = R"(Of TIP_OBJECT [m].)";
+inline constexpr const char* end_weight = R"(Weight in the cost of the end.)";
+inline constexpr const char* index = R"(The object in the model's list, or the finger.)";
+inline constexpr const char* joints = R"(Of JOINT_POSITION [rad].)";
+inline constexpr const char* smoothing = R"(Of SMOOTH, in the unit of the quantity.)";
+inline constexpr const char* weight = R"(Weight in the running cost [1/s].)";
+}
+
 namespace Derivative {
 inline constexpr const char* Derivative = R"(The rate at which up to nine numbers change, low-pass filtered.)";
 inline constexpr const char* reset = R"(Treats the next sample as the first one.)";
@@ -464,6 +496,17 @@ columns.)";
 inline constexpr const char* tip_positions = R"(Centres of all tip spheres: x, y, z for each finger [m].)";
 }
 
+namespace KnotSpline {
+inline constexpr const char* KnotSpline = R"(Numbers as functions of time: `width` values given at knots of equal distance. Before the
+first and after the last knot they rest.
+
+After its construction, no function allocates memory.)";
+inline constexpr const char* begin = R"(Time of the first knot [s].)";
+inline constexpr const char* end = R"(Time of the last knot [s].)";
+inline constexpr const char* knot = R"(The values of one knot.)";
+inline constexpr const char* move_to = R"(Moves all knots, so that the first one lies at `begin`.)";
+}
+
 namespace LateStep {
 inline constexpr const char* LateStep = R"(A step that was late.)";
 inline constexpr const char* cause = R"(Who caused it.)";
@@ -603,6 +646,13 @@ namespace Network {
 inline constexpr const char* metadata = R"(Facts for the program that runs the policy. docs/policies.md lists the usual names.)";
 }
 
+namespace ObjectAddress {
+inline constexpr const char* ObjectAddress = R"(The place of one loose object in the state of a `RobotModel`.)";
+inline constexpr const char* body = R"(Index of the body.)";
+inline constexpr const char* position = R"(First of 7 numbers in `qpos`: x y z, then the quaternion w x y z.)";
+inline constexpr const char* velocity = R"(First of 6 numbers in `qvel`.)";
+}
+
 namespace ObjectGains {
 inline constexpr const char* ObjectGains = R"(How stiffly an object is held.)";
 inline constexpr const char* damping = R"([Ns/m])";
@@ -611,14 +661,141 @@ inline constexpr const char* rotational_stiffness = R"([Nm/rad])";
 inline constexpr const char* stiffness = R"([N/m])";
 }
 
+namespace OnlinePlanner {
+inline constexpr const char* OnlinePlanner = R"(Plans in threads of its own, beside a loop at 1 HZ.
+
+The loop hands over its newest state, and reads the newest plan at any time. A plan takes
+tens of milliseconds. So the state is first simulated forward along the plan that the loop
+follows, to the instant at which the new plan will be ready, and the new plan begins there.
+Until that instant the loop still follows the old plan.
+
+The planner's threads are ordinary ones, also if the thread that makes it has real-time
+priority. Results depend on how fast this machine plans; only with `lead` and
+`wait_for_plan` after each state they do not.)";
+inline constexpr const char* model = R"(The model, for making states.)";
+inline constexpr const char* set_state = R"(Hands over a state, whose time must not be before that of the last one. Ignores a state that
+does not fit the model, and then returns False.)";
+inline constexpr const char* set_terms = R"(Changes the terms of the task from the next plan on. Ignores them and returns False if their
+number is not that of the task.)";
+inline constexpr const char* status = R"(The status when `at` or `status` was called last.)";
+inline constexpr const char* wait_for_plan = R"(Waits until `count` plans were made since the beginning. Any thread may call it.
+
+Raises TimedOut; and once, the exception of a cost function or a refused term, which has
+ended the planning.)";
+}
+
+namespace OnlinePlannerOptions {
+inline constexpr const char* OnlinePlannerOptions = R"(Settings of an `OnlinePlanner`. All times are on the clock of the states.)";
+inline constexpr const char* lead = R"(Time from the state of a plan to the instant from which it is used. Default: as long as
+plans took until now.)";
+inline constexpr const char* period = R"(Least time from the state of one plan to that of the next one.)";
+}
+
+namespace OnlinePlannerStatus {
+inline constexpr const char* OnlinePlannerStatus = R"(How plans were made. Plain data.)";
+inline constexpr const char* begin = R"(Instant from which the newest plan is used.)";
+inline constexpr const char* cost = R"(`Plan.cost`)";
+inline constexpr const char* duration = R"(What the newest plan took, from its state on.)";
+inline constexpr const char* lateness = R"(How long after its `begin` it was ready; 0 if in time.)";
+inline constexpr const char* median_cost = R"(`Plan.median_cost`)";
+inline constexpr const char* num_masked = R"(`Plan.num_masked`)";
+inline constexpr const char* num_refused_states = R"(States with numbers that are not finite.)";
+inline constexpr const char* state_time = R"(Time of the state from which the newest plan was made.)";
+}
+
 namespace PixelFormat {
 inline constexpr const char* PixelFormat = R"(How the pixels of an image are stored, row by row without gaps, 8 bits per channel.)";
+}
+
+namespace PlannedCommand {
+inline constexpr const char* PlannedCommand = R"(What the numbers of a plan are.)";
+inline constexpr const char* kPosition = R"(Joint targets [rad], which the joints follow like springs with dampers.)";
+inline constexpr const char* kTorque = R"(Torques [Nm].)";
 }
 
 namespace PlannedGrasp {
 inline constexpr const char* PlannedGrasp = R"(The result of a planner.)";
 inline constexpr const char* torque_share = R"(Largest share of a motor's torque that carrying the object needs anywhere on the way.)";
 inline constexpr const char* touches = R"(Touches of the three tips, finger 0 first.)";
+}
+
+namespace PlannedJoint {
+inline constexpr const char* PlannedJoint = R"(A joint with a motor, as plans see it.)";
+inline constexpr const char* lower = R"(Range of targets [rad].)";
+inline constexpr const char* max_torque = R"(Largest torque of a plan [Nm].)";
+inline constexpr const char* upper = R"([rad])";
+}
+
+namespace PlannedStates {
+inline constexpr const char* PlannedStates = R"(The states of one rollout, from its start on: one more than its steps.)";
+}
+
+namespace PlannerOptions {
+inline constexpr const char* PlannerOptions = R"(Settings of a planner. The defaults turn and flip cubes; docs/planning.md says what each
+does.)";
+inline constexpr const char* constant_share = R"(Share of rollouts that change all knots equally.)";
+inline constexpr const char* elites = R"(Of CROSS_ENTROPY: number of best rollouts.)";
+inline constexpr const char* horizon = R"(Rounded to whole steps of the model, at least one.)";
+inline constexpr const char* kd = R"(Damping with which they follow [Nms/rad].)";
+inline constexpr const char* kp = R"(Stiffness with which joints follow their targets [Nm/rad].)";
+inline constexpr const char* least_sigma = R"(Each rollout changes the knots by normal numbers with a standard deviation between these
+two, in the unit of the command. Its logarithm is spread evenly. Cross-entropy begins each
+plan with the larger one and does not go below the smaller one.)";
+inline constexpr const char* num_threads = R"(The calling thread included; 0: one per processor.)";
+inline constexpr const char* one_finger_share = R"(Share of rollouts that change one finger only.)";
+inline constexpr const char* rounds = R"(Rounds per plan.)";
+inline constexpr const char* samples = R"(Rollouts per round. The first one is the plan before the round.)";
+inline constexpr const char* seed = R"(Of all random numbers.)";
+inline constexpr const char* temperature = R"(Of PATH_INTEGRAL: the costs' scale, as a share of the median's distance from the least cost.)";
+}
+
+namespace PlanningMethod {
+inline constexpr const char* PlanningMethod = R"(How the next plan follows from the rollouts of a round. docs/planning.md has the equations.)";
+inline constexpr const char* kCrossEntropy = R"(The mean of the best rollouts, around which the next round samples with their deviation. R.
+Y. Rubinstein: Optimization of computer simulation models with rare events. 1997; M.
+Kobilarov: Cross-entropy motion planning. 2012.)";
+inline constexpr const char* kPathIntegral = R"(The mean of all rollouts, weighted with the exponentials of their costs. G. Williams et al.:
+Information theoretic MPC for model-based reinforcement learning. 2017.)";
+inline constexpr const char* kPredictiveSampling = R"(The best rollout. T. Howell et al.: Predictive Sampling: Real-time Behaviour Synthesis with
+MuJoCo. 2022.)";
+}
+
+namespace PlanningModel {
+inline constexpr const char* PlanningModel = R"(A model for planning, with the same joints and objects in the same order as a `RobotModel`.
+
+Steps are long. Contacts have pyramids of friction and few iterations. The wall and all
+parts of fingers but tips and lower links touch nothing. The damping of the safety checks is
+damping of the joints. Fingers do not pass through the table, and joints stop at their
+limits.)";
+inline constexpr const char* check = R"(Raises InvalidArgument if the numbers are too few, too many or not finite.)";
+inline constexpr const char* initial_state = R"(The initial pose at rest, at time 0.)";
+inline constexpr const char* object = R"(Raises InvalidArgument that names the existing objects.)";
+inline constexpr const char* set_joints = R"(Sets positions [rad] and velocities [rad/s] of the joints. Does not allocate.)";
+inline constexpr const char* set_object = R"(Sets pose and twist of an object, both in the world frame. Does not allocate.)";
+inline constexpr const char* tip_sites = R"(Sites at the tips of the fingers.)";
+}
+
+namespace PlanningModelOptions {
+inline constexpr const char* PlanningModelOptions = R"(What a `PlanningModel` leaves out. docs/planning.md says what each figure costs.)";
+inline constexpr const char* fingers_touch = R"(The fingers touch each other, with tips and lower links.)";
+inline constexpr const char* impratio = R"(Ratio of the stiffness of friction to that of normal forces; higher: held objects slip less.)";
+inline constexpr const char* iterations = R"(Iterations of the solver of contacts in a step, at most.)";
+inline constexpr const char* lower_links = R"(The lower links touch objects, each as one capsule. Otherwise only the tips do.)";
+inline constexpr const char* time_step = R"([s]; more than 6 ms lets fast tips sink into objects.)";
+inline constexpr const char* torque_share = R"(Share of the largest torque that plans may use; the rest is for feedback.)";
+}
+
+namespace PlanningState {
+inline constexpr const char* PlanningState = R"(A state from which a plan may begin: everything that moves in a `PlanningModel`.)";
+inline constexpr const char* position = R"(MuJoCo's `qpos`: the joints, then the objects.)";
+inline constexpr const char* time = R"(Time [s] on any clock; the same one for all states of a plan.)";
+inline constexpr const char* velocity = R"(MuJoCo's `qvel`.)";
+}
+
+namespace PlanningTask {
+inline constexpr const char* PlanningTask = R"(A cost is the sum of all parts that are given.)";
+inline constexpr const char* late_share = R"(The running cost of `terms` and `cost` counts `late_factor` times in the last `late_share`
+of the horizon.)";
 }
 
 namespace PointMotion {
@@ -672,6 +849,29 @@ inline constexpr const char* at = R"(The motion at `time` since the beginning [s
 inline constexpr const char* duration = R"(Time from the start to the end [s].)";
 }
 
+namespace PredictivePlanner {
+inline constexpr const char* PredictivePlanner = R"(Finds joint targets or torques that make a cost small, by trying many in simulations.
+
+`plan` begins with the previous plan, moved to the new start. In each round it changes this
+plan at random, simulates every change over the horizon, and takes the best or a mean. Only
+the start and the task count, so it plans through contacts that nobody described.
+
+Results depend on options, seed, task and the starts so far, and not on the number of
+threads. `plan` does not allocate after the first call, unless a cost function does. One
+planner must not be used by several threads at once; its own threads run while `plan` does.)";
+inline constexpr const char* begin_with = R"(Makes the next plan begin with these commands.
+
+Raises InvalidArgument if their width is not the number of joints.)";
+inline constexpr const char* costs = R"(Costs of the rollouts of the last round; infinite for those that diverged.)";
+inline constexpr const char* newest = R"(The newest plan.)";
+inline constexpr const char* restart = R"(Forgets the previous plan: the next one begins with targets where the joints are at the
+start, or with zero torques.)";
+inline constexpr const char* set_task = R"(Changes what the next plans shall achieve.
+
+Raises InvalidArgument as the constructor does.)";
+inline constexpr const char* weights = R"(Weights of these rollouts in the plan; their sum is 1.)";
+}
+
 namespace Random {
 inline constexpr const char* Random = R"(The random numbers of one episode: Philox4x32-10 with `seed` as its key, and with `count`
 and `episode` as its counter.
@@ -704,6 +904,16 @@ namespace RigidBody {
 inline constexpr const char* RigidBody = R"(Mass and inertia of a rigid body.)";
 inline constexpr const char* inertia = R"(Inertia about the centre of mass, in the body's frame [kg m^2].)";
 inline constexpr const char* mass = R"([kg])";
+}
+
+namespace RolloutBatch {
+inline constexpr const char* begin = R"(Time of the first state.)";
+inline constexpr const char* num_states = R"(Per rollout: one more than its steps.)";
+inline constexpr const char* positions = R"(MuJoCo's `qpos`.)";
+inline constexpr const char* targets = R"(Joint targets or torques, after the last step repeated.)";
+inline constexpr const char* time_step = R"(From one state to the next one.)";
+inline constexpr const char* torques = R"([Nm]; after the last step 0.)";
+inline constexpr const char* velocities = R"(MuJoCo's `qvel`.)";
 }
 
 namespace Session {
@@ -761,6 +971,14 @@ namespace Simulation {
 inline constexpr const char* connect = R"(Controls the robot in a new session.
 
 Raises ControlHeld while another front-end controls it.)";
+}
+
+namespace SplineKind {
+inline constexpr const char* SplineKind = R"(How values follow from knots.)";
+inline constexpr const char* kConstant = R"(A knot holds until the next one.)";
+inline constexpr const char* kCubic = R"(Cubic polynomials whose rates at the knots are those of the parabolas through the neighbours
+(Catmull and Rom). Values and rates are continuous.)";
+inline constexpr const char* kLinear = R"(Straight lines between knots.)";
 }
 
 namespace Status::Flag {
@@ -861,6 +1079,7 @@ inline constexpr const char* contact_frame = R"(A matrix whose columns are two t
 first tangent is perpendicular to z, or to x if the normal is nearly along z.)";
 inline constexpr const char* duration_text = R"(The duration in words: "850 ns", "12 µs", "1.28 ms", "2 s". With a decimal point it has at
 most three digits.)";
+inline constexpr const char* elite_weights = R"(Equal weights for the `count` least costs; of equal costs the first ones.)";
 inline constexpr const char* export_mjcf = R"(The whole scene in MuJoCo's own format, with objects, cameras and lights. It needs no other
 file.
 
@@ -899,6 +1118,9 @@ where `dx`, `dv`, `dw` are the errors of position, velocity and angular velocity
 minus actual), `dr` is the rotation error, and `a`, `alpha`, `w` belong to the desired
 motion.)";
 inline constexpr const char* observe = R"(Observes the robot `name` without controlling it.)";
+inline constexpr const char* path_integral_weights = R"(`exp(-(cost - least) / scale)`, divided by the sum, where `scale` is `temperature` times the
+median's distance from the least cost. Adding a number to all costs, or multiplying them
+all, changes nothing.)";
 inline constexpr const char* point_of_body = R"(The motion of a point that is fixed to a body. `point` is in the body's frame, from its
 centre [m].)";
 inline constexpr const char* pullable_bodies = R"(Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
@@ -942,6 +1164,18 @@ Raises InvalidArgument if the environment names no folder.)";
 inline constexpr const char* read_calibration = R"(Reads the section or file of a calibration.
 
 Raises config.ConfigError at what makes no sense.)";
+}
+
+namespace control::Plan {
+inline constexpr const char* Plan = R"(A plan, and how good it is. All is from the planning model.)";
+inline constexpr const char* commands = R"(Its `begin` is the time of the start.)";
+inline constexpr const char* cost = R"(Of a rollout of this plan; infinite if it diverged.)";
+inline constexpr const char* least_cost = R"(Of the best rollout of the last round.)";
+inline constexpr const char* median_cost = R"(Of the last round, without masked rollouts.)";
+inline constexpr const char* num_masked = R"(Rollouts of the last round that diverged.)";
+inline constexpr const char* number = R"(Counts plans from 1.)";
+inline constexpr const char* previous_cost = R"(Of the plan with which this one began.)";
+inline constexpr const char* states = R"(What this plan leads to.)";
 }
 
 namespace control::Progress {

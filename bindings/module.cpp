@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "bindings.hpp"
+#include "control/planning.hpp"
 #include "conversion/element.hpp"
 #include "conversion/errors.hpp"
 #include "conversion/gil.hpp"
@@ -32,6 +33,7 @@ NB_MODULE(_trifinger, m) {
   bind_forces(m);
   bind_estimation(m);
   bind_grasping(m);
+  bind_planning(m);
   bind_guide(m);
   bind_camera_calibration(m);
   bind_policy(m);
@@ -47,4 +49,6 @@ NB_MODULE(_trifinger, m) {
   stop_backends_at_exit();
   stop_guides_at_exit();
   park_threads_at_exit();
+  // Before that: their ends wait for functions of Python.
+  stop_planners_at_exit();
 }

@@ -2,7 +2,7 @@
 // Finds a stroke with which three tips throw the ball that lies on them: the numbers in
 // config/skills/throw.yml. First it tries many cradles that move along a line, then the
 // cross-entropy method (Rubinstein 1999) moves the joint targets of the best of them. Each stroke
-// counts by what it does with several balls and tips, the worst of which counts most.
+// counts by what it does with several balls and tips, the worst of them once more.
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
@@ -264,7 +264,7 @@ class Finder {
       sum += distance;
       least = std::min(least, distance);
     }
-    return 0.5 * sum / static_cast<double>(plants.size()) + 0.5 * least;
+    return 0.8 * sum / static_cast<double>(plants.size()) + 0.2 * least;
   }
 
   // Called with the best stroke from time to time.

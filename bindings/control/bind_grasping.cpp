@@ -4,15 +4,15 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
-#include <optional>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/settings.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
+#include "limits.hpp"
 #include "simulation/simulation.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/grasp_planner.hpp"
@@ -24,62 +24,6 @@ namespace trifinger::bindings {
 namespace {
 
 using namespace control;
-
-// Times are plain numbers in Python.
-double plain(Seconds time) { return time.count(); }
-template <class T>
-T plain(const T& value) {
-  return value;
-}
-
-// One member of a struct of settings.
-template <class C, class M>
-struct Setting {
-  using Plain = decltype(plain(std::declval<M>()));
-
-  const char* name;
-  M C::* member;
-  const char* doc;
-
-  [[nodiscard]] auto argument() const {
-    nb::arg argument(name);
-    // Otherwise Python would print the address of the default value.
-    if constexpr (std::is_class_v<Plain>) argument.sig("...");
-    return argument = plain(C{}.*member);
-  }
-  void bind(nb::class_<C>& type) const {
-    type.def_prop_rw(
-        name, [member = member](const C& settings) { return plain(settings.*member); },
-        [member = member](C& settings, const Plain& value) { settings.*member = M(value); }, doc);
-  }
-};
-
-template <class C, class M>
-Setting(const char*, M C::*, const char*) -> Setting<C, M>;
-
-// Binds a struct of settings: each can be given by name, and read and changed later.
-template <class C, class... M>
-void bind_settings(nb::class_<C> type, const Setting<C, M>&... settings) {
-  type.def(
-      "__init__",
-      [settings...](C* self, const typename Setting<C, M>::Plain&... values) {
-        new (self) C{};
-        ((self->*settings.member = M(values)), ...);
-      },
-      nb::kw_only(), settings.argument()...);
-  (settings.bind(type), ...);
-}
-
-// Returns the limits of a configuration's safety checks; nothing if it does not have three fingers.
-std::optional<SafetyLimits> limits_of(const RobotConfig& config) {
-  const auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
-  if (options == nullptr || !options->limits) return std::nullopt;
-  const JointLimits<kMaxJoints>& limits = *options->limits;
-  return SafetyLimits{.max_torque = values_of(limits, &JointLimit::max_torque),
-                      .safety_kd = values_of(limits, &JointLimit::safety_kd),
-                      .soft_lower = values_of(limits, &JointLimit::soft_lower),
-                      .soft_upper = values_of(limits, &JointLimit::soft_upper)};
-}
 
 void bind_planner(nb::module_& m) {
   nb::class_<Touch>(m, "Touch", docs::Touch::Touch)

@@ -35,23 +35,6 @@ class Taking {
   ~Taking() { takers.fetch_sub(1, std::memory_order_seq_cst); }
 };
 
-// Holds the GIL for its lifetime, whether it was held before or not.
-class Gil {
- public:
-  Gil() : state_(take()) {}
-  Gil(const Gil&) = delete;
-  Gil& operator=(const Gil&) = delete;
-  ~Gil() { PyGILState_Release(state_); }
-
- private:
-  static PyGILState_STATE take() {
-    const Taking taking;
-    return PyGILState_Ensure();
-  }
-
-  PyGILState_STATE state_;
-};
-
 }  // namespace
 
 GilRelease::~GilRelease() {
@@ -59,8 +42,16 @@ GilRelease::~GilRelease() {
   PyEval_RestoreThread(state_);
 }
 
+GilHold::GilHold()
+    : state_([] {
+        const Taking taking;
+        return PyGILState_Ensure();
+      }()) {}
+
+GilHold::~GilHold() { PyGILState_Release(state_); }
+
 void check_signals() {
-  const Gil gil;
+  const GilHold gil;
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 

@@ -17,6 +17,19 @@ class GilRelease {
   PyThreadState* state_;
 };
 
+/// Holds the GIL as long as it lives, whether this thread held it before or not. A thread that is
+/// not Python's own waits here forever once the interpreter exits.
+class GilHold {
+ public:
+  GilHold();
+  GilHold(const GilHold&) = delete;
+  GilHold& operator=(const GilHold&) = delete;
+  ~GilHold();
+
+ private:
+  PyGILState_STATE state_;
+};
+
 /// Runs Python's signal handlers, with or without the GIL held. Throws what they raise, for example
 /// for Ctrl-C.
 void check_signals();

@@ -2073,6 +2073,943 @@ class GraspController:
     def state(self) -> GraspState:
         """The state after the last `update`."""
 
+class SplineKind(enum.Enum):
+    """How values follow from knots."""
+
+    CONSTANT = 0
+    """A knot holds until the next one."""
+
+    LINEAR = 1
+    """Straight lines between knots."""
+
+    CUBIC = 2
+    """
+    Cubic polynomials whose rates at the knots are those of the parabolas through the neighbours
+    (Catmull and Rom). Values and rates are continuous.
+    """
+
+class KnotSpline:
+    """
+    Numbers as functions of time: `width` values given at knots of equal distance. Before the
+    first and after the last knot they rest.
+
+    After its construction, no function allocates memory.
+    """
+
+    def __init__(self, kind: SplineKind, num_knots: int, width: int, interval: float, begin: float = ...) -> None:
+        """
+        Knots lie at `begin`, `begin + interval` and so on [s]. All values are 0.
+        """
+
+    @property
+    def kind(self) -> SplineKind: ...
+
+    @property
+    def num_knots(self) -> int:
+        """Number of knots."""
+
+    @property
+    def width(self) -> int:
+        """Number of values at each time."""
+
+    @property
+    def interval(self) -> float:
+        """Time from one knot to the next [s]."""
+
+    @property
+    def begin(self) -> float:
+        """Time of the first knot [s]."""
+
+    @property
+    def end(self) -> float:
+        """Time of the last knot [s]."""
+
+    def move_to(self, begin: float) -> None:
+        """Moves all knots, so that the first one lies at `begin`."""
+
+    def knot(self, index: int) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The values of one knot.
+
+        The array shows them in place: changes change the spline.
+        """
+
+    @property
+    def values(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The values of all knots, with a row per knot. The array shows them in place: changes change the spline.
+        """
+
+    @values.setter
+    def values(self, values: numpy.typing.ArrayLike, /) -> None: ...
+
+    def at(self, time: float) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+        """Returns the values at `time` [s], and their rates [1/s]."""
+
+class PlanningState:
+    """
+    A state from which a plan may begin: everything that moves in a `PlanningModel`.
+
+    Arrays show the numbers in place.
+    """
+
+    def __init__(self, time: float, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> None: ...
+
+    @property
+    def time(self) -> float:
+        """Time [s] on any clock; the same one for all states of a plan."""
+
+    @time.setter
+    def time(self, arg: float, /) -> None: ...
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """MuJoCo's `qpos`: the joints, then the objects."""
+
+    @position.setter
+    def position(self, arg: numpy.typing.ArrayLike, /) -> None: ...
+
+    @property
+    def velocity(self) -> numpy.typing.NDArray[numpy.float64]:
+        """MuJoCo's `qvel`."""
+
+    @velocity.setter
+    def velocity(self, arg: numpy.typing.ArrayLike, /) -> None: ...
+
+class PlanningModelOptions:
+    """
+    What a `PlanningModel` leaves out. docs/planning.md says what each figure costs.
+    """
+
+    def __init__(self, *, time_step: float = ..., iterations: int = ..., impratio: float = ..., lower_links: bool = ..., fingers_touch: bool = ..., torque_share: float = ...) -> None: ...
+
+    @property
+    def time_step(self) -> float:
+        """[s]; more than 6 ms lets fast tips sink into objects."""
+
+    @time_step.setter
+    def time_step(self, arg: float, /) -> None: ...
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the solver of contacts in a step, at most."""
+
+    @iterations.setter
+    def iterations(self, arg: int, /) -> None: ...
+
+    @property
+    def impratio(self) -> float:
+        """
+        Ratio of the stiffness of friction to that of normal forces; higher: held objects slip less.
+        """
+
+    @impratio.setter
+    def impratio(self, arg: float, /) -> None: ...
+
+    @property
+    def lower_links(self) -> bool:
+        """
+        The lower links touch objects, each as one capsule. Otherwise only the tips do.
+        """
+
+    @lower_links.setter
+    def lower_links(self, arg: bool, /) -> None: ...
+
+    @property
+    def fingers_touch(self) -> bool:
+        """The fingers touch each other, with tips and lower links."""
+
+    @fingers_touch.setter
+    def fingers_touch(self, arg: bool, /) -> None: ...
+
+    @property
+    def torque_share(self) -> float:
+        """
+        Share of the largest torque that plans may use; the rest is for feedback.
+        """
+
+    @torque_share.setter
+    def torque_share(self, arg: float, /) -> None: ...
+
+class PlannedJoint:
+    """A joint with a motor, as plans see it."""
+
+    def __init__(self, lower: float, upper: float, max_torque: float) -> None: ...
+
+    @property
+    def lower(self) -> float:
+        """Range of targets [rad]."""
+
+    @property
+    def upper(self) -> float:
+        """[rad]"""
+
+    @property
+    def max_torque(self) -> float:
+        """Largest torque of a plan [Nm]."""
+
+class ObjectAddress:
+    """The place of one loose object in the state of a `RobotModel`."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def body(self) -> int:
+        """Index of the body."""
+
+    @property
+    def position(self) -> int:
+        """First of 7 numbers in `qpos`: x y z, then the quaternion w x y z."""
+
+    @property
+    def velocity(self) -> int:
+        """First of 6 numbers in `qvel`."""
+
+class PlanningModel:
+    """
+    A model for planning, with the same joints and objects in the same order as a `RobotModel`.
+
+    Steps are long. Contacts have pyramids of friction and few iterations. The wall and all
+    parts of fingers but tips and lower links touch nothing. The damping of the safety checks is
+    damping of the joints. Fingers do not pass through the table, and joints stop at their
+    limits.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, options: PlanningModelOptions = ...) -> None:
+        """
+        `config` and `overrides` give the robot, its limits and the scene, as in `Kinematics`.
+        """
+
+    @staticmethod
+    def of_file(path: str | bytes | os.PathLike[str], joints: Sequence[PlannedJoint], tip_sites: Sequence[str] = ()) -> PlanningModel:
+        """
+        Copies the model of another robot from an MJCF or URDF file. Its first joints must be `joints`:
+        hinges or slides, with one motor each in the same order. `tip_sites` are names of sites at the tips
+        of its fingers. Its objects are the bodies that float freely.
+
+        Raises InvalidArgument if the file or its joints do not fit.
+        """
+
+    @property
+    def time_step(self) -> float:
+        """Length of a step [s]."""
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints with motors."""
+
+    @property
+    def position_size(self) -> int:
+        """Numbers in `PlanningState.position`."""
+
+    @property
+    def velocity_size(self) -> int:
+        """Numbers in `PlanningState.velocity`."""
+
+    @property
+    def joints(self) -> list[PlannedJoint]:
+        """The joints with motors."""
+
+    @property
+    def tip_sites(self) -> list[int]:
+        """Sites at the tips of the fingers."""
+
+    @property
+    def objects(self) -> list[ObjectAddress]:
+        """Objects, in the order of `CostTerm.index`."""
+
+    def object(self, name: str) -> ObjectAddress:
+        """
+        Where the object `name` is in a state.
+
+        Raises InvalidArgument that names the existing objects.
+        """
+
+    def initial_state(self) -> PlanningState:
+        """The initial pose at rest, at time 0."""
+
+    def set_joints(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, state: PlanningState) -> None:
+        """
+        Sets positions [rad] and velocities [rad/s] of the joints. Does not allocate.
+        """
+
+    @staticmethod
+    def set_object(object: ObjectAddress, pose: Pose, twist: Twist, state: PlanningState) -> None:
+        """
+        Sets pose and twist of an object, both in the world frame. Does not allocate.
+        """
+
+    @staticmethod
+    def object_pose(object: ObjectAddress, position: numpy.typing.ArrayLike) -> Pose:
+        """
+        The pose of an object in the world frame, from `PlanningState.position`.
+        """
+
+    @staticmethod
+    def object_twist(object: ObjectAddress, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> Twist:
+        """
+        The twist of an object in the world frame, from both lists of a `PlanningState`.
+        """
+
+    def check(self, state: PlanningState) -> None:
+        """
+        Raises InvalidArgument if the numbers are too few, too many or not finite.
+        """
+
+class CostKind(enum.Enum):
+    """A quantity that a cost counts."""
+
+    OBJECT_POSITION = 0
+    """Distance of the object's centre from `goal.position` [m]."""
+
+    OBJECT_ORIENTATION = 1
+    """Angle between the object's orientation and `goal.orientation` [rad]."""
+
+    OBJECT_VELOCITY = 2
+    """Speed of the object's centre [m/s]."""
+
+    OBJECT_ROTATION = 3
+    """Angular speed of the object [rad/s]."""
+
+    TIP_OBJECT = 4
+    """
+    Sum over tips of the distance to the object's centre beyond `distance` [m].
+    """
+
+    TIP_POSITION = 5
+    """Distance of the tip of finger `index` from `goal.position` [m]."""
+
+    JOINT_POSITION = 6
+    """Distance of the joints from `joints`, as a vector [rad]."""
+
+    JOINT_VELOCITY = 7
+    """Length of the vector of joint velocities [rad/s]."""
+
+    EFFORT = 8
+    """Length of the vector of torques that the plan asks for [Nm]."""
+
+    TARGET_DISTANCE = 9
+    """Distance of the joints from the plan's targets [rad]; 0 for torques."""
+
+class CostShape(enum.Enum):
+    """How a quantity becomes a cost."""
+
+    LINEAR = 0
+    """The quantity itself: the last centimetre counts like the first."""
+
+    SQUARE = 1
+    """The square of the quantity."""
+
+    SMOOTH = 2
+    """
+    `sqrt(q^2 + smoothing^2) - smoothing`: like a square below `smoothing`, linear far beyond
+    it.
+    """
+
+class CostTerm:
+    """One ready-made part of a cost: plain data."""
+
+    def __init__(self, *, kind: CostKind = CostKind.OBJECT_POSITION, weight: float = ..., end_weight: float = ..., shape: CostShape = CostShape.LINEAR, index: int = ..., goal: Pose = ..., distance: float = ..., smoothing: float = ..., joints: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def kind(self) -> CostKind:
+        """The quantity that counts."""
+
+    @kind.setter
+    def kind(self, arg: CostKind, /) -> None: ...
+
+    @property
+    def weight(self) -> float:
+        """Weight in the running cost [1/s]."""
+
+    @weight.setter
+    def weight(self, arg: float, /) -> None: ...
+
+    @property
+    def end_weight(self) -> float:
+        """Weight in the cost of the end."""
+
+    @end_weight.setter
+    def end_weight(self, arg: float, /) -> None: ...
+
+    @property
+    def shape(self) -> CostShape:
+        """How the quantity becomes a cost."""
+
+    @shape.setter
+    def shape(self, arg: CostShape, /) -> None: ...
+
+    @property
+    def index(self) -> int:
+        """The object in the model's list, or the finger."""
+
+    @index.setter
+    def index(self, arg: int, /) -> None: ...
+
+    @property
+    def goal(self) -> Pose:
+        """Where the object or the tip should be."""
+
+    @goal.setter
+    def goal(self, arg: Pose, /) -> None: ...
+
+    @property
+    def distance(self) -> float:
+        """Of TIP_OBJECT [m]."""
+
+    @distance.setter
+    def distance(self, arg: float, /) -> None: ...
+
+    @property
+    def smoothing(self) -> float:
+        """Of SMOOTH, in the unit of the quantity."""
+
+    @smoothing.setter
+    def smoothing(self, arg: float, /) -> None: ...
+
+    @property
+    def joints(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Of JOINT_POSITION [rad]."""
+
+    @joints.setter
+    def joints(self, arg: numpy.typing.ArrayLike, /) -> None: ...
+
+class RolloutBatch:
+    """
+    All rollouts of a round, for costs that judge them together. Arrays have an axis for rollouts, one for
+    their states, and one for the numbers of a state. They may be kept: the next round has others.
+
+    In states after a rollout became infinite all numbers are not finite; that rollout is masked whatever
+    its cost.
+    """
+
+    @property
+    def num_rollouts(self) -> int:
+        """
+        All samples of a round; 1 when the plan itself is judged, after the last round.
+        """
+
+    @property
+    def num_states(self) -> int:
+        """Per rollout: one more than its steps."""
+
+    @property
+    def begin(self) -> float:
+        """Time of the first state."""
+
+    @property
+    def time_step(self) -> float:
+        """From one state to the next one."""
+
+    @property
+    def positions(self) -> numpy.typing.NDArray[numpy.float64]:
+        """MuJoCo's `qpos`."""
+
+    @property
+    def velocities(self) -> numpy.typing.NDArray[numpy.float64]:
+        """MuJoCo's `qvel`."""
+
+    @property
+    def targets(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Joint targets or torques, after the last step repeated."""
+
+    @property
+    def torques(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[Nm]; after the last step 0."""
+
+    @property
+    def tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Positions of the tips [m]. This array has one more axis: tip, then x y z.
+        """
+
+class PlanningTask:
+    """
+    A cost is the sum of all parts that are given.
+
+    `batch_cost` gets a `RolloutBatch` and returns an array: what each rollout costs. It is called once
+    per round, and once for the plan itself.
+    """
+
+    def __init__(self, terms: Iterable[CostTerm] = (), batch_cost: Callable[[RolloutBatch], numpy.typing.ArrayLike] | None = None, *, late_share: float = ..., late_factor: float = ...) -> None: ...
+
+    @property
+    def terms(self) -> tuple[CostTerm, ...]:
+        """The ready-made parts of the cost."""
+
+    @property
+    def batch_cost(self) -> Callable[[RolloutBatch], numpy.typing.ArrayLike] | None:
+        """What rollouts cost beside their terms."""
+
+    @property
+    def late_share(self) -> float:
+        """
+        The running cost of `terms` and `cost` counts `late_factor` times in the last `late_share`
+        of the horizon.
+        """
+
+    @property
+    def late_factor(self) -> float:
+        """How many times `terms` count in the last `late_share` of the horizon."""
+
+class PlanningMethod(enum.Enum):
+    """
+    How the next plan follows from the rollouts of a round. docs/planning.md has the equations.
+    """
+
+    PREDICTIVE_SAMPLING = 0
+    """
+    The best rollout. T. Howell et al.: Predictive Sampling: Real-time Behaviour Synthesis with
+    MuJoCo. 2022.
+    """
+
+    CROSS_ENTROPY = 1
+    """
+    The mean of the best rollouts, around which the next round samples with their deviation. R.
+    Y. Rubinstein: Optimization of computer simulation models with rare events. 1997; M.
+    Kobilarov: Cross-entropy motion planning. 2012.
+    """
+
+    PATH_INTEGRAL = 2
+    """
+    The mean of all rollouts, weighted with the exponentials of their costs. G. Williams et al.:
+    Information theoretic MPC for model-based reinforcement learning. 2017.
+    """
+
+class PlannedCommand(enum.Enum):
+    """What the numbers of a plan are."""
+
+    POSITION = 0
+    """
+    Joint targets [rad], which the joints follow like springs with dampers.
+    """
+
+    TORQUE = 1
+    """Torques [Nm]."""
+
+class PlannerOptions:
+    """
+    Settings of a planner. The defaults turn and flip cubes; docs/planning.md says what each
+    does.
+    """
+
+    def __init__(self, *, method: PlanningMethod = PlanningMethod.PATH_INTEGRAL, samples: int = ..., rounds: int = ..., horizon: float = ..., knots: int = ..., spline: SplineKind = SplineKind.LINEAR, command: PlannedCommand = PlannedCommand.POSITION, kp: float = ..., kd: float = ..., least_sigma: float = ..., most_sigma: float = ..., one_finger_share: float = ..., constant_share: float = ..., temperature: float = ..., elites: int = ..., num_threads: int = ..., seed: int = ...) -> None: ...
+
+    @property
+    def method(self) -> PlanningMethod:
+        """How the next plan follows from rollouts."""
+
+    @method.setter
+    def method(self, arg: PlanningMethod, /) -> None: ...
+
+    @property
+    def samples(self) -> int:
+        """Rollouts per round. The first one is the plan before the round."""
+
+    @samples.setter
+    def samples(self, arg: int, /) -> None: ...
+
+    @property
+    def rounds(self) -> int:
+        """Rounds per plan."""
+
+    @rounds.setter
+    def rounds(self, arg: int, /) -> None: ...
+
+    @property
+    def horizon(self) -> float:
+        """Rounded to whole steps of the model, at least one."""
+
+    @horizon.setter
+    def horizon(self, arg: float, /) -> None: ...
+
+    @property
+    def knots(self) -> int:
+        """Number of knots of a plan."""
+
+    @knots.setter
+    def knots(self, arg: int, /) -> None: ...
+
+    @property
+    def spline(self) -> SplineKind:
+        """How commands follow from knots."""
+
+    @spline.setter
+    def spline(self, arg: SplineKind, /) -> None: ...
+
+    @property
+    def command(self) -> PlannedCommand:
+        """What the numbers of a plan are."""
+
+    @command.setter
+    def command(self, arg: PlannedCommand, /) -> None: ...
+
+    @property
+    def kp(self) -> float:
+        """Stiffness with which joints follow their targets [Nm/rad]."""
+
+    @kp.setter
+    def kp(self, arg: float, /) -> None: ...
+
+    @property
+    def kd(self) -> float:
+        """Damping with which they follow [Nms/rad]."""
+
+    @kd.setter
+    def kd(self, arg: float, /) -> None: ...
+
+    @property
+    def least_sigma(self) -> float:
+        """
+        Each rollout changes the knots by normal numbers with a standard deviation between these
+        two, in the unit of the command. Its logarithm is spread evenly. Cross-entropy begins each
+        plan with the larger one and does not go below the smaller one.
+        """
+
+    @least_sigma.setter
+    def least_sigma(self, arg: float, /) -> None: ...
+
+    @property
+    def most_sigma(self) -> float:
+        """See `least_sigma`."""
+
+    @most_sigma.setter
+    def most_sigma(self, arg: float, /) -> None: ...
+
+    @property
+    def one_finger_share(self) -> float:
+        """Share of rollouts that change one finger only."""
+
+    @one_finger_share.setter
+    def one_finger_share(self, arg: float, /) -> None: ...
+
+    @property
+    def constant_share(self) -> float:
+        """Share of rollouts that change all knots equally."""
+
+    @constant_share.setter
+    def constant_share(self, arg: float, /) -> None: ...
+
+    @property
+    def temperature(self) -> float:
+        """
+        Of PATH_INTEGRAL: the costs' scale, as a share of the median's distance from the least cost.
+        """
+
+    @temperature.setter
+    def temperature(self, arg: float, /) -> None: ...
+
+    @property
+    def elites(self) -> int:
+        """Of CROSS_ENTROPY: number of best rollouts."""
+
+    @elites.setter
+    def elites(self, arg: int, /) -> None: ...
+
+    @property
+    def num_threads(self) -> int:
+        """The calling thread included; 0: one per processor."""
+
+    @num_threads.setter
+    def num_threads(self, arg: int, /) -> None: ...
+
+    @property
+    def seed(self) -> int:
+        """Of all random numbers."""
+
+    @seed.setter
+    def seed(self, arg: int, /) -> None: ...
+
+class OnlinePlannerOptions:
+    """
+    Settings of an `OnlinePlanner`. All times are on the clock of the states.
+    """
+
+    def __init__(self, *, period: float = ..., lead: float | None = ...) -> None: ...
+
+    @property
+    def period(self) -> float:
+        """Least time from the state of one plan to that of the next one."""
+
+    @period.setter
+    def period(self, arg: float, /) -> None: ...
+
+    @property
+    def lead(self) -> float | None:
+        """
+        Time from the state of a plan to the instant from which it is used. Default: as long as
+        plans took until now.
+        """
+
+    @lead.setter
+    def lead(self, arg: float | None, /) -> None: ...
+
+class PlannedStates:
+    """The states of one rollout, from its start on: one more than its steps."""
+
+    @property
+    def begin(self) -> float:
+        """Time of the first state [s]."""
+
+    @property
+    def time_step(self) -> float:
+        """Time from one state to the next one [s]."""
+
+    @property
+    def count(self) -> int:
+        """Number of states."""
+
+    @property
+    def positions(self) -> numpy.typing.NDArray[numpy.float64]:
+        """`PlanningState.position`, one row per state."""
+
+    @property
+    def velocities(self) -> numpy.typing.NDArray[numpy.float64]:
+        """`PlanningState.velocity`, one row per state."""
+
+class Plan:
+    """A plan, and how good it is. All is from the planning model."""
+
+    @property
+    def commands(self) -> KnotSpline:
+        """Its `begin` is the time of the start."""
+
+    @property
+    def cost(self) -> float:
+        """Of a rollout of this plan; infinite if it diverged."""
+
+    @property
+    def previous_cost(self) -> float:
+        """Of the plan with which this one began."""
+
+    @property
+    def least_cost(self) -> float:
+        """Of the best rollout of the last round."""
+
+    @property
+    def median_cost(self) -> float:
+        """Of the last round, without masked rollouts."""
+
+    @property
+    def num_masked(self) -> int:
+        """Rollouts of the last round that diverged."""
+
+    @property
+    def number(self) -> int:
+        """Counts plans from 1."""
+
+    @property
+    def states(self) -> PlannedStates:
+        """What this plan leads to."""
+
+class PredictivePlanner:
+    """
+    Finds joint targets or torques that make a cost small, by trying many in simulations.
+
+    `plan` begins with the previous plan, moved to the new start. In each round it changes this
+    plan at random, simulates every change over the horizon, and takes the best or a mean. Only
+    the start and the task count, so it plans through contacts that nobody described.
+
+    Results depend on options, seed, task and the starts so far, and not on the number of
+    threads. `plan` does not allocate after the first call, unless a cost function does. One
+    planner must not be used by several threads at once; its own threads run while `plan` does.
+
+    Other threads of Python run while it plans. If one of them uses the planner meanwhile, it gets an
+    Error.
+    """
+
+    def __init__(self, model: PlanningModel, task: PlanningTask, options: PlannerOptions = ...) -> None:
+        """Raises InvalidArgument that names the first value that makes no sense."""
+
+    def plan(self, start: PlanningState) -> Plan:
+        """
+        Plans from `start`, and returns the plan. If all rollouts diverge, the previous plan stays and its
+        cost is infinite.
+
+        Raises InvalidArgument if `start` does not fit the model or is not finite; what `batch_cost` raises.
+        """
+
+    @property
+    def newest(self) -> Plan:
+        """The newest plan."""
+
+    def restart(self) -> None:
+        """
+        Forgets the previous plan: the next one begins with targets where the joints are at the
+        start, or with zero torques.
+        """
+
+    def begin_with(self, commands: KnotSpline) -> None:
+        """
+        Makes the next plan begin with these commands.
+
+        Raises InvalidArgument if their width is not the number of joints.
+        """
+
+    def simulate(self, start: PlanningState, commands: KnotSpline, duration: float) -> tuple[float, PlanningState]:
+        """
+        Simulates `commands` from `start` for `duration` [s] in the planning model. Returns the cost as a plan
+        of that duration, without `batch_cost`, and the last state; the cost is infinite if it diverged.
+
+        Raises InvalidArgument as `plan` does.
+        """
+
+    def set_task(self, task: PlanningTask) -> None:
+        """
+        Changes what the next plans shall achieve.
+
+        Raises InvalidArgument as the constructor does.
+        """
+
+    def set_terms(self, terms: Sequence[CostTerm]) -> None:
+        """Changes the terms of the task only."""
+
+    @property
+    def model(self) -> PlanningModel:
+        """The model that was given."""
+
+    @property
+    def task(self) -> PlanningTask:
+        """The task, with copies of its terms."""
+
+    @property
+    def options(self) -> PlannerOptions:
+        """A copy of the options."""
+
+    @property
+    def num_threads(self) -> int:
+        """Number of threads that simulate."""
+
+    @property
+    def num_steps(self) -> int:
+        """Steps of a rollout."""
+
+    @property
+    def costs(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Costs of the rollouts of the last round; infinite for those that diverged.
+        """
+
+    @property
+    def weights(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Weights of these rollouts in the plan; their sum is 1."""
+
+    def knots_of(self, rollout: int) -> numpy.typing.NDArray[numpy.float64]:
+        """The knots of one of these rollouts, as in `KnotSpline.values`."""
+
+def path_integral_weights(costs: numpy.typing.ArrayLike, temperature: float) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    `exp(-(cost - least) / scale)`, divided by the sum, where `scale` is `temperature` times the
+    median's distance from the least cost. Adding a number to all costs, or multiplying them
+    all, changes nothing.
+
+    Their sum is 1, or 0 if no cost is finite.
+    """
+
+def elite_weights(costs: numpy.typing.ArrayLike, count: int) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Equal weights for the `count` least costs; of equal costs the first ones.
+
+    Their sum is 1, or 0 if no cost is finite.
+    """
+
+class OnlinePlannerStatus:
+    """How plans were made. Plain data."""
+
+    @property
+    def num_plans(self) -> int:
+        """Number of plans that were made."""
+
+    @property
+    def num_refused_states(self) -> int:
+        """States with numbers that are not finite."""
+
+    @property
+    def state_time(self) -> float:
+        """Time of the state from which the newest plan was made."""
+
+    @property
+    def begin(self) -> float:
+        """Instant from which the newest plan is used."""
+
+    @property
+    def duration(self) -> float:
+        """What the newest plan took, from its state on."""
+
+    @property
+    def lateness(self) -> float:
+        """How long after its `begin` it was ready; 0 if in time."""
+
+    @property
+    def cost(self) -> float:
+        """`Plan.cost`"""
+
+    @property
+    def median_cost(self) -> float:
+        """`Plan.median_cost`"""
+
+    @property
+    def num_masked(self) -> int:
+        """`Plan.num_masked`"""
+
+class OnlinePlanner:
+    """
+    Plans in threads of its own, beside a loop at 1 HZ.
+
+    The loop hands over its newest state, and reads the newest plan at any time. A plan takes
+    tens of milliseconds. So the state is first simulated forward along the plan that the loop
+    follows, to the instant at which the new plan will be ready, and the new plan begins there.
+    Until that instant the loop still follows the old plan.
+
+    The planner's threads are ordinary ones, also if the thread that makes it has real-time
+    priority. Results depend on how fast this machine plans; only with `lead` and
+    `wait_for_plan` after each state they do not.
+
+    Planning needs the interpreter only while a `batch_cost` runs, once per round. A task of terms alone
+    never delays Python's loop.
+    """
+
+    def __init__(self, model: PlanningModel, task: PlanningTask, options: PlannerOptions = ..., online: OnlinePlannerOptions = ...) -> None:
+        """
+        Starts the threads. Returns when they are ready.
+
+        Raises InvalidArgument that names the first value that makes no sense.
+        """
+
+    @property
+    def model(self) -> PlanningModel:
+        """The model, for making states."""
+
+    def set_state(self, state: PlanningState) -> bool:
+        """
+        Hands over a state, whose time must not be before that of the last one. Ignores a state that
+        does not fit the model, and then returns False.
+        """
+
+    def at(self, time: float) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]] | None:
+        """
+        Returns the commands at `time` [s], and their rates [1/s]; None before the first plan.
+        """
+
+    @property
+    def status(self) -> OnlinePlannerStatus:
+        """The status when `at` or `status` was called last."""
+
+    def set_terms(self, terms: Sequence[CostTerm]) -> bool:
+        """
+        Changes the terms of the task from the next plan on. Ignores them and returns False if their
+        number is not that of the task.
+        """
+
+    def wait_for_plan(self, count: int, timeout: float | None = None) -> None:
+        """
+        Waits until `count` plans were made since the beginning. Any thread may call it.
+
+        Raises TimedOut; and once, the exception of a cost function or a refused term, which has
+        ended the planning.
+        """
+
 class GuideState:
     """
     Where a guided robot is and where it goes.

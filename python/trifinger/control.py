@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of controllers: grasps, force optimisation, impedances, trajectories, filters.
+"""Parts of controllers: grasps, force optimisation, impedances, trajectories, planning.
 
 Names are the same as in C++. Units are SI, times are in seconds, and quaternions are w, x, y, z. A
 vector may be anything that NumPy can turn into an array. docs/control.md has the equation of each
-part.
+part, docs/planning.md those of the planner.
 """
 
 from trifinger._trifinger import (
@@ -11,6 +11,9 @@ from trifinger._trifinger import (
     Approach as Approach,
     CircleTrajectory as CircleTrajectory,
     Contact as Contact,
+    CostKind as CostKind,
+    CostShape as CostShape,
+    CostTerm as CostTerm,
     Derivative as Derivative,
     ForceDistribution as ForceDistribution,
     ForceOptimizer as ForceOptimizer,
@@ -24,17 +27,35 @@ from trifinger._trifinger import (
     GraspState as GraspState,
     JointState as JointState,
     Kinematics as Kinematics,
+    KnotSpline as KnotSpline,
     LineTrajectory as LineTrajectory,
     LowPassFilter as LowPassFilter,
     Motion as Motion,
+    ObjectAddress as ObjectAddress,
     ObjectGains as ObjectGains,
+    OnlinePlanner as OnlinePlanner,
+    OnlinePlannerOptions as OnlinePlannerOptions,
+    OnlinePlannerStatus as OnlinePlannerStatus,
+    Plan as Plan,
+    PlannedCommand as PlannedCommand,
     PlannedGrasp as PlannedGrasp,
+    PlannedJoint as PlannedJoint,
+    PlannedStates as PlannedStates,
+    PlannerOptions as PlannerOptions,
+    PlanningMethod as PlanningMethod,
+    PlanningModel as PlanningModel,
+    PlanningModelOptions as PlanningModelOptions,
+    PlanningState as PlanningState,
+    PlanningTask as PlanningTask,
     PointMotion as PointMotion,
     Pose as Pose,
     PoseEstimator as PoseEstimator,
     PoseTrajectory as PoseTrajectory,
+    PredictivePlanner as PredictivePlanner,
     Progress as Progress,
     RigidBody as RigidBody,
+    RolloutBatch as RolloutBatch,
+    SplineKind as SplineKind,
     TipGains as TipGains,
     TorqueLimits as TorqueLimits,
     Touch as Touch,
@@ -42,11 +63,13 @@ from trifinger._trifinger import (
     Wrench as Wrench,
     approach_to as approach_to,
     contact_frame as contact_frame,
+    elite_weights as elite_weights,
     grasp_map as grasp_map,
     gravity as gravity,
     minimum_jerk as minimum_jerk,
     moved as moved,
     object_impedance as object_impedance,
+    path_integral_weights as path_integral_weights,
     point_of_body as point_of_body,
     rigid_body as rigid_body,
     rotation_error as rotation_error,

@@ -110,7 +110,8 @@ PlanningModel::PlanningModel(const RobotDescription& description,
   // reduces the error, and its iterations are cheap for so few contacts.
   option.solver = mjSOL_PGS;
   option.integrator = mjINT_EULER;
-  option.disableflags |= mjDSBL_ISLAND | mjDSBL_SENSOR;
+  // So few geoms are sooner compared one by one than by trees of boxes around them.
+  option.disableflags |= mjDSBL_ISLAND | mjDSBL_SENSOR | mjDSBL_MIDPHASE;
   choose_contacts(robot, options, *model_);
   for (std::size_t i = 0; std::cmp_less(i, robot.num_joints()); ++i) {
     model_->dof_damping[i] += limits.safety_kd[i];
