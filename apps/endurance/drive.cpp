@@ -29,7 +29,8 @@ constexpr Timeout kPatienceForStep = 10s;
 constexpr Timeout kPatienceForRest = 20s;
 constexpr Nanoseconds kSlice = 100ms;
 constexpr std::size_t kMostEvents = 32;
-// After a self-test that failed, the joints free themselves for this time per attempt.
+// After a self-test that failed, the joints go back the way they came, and free themselves for at
+// least this time per attempt.
 constexpr Seconds kFreeTime{3.0};
 
 const FieldDescription& field_of(const ElementDescription& element, std::string_view what,
@@ -238,6 +239,8 @@ std::optional<Drive::Ended> Drive::drive_session() {
     if (!is_connected && stopped.fault().code == Fault::Code::kBackendDied) {
       return Ended{.trouble = Trouble::kAbsent, .text = stopped.what()};
     }
+    // It has moved and not come through its self-test: something may hold its joints.
+    if (is_connected && !is_tested_ && next_ > 0) ++failed_tests_;
     return Ended{.trouble = trouble_of(stopped.fault(), stopped.what()),
                  .text = stopped.what(),
                  .needs_recovery = stopped.fault().needs_recovery() &&
@@ -298,6 +301,10 @@ void Drive::read(const UntypedFrontend& robot, Part& part) {
     throw;
   }
   judge(part, count);
+  if (is_tested_) {
+    const std::size_t last = (count - 1) * layout_.types_.observation.size();
+    motion_.remember(numbers(observations_.data() + last, layout_.position_, layout_.joints()));
+  }
 }
 
 void Drive::read_rests(const UntypedFrontend& robot) noexcept {

@@ -23,6 +23,11 @@ constexpr double kMargin = 0.03;
 constexpr double kFar = 1.0;
 // How far caught joints go to find a way [rad].
 constexpr double kAside = 0.3;
+// The places of the way back are so far apart [rad], and this near to home a joint is at home.
+constexpr double kApart = 0.08;
+constexpr double kAtHome = 0.25;
+// Of so many reaches one goes home, so that the way back stays short.
+constexpr double kHomecomings = 0.05;
 // Rests within a slow pass [s], until nothing swings any more.
 constexpr double kSettling = 0.3;
 
@@ -86,6 +91,7 @@ RandomMotion::RandomMotion(std::vector<JointLimit> limits, const MotionOptions& 
                                       &before_, &measured_, &frequency_}) {
     values->assign(joints, 0.0);
   }
+  way_.assign(kMostPlaces * joints, 0.0);
 }
 
 void RandomMotion::begin(std::span<const double> position, std::span<const double> home,
@@ -103,6 +109,7 @@ void RandomMotion::begin(std::span<const double> position, std::span<const doubl
   gives_way_ = false;
   retreats_ = 0;
   is_pass_due_ = free_time <= Seconds(0);
+  to_return_ = is_pass_due_ ? 0 : num_places_;
   since_pass_ = steps_in((options_.pass_every - free_time).count());
 }
 
@@ -110,6 +117,27 @@ void RandomMotion::give_way(std::span<const double> measured) noexcept {
   if (move_ == Move::kPass) return;
   gives_way_ = true;
   std::ranges::copy(measured, measured_.begin());
+}
+
+std::span<double> RandomMotion::place(std::size_t number) noexcept {
+  const std::size_t index = (oldest_place_ + number) % kMostPlaces;
+  return std::span(way_).subspan(index * joints(), joints());
+}
+
+void RandomMotion::remember(std::span<const double> measured) noexcept {
+  const auto is_within = [&](std::span<const double> other, double distance) {
+    return std::ranges::equal(measured, other, [distance](double one, double two) {
+      return std::abs(one - two) < distance;
+    });
+  };
+  if (is_within(home_, kAtHome)) num_places_ = 0;
+  if (num_places_ > 0 && is_within(place(num_places_ - 1), kApart)) return;
+  if (num_places_ == kMostPlaces) {
+    oldest_place_ = (oldest_place_ + 1) % kMostPlaces;
+    --num_places_;
+  }
+  std::ranges::copy(measured, place(num_places_).begin());
+  ++num_places_;
 }
 
 MotionStep RandomMotion::next() noexcept {
@@ -162,6 +190,10 @@ void RandomMotion::begin_move() noexcept {
     return;
   }
   if (move_ != Move::kRetreat) retreats_ = 0;
+  if (to_return_ > 0) {
+    begin_return();
+    return;
+  }
   if (is_pass_due_) {
     begin_pass();
     return;
@@ -183,11 +215,13 @@ void RandomMotion::begin_reach() noexcept {
   move_ = Move::kReach;
   // Some moves use all of the range, most stay nearer to where the robot begins. There it comes
   // free of what it was caught in.
-  const double share = random_.uniform(0.2, 1.0);
+  const bool goes_home = random_.uniform(0.0, 1.0) < kHomecomings;
+  const double share = goes_home ? 0.0 : random_.uniform(0.2, 1.0);
   for (std::size_t i = 0; i < joints(); ++i) {
     const double place = random_.uniform(lower(limits_[i]), upper(limits_[i]));
-    target_[i] =
-        random_.uniform(0.0, 1.0) < 0.7 ? home_[i] + share * (place - home_[i]) : start_[i];
+    target_[i] = goes_home || random_.uniform(0.0, 1.0) < 0.7
+                     ? home_[i] + share * (place - home_[i])
+                     : start_[i];
   }
   steps_ = steps_in(std::max(0.15, way_time(random_.uniform(0.3, 1.0))));
 }
@@ -229,6 +263,18 @@ void RandomMotion::begin_retreat() noexcept {
     target_[i] = std::clamp(target, limits_[i].soft_lower, limits_[i].soft_upper);
   }
   steps_ = steps_in(std::max(0.15, way_time(0.6)));
+}
+
+// A finger that is caught behind something got there on a way that was free. Straight home it may
+// find no way.
+void RandomMotion::begin_return() noexcept {
+  move_ = Move::kRetreat;
+  --to_return_;
+  const std::span<const double> there = place(to_return_);
+  for (std::size_t i = 0; i < joints(); ++i) {
+    target_[i] = std::clamp(there[i], limits_[i].soft_lower, limits_[i].soft_upper);
+  }
+  steps_ = steps_in(std::max(0.05, way_time(0.6)));
 }
 
 // Goes to the lower end of the pass, rests, goes forth at constant speed, rests, goes back at

@@ -68,13 +68,16 @@ class RandomMotion {
   [[nodiscard]] const MotionOptions& options() const noexcept { return options_; }
 
   // Begins session number `session` of the robot: the joints are at `position`. Slow passes are at
-  // `home`. The first one begins after `free_time`: until then, moves may free the joints of what
-  // holds them.
+  // `home`. The first one begins after `free_time`: until then, joints may free themselves of what
+  // holds them. First they go back the way they came, however long that takes, then at random.
   void begin(std::span<const double> position, std::span<const double> home, std::uint64_t session,
              Seconds free_time = Seconds(0)) noexcept;
   // Something holds a joint up, and all of them are where they were measured: the move is given up,
   // and the next step begins a retreat. Slow passes go on, because their judgement needs all of it.
   void give_way(std::span<const double> measured) noexcept;
+  // The joints were measured there, and nothing was wrong: this is part of the way back. The way is
+  // forgotten when they come home. Of a way longer than `kMostPlaces` only the end is kept.
+  void remember(std::span<const double> measured) noexcept;
   // Makes the next step.
   MotionStep next() noexcept;
   // What `next` has made: [rad] and [Nm].
@@ -83,14 +86,19 @@ class RandomMotion {
   // The speed of a joint in a slow pass [rad/s]. Joints that do not go so far go slower.
   [[nodiscard]] double pass_speed(std::size_t joint) const noexcept;
 
+  static constexpr std::size_t kMostPlaces = 5000;
+
  private:
   void begin_move() noexcept;
   void begin_reach() noexcept;
   void begin_shake() noexcept;
   void begin_push() noexcept;
   void begin_retreat() noexcept;
+  void begin_return() noexcept;
   void begin_pass() noexcept;
   [[nodiscard]] PassPart make_pass() noexcept;
+  // Where the joints were, counted from home or from the oldest place that is kept.
+  [[nodiscard]] std::span<double> place(std::size_t number) noexcept;
   // The duration of a smooth way from `start_` to `target_` at a share of the greatest speed.
   [[nodiscard]] double way_time(double share) const noexcept;
   [[nodiscard]] TimeIndex steps_in(double time) const noexcept;
@@ -115,7 +123,11 @@ class RandomMotion {
   TimeIndex since_pass_{0};
   bool is_pass_due_{true};
   bool gives_way_{false};
-  int retreats_{0};                       // in a row
+  int retreats_{0};          // in a row
+  std::vector<double> way_;  // from home to here: a ring of `kMostPlaces` places
+  std::size_t oldest_place_{0};
+  std::size_t num_places_{0};
+  std::size_t to_return_{0};              // so many of them are still to be gone back
   std::array<TimeIndex, 6> pass_ends_{};  // of the parts of a slow pass
 };
 

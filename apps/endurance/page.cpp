@@ -164,8 +164,8 @@ std::string draw(const Chart& chart, const std::vector<double>& hours, double la
       const double at = y(chart.is_logarithmic ? std::log10(*value) : *value);
       points += fmt::format("{:.1f},{:.1f} ", x(hours[k]), at);
       if (hours.size() <= 60) {
-        dots += fmt::format(R"(<circle cx="{:.1f}" cy="{:.1f}" r="2" fill="{}"/>)",
-                            x(hours[k]), at, colour);
+        dots += fmt::format(R"(<circle cx="{:.1f}" cy="{:.1f}" r="2" fill="{}"/>)", x(hours[k]), at,
+                            colour);
       }
     }
     svg += fmt::format(R"(<polyline points="{}" stroke="{}"/>)", points, colour) + dots;

@@ -99,6 +99,66 @@ TEST(RandomMotion, RetreatsToWhereTheMoveBegan) {
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(motion.position()[i], begin[i], 1e-9);
 }
 
+// The places at which the joints arrive one after the other before the slow pass begins.
+std::vector<std::vector<double>> arrivals(RandomMotion& motion) {
+  std::vector<std::vector<double>> all;
+  for (int i = 0; i < 100'000; ++i) {
+    const MotionStep step = motion.next();
+    if (step.move != Move::kRetreat) break;
+    if (step.ends) all.emplace_back(motion.position().begin(), motion.position().end());
+  }
+  return all;
+}
+
+TEST(RandomMotion, GoesBackTheWayItCameToFreeItself) {
+  RandomMotion motion(test::limits_of_joints(3), {.seed = 6});
+  motion.begin(kHome, kHome, 0);
+  std::vector<std::vector<double>> way;
+  for (int i = 1; i <= 8; ++i) {
+    way.push_back({0.1 * i, 0.9 - 0.1 * i, -0.9 + 0.05 * i});
+    motion.remember(way.back());
+    motion.remember(way.back());  // rests there
+  }
+  // What is at home is no way back.
+  std::erase_if(way, [](const auto& place) { return place[0] < 0.25; });
+  std::ranges::reverse(way);
+  motion.begin(way.front(), kHome, 1, Seconds(3));
+  const auto gone = arrivals(motion);
+  ASSERT_GE(gone.size(), way.size());
+  for (std::size_t i = 0; i < way.size(); ++i) {
+    for (std::size_t joint = 0; joint < 3; ++joint)
+      EXPECT_NEAR(gone[i][joint], way[i][joint], 1e-9);
+  }
+}
+
+TEST(RandomMotion, ForgetsTheWayWhenItComesHome) {
+  RandomMotion motion(test::limits_of_joints(3), {.seed = 6});
+  motion.begin(kHome, kHome, 0);
+  motion.remember(std::vector{0.5, 0.4, -0.9});
+  motion.remember(kHome);
+  motion.begin(kHome, kHome, 1, Seconds(3));
+  const auto gone = arrivals(motion);
+  ASSERT_EQ(gone.size(), 1U);
+  for (std::size_t joint = 0; joint < 3; ++joint) EXPECT_NEAR(gone[0][joint], kHome[joint], 1e-9);
+}
+
+TEST(RandomMotion, KeepsTheEndOfAWayThatIsTooLong) {
+  RandomMotion motion(test::limits_of_joints(3), {.seed = 6});
+  motion.begin(kHome, kHome, 0);
+  const auto place = [](std::size_t i) {
+    return std::vector{0.5 + 0.1 * static_cast<double>(i % 5), 0.4, -0.9};
+  };
+  constexpr std::size_t kPlaces = RandomMotion::kMostPlaces + 12;
+  for (std::size_t i = 0; i < kPlaces; ++i) motion.remember(place(i));
+  motion.begin(place(kPlaces - 1), kHome, 1, Seconds(3));
+  for (std::size_t i = kPlaces; i-- > 12;) {
+    MotionStep step = motion.next();
+    ASSERT_EQ(step.move, Move::kRetreat);
+    while (!step.ends) step = motion.next();
+    ASSERT_NEAR(motion.position()[0], place(i)[0], 1e-9) << i;
+  }
+}
+
 TEST(RandomMotion, TakesNoMemoryAfterItsConstruction) {
   RandomMotion motion(test::limits_of_joints(9), {.pass_every = Seconds(10)});
   const std::vector<double> home(9, 0.1);
@@ -106,6 +166,8 @@ TEST(RandomMotion, TakesNoMemoryAfterItsConstruction) {
   motion.begin(home, home, 0);
   for (int i = 0; i < 60'000; ++i) {
     if (i % 5000 == 0) motion.give_way(home);
+    if (i % 20 == 0) motion.remember(motion.position());
+    if (i % 20'000 == 0) motion.begin(motion.position(), home, 1, Seconds(3));
     (void)motion.next();
   }
   EXPECT_EQ(allocations.count(), 0);
