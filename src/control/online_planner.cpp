@@ -48,6 +48,7 @@ struct OnlinePlanner::State {
         predicted(model.initial_state()) {}
 
   void run(PredictivePlanner& planner);
+  void wait_until(Seconds time) noexcept;
   void plan(PredictivePlanner& planner, const PlanningState& state);
   void fail(std::exception_ptr exception);
 
@@ -95,10 +96,15 @@ void OnlinePlanner::State::run(PredictivePlanner& planner) {
   }
 }
 
+void OnlinePlanner::State::wait_until(Seconds time) noexcept {
+  // relaxed: whoever reads an older one wakes the planner for nothing.
+  due.store(time.count(), std::memory_order_relaxed);
+}
+
 void OnlinePlanner::State::plan(PredictivePlanner& planner, const PlanningState& state) {
   const Seconds begun = state.time;
-  // relaxed: whoever reads an older one wakes the planner for nothing.
-  due.store((begun + online.period).count(), std::memory_order_relaxed);
+  // A time that is not finite says nothing about the next state.
+  if (std::isfinite(begun.count())) wait_until(begun + online.period);
   if (!is_finite(state)) {
     ++made.num_refused_states;
     return;
@@ -134,6 +140,9 @@ void OnlinePlanner::State::plan(PredictivePlanner& planner, const PlanningState&
   made.cost = plan.cost;
   made.median_cost = plan.median_cost;
   made.num_masked = plan.num_masked;
+  // The loop gets two plans. Until this one begins, it follows the one before it, which must not
+  // be replaced meanwhile.
+  wait_until(std::max(begun + online.period, made.begin));
   Published& next = plans.own();
   next.before = current;
   next.after = plan.commands;

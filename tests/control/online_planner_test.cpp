@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -101,6 +102,38 @@ TEST(OnlinePlanner, PlansAtMostOncePerPeriod) {
   planner.wait_for_plan(2, kWatchdog);
   EXPECT_EQ(planner.status().num_plans, 2U);
   EXPECT_EQ(planner.status().state_time, kPeriod);
+}
+
+TEST(OnlinePlanner, LetsEachPlanBeginBeforeItMakesTheNextOne) {
+  constexpr Seconds kLead = 3 * kPeriod;
+  OnlinePlanner planner{
+      PlanningModel(finger()), reach(), small_options(), {.period = kPeriod, .lead = kLead}};
+  const PlanningState start = planner.model().initial_state();
+  const auto commands_at = [&](Seconds time) {
+    Joints command{};
+    EXPECT_TRUE(planner.at(time, command));
+    return command;
+  };
+  planner.set_state(moved(start, Seconds(0)));
+  planner.wait_for_plan(1, kWatchdog);
+  Seconds begin{0};
+  for (std::uint64_t plan = 2; plan < 5; ++plan) {
+    const Seconds state_time = std::max(begin, kPeriod);
+    // Until the next plan begins, all is as this one promises now.
+    std::vector<Joints> promised;
+    for (int i = 0; i < 12; ++i) promised.push_back(commands_at(state_time + i * kLead / 12));
+    planner.set_state(moved(start, state_time));
+    planner.wait_for_plan(plan, kWatchdog);
+    begin = planner.status().begin;
+    EXPECT_EQ(begin, state_time + kLead);
+    for (int i = 0; i < 12; ++i) {
+      const Seconds time = state_time + i * kLead / 12;
+      EXPECT_EQ(commands_at(time), promised[static_cast<std::size_t>(i)]);
+      planner.set_state(moved(start, time));
+      // None of these states is for a plan.
+      EXPECT_THROW(planner.wait_for_plan(plan + 1, std::chrono::milliseconds(2)), TimedOut);
+    }
+  }
 }
 
 TEST(OnlinePlanner, TellsLateness) {

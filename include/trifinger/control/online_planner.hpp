@@ -14,7 +14,8 @@ namespace trifinger::control {
 
 /// Settings of an `OnlinePlanner`. All times are on the clock of the states.
 struct OnlinePlannerOptions {
-  /// Least time from the state of one plan to that of the next one.
+  /// Least time from the state of one plan to that of the next one. It is longer if `lead` is: the
+  /// next plan is made from a state after the newest one has begun.
   Seconds period{0.04};
   /// Time from the state of a plan to the instant from which it is used. Default: as long as plans
   /// took until now.
