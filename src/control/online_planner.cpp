@@ -67,6 +67,8 @@ struct OnlinePlanner::State {
   std::mutex failure_mutex;
   std::exception_ptr failure;
 
+  OnlinePlannerStatus told;  // Used by the thread of the loop only.
+
   // Used by the planner's thread only.
   PlanningState predicted;
   KnotSpline current;  // What the loop follows.
@@ -231,13 +233,20 @@ bool OnlinePlanner::at(Seconds time, std::span<double> command, std::span<double
 }
 
 const OnlinePlannerStatus& OnlinePlanner::status() noexcept {
-  state_->plans.update();
-  return state_->plans.seen().status;
+  State& self = *state_;
+  self.plans.update();
+  self.told = self.plans.seen().status;
+  // relaxed: the flag carries nothing but itself here.
+  self.told.has_failed = self.has_failed.load(std::memory_order_relaxed);
+  return self.told;
 }
 
 bool OnlinePlanner::set_terms(std::span<const CostTerm> terms) noexcept {
   std::vector<CostTerm>& own = state_->terms.own();
   if (terms.size() != own.size()) return false;
+  for (const CostTerm& term : terms) {
+    if (!is_valid(term, state_->model)) return false;
+  }
   std::ranges::copy(terms, own.begin());
   state_->terms.publish();
   return true;

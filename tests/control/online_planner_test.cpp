@@ -214,14 +214,40 @@ TEST(OnlinePlanner, TakesOtherTermsBetweenPlans) {
   EXPECT_EQ(planner.status().cost, 0.0);
 }
 
+TEST(OnlinePlanner, GoesOnAfterTermsThatItRefuses) {
+  const PlanningTask task = reach();
+  OnlinePlanner planner{PlanningModel(finger()), task, small_options()};
+  const PlanningState start = planner.model().initial_state();
+  const double nan = std::nan("");
+  const std::vector<CostTerm> refused{
+      {.weight = nan},
+      {.kind = CostKind::kEffort, .end_weight = nan},
+      {.kind = CostKind::kTipPosition, .goal = {.position = {0, nan, 0}}},
+      {.kind = CostKind::kJointPosition, .joints = {0, 0, nan}},
+      {.kind = CostKind::kTipPosition, .index = 1},
+      {.kind = CostKind::kTipPosition, .index = -1},
+      {.kind = CostKind::kObjectVelocity}};
+  for (std::size_t i = 0; i < refused.size(); ++i) {
+    std::vector<CostTerm> terms = task.terms;
+    terms[1] = refused[i];
+    EXPECT_FALSE(planner.set_terms(terms)) << i;
+    EXPECT_THROW(validate({.terms = terms}, planner.model()), InvalidArgument) << i;
+    planner.set_state(moved(start, static_cast<double>(i) * Seconds(1)));
+    planner.wait_for_plan(i + 1, kWatchdog);
+    EXPECT_FALSE(planner.status().has_failed);
+  }
+}
+
 TEST(OnlinePlanner, HandsOnTheExceptionOfACost) {
   PlanningTask task = reach();
   task.batch_cost = [](const RolloutBatch&, std::span<double>) {
     throw std::runtime_error("no cost today");
   };
   OnlinePlanner planner{PlanningModel(finger()), task, small_options()};
+  EXPECT_FALSE(planner.status().has_failed);
   planner.set_state(planner.model().initial_state());
   EXPECT_THROW(planner.wait_for_plan(1, kWatchdog), std::runtime_error);
+  EXPECT_TRUE(planner.status().has_failed);
   EXPECT_THROW(planner.wait_for_plan(1, kWatchdog), Error);
 }
 
