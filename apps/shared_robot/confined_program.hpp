@@ -13,6 +13,14 @@
 
 namespace trifinger::apps {
 
+// Gives the calling thread a real-time priority above all that a confined program may have, but
+// below that of a back-end (80), so that a program which never waits can still be watched and ended.
+// Threads and processes that it starts later are ordinary ones. Returns the priority; 0 if this user
+// may have none.
+int watch_in_real_time() noexcept;
+// Makes the calling thread an ordinary one again.
+void watch_ordinarily() noexcept;
+
 // A user of the system, with all groups.
 struct SystemUser {
   std::string name;

@@ -108,17 +108,19 @@ bool allow(int resource, std::uint64_t limit) noexcept {
          lower(resource, limit);
 }
 
-bool set_limits(const JobLimits& limits, std::uint64_t other_threads) noexcept {
+// `priority`: the most that a thread may have.
+bool set_limits(const JobLimits& limits, std::uint64_t other_threads, int priority) noexcept {
   const auto cpu = static_cast<std::uint64_t>(
       std::max<std::int64_t>(limits.cpu_time / std::chrono::seconds(1), 1));
   constexpr std::uint64_t kMostOpen = 1024;
-  // A back-end has priority 80, and the program of a user 70.
-  constexpr std::uint64_t kPriority = 70;
+  // So long a thread with real-time priority may go on without waiting [us]. Then it gets a signal
+  // that it may catch, and is killed at the second limit.
+  constexpr std::uint64_t kMostAtOnce = 200'000;
   // At the soft limit of its time a process gets a signal that it may catch.
   return lower(RLIMIT_CPU, cpu, cpu + 1) && lower(RLIMIT_AS, limits.address_space) &&
          lower(RLIMIT_FSIZE, limits.file_size) && lower(RLIMIT_CORE, 0) &&
-         lower(RLIMIT_NOFILE, kMostOpen) && allow(RLIMIT_RTPRIO, kPriority) &&
-         allow(RLIMIT_MEMLOCK, limits.memory) &&
+         lower(RLIMIT_NOFILE, kMostOpen) && allow(RLIMIT_RTPRIO, static_cast<std::uint64_t>(priority)) &&
+         lower(RLIMIT_RTTIME, kMostAtOnce, 2 * kMostAtOnce) && allow(RLIMIT_MEMLOCK, limits.memory) &&
          lower(RLIMIT_NPROC, other_threads + limits.processes);
 }
 
@@ -140,7 +142,7 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
 
 // Becomes the program.
 [[noreturn]] void become(const Confinement& confinement, int output, int report,
-                         std::uint64_t other_threads) {
+                         std::uint64_t other_threads, int priority) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::setsid();
   for (int signal = 1; signal < NSIG; ++signal) std::signal(signal, SIG_DFL);
@@ -152,7 +154,7 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
   // When memory is scarce the kernel takes a process of the job, not one of the robot.
   write_file("/proc/self/oom_score_adj", "1000");
   ::umask(022);
-  require(set_limits(confinement.limits, other_threads), report);
+  require(set_limits(confinement.limits, other_threads, priority), report);
   require(give_up_rights(confinement.user), report);
   require(::chdir(confinement.folder.c_str()) == 0, report);
 
@@ -183,6 +185,9 @@ class Guard {
       : confinement_(confinement), options_(options), by_(by) {}
 
   [[noreturn]] void work() {
+    // The program of a user has 70 as usual, and never as much as this process.
+    constexpr int kUsual = 70;
+    priority_ = std::clamp(watch_in_real_time() - 1, 0, kUsual);
     if (by_.own_processes) {
       by_.read_only = make_read_only(confinement_);
       // Afterwards, because a process may write about itself there. Without it the program sees the
@@ -230,7 +235,7 @@ class Guard {
       return;
     }
     program_ = ::fork();
-    if (program_ == 0) become(confinement_, options_.output, report[1], others);
+    if (program_ == 0) become(confinement_, options_.output, report[1], others, priority_);
     const int fork_error = program_ < 0 ? errno : 0;
     ::close(report[1]);
     // The other end closes when the program begins.
@@ -293,6 +298,7 @@ class Guard {
   const Confinement& confinement_;
   GuardOptions options_;
   ConfinedBy by_;
+  int priority_{0};  // the most that the program may have
   pid_t program_{-1};
   int start_error_{0};
   bool has_ended_{false};

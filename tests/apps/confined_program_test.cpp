@@ -2,6 +2,7 @@
 #include "shared_robot/confined_program.hpp"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,6 +14,7 @@
 
 #include "shared_robot/process_tree.hpp"
 #include "support/folder.hpp"
+#include "trifinger/base/time.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -132,6 +134,36 @@ TEST_P(ConfinedProgramTest, CannotWriteALargeFileNorGetMuchMemory) {
   output_of(large);
   EXPECT_EQ(WTERMSIG(large.end()->status), SIGXFSZ);
   EXPECT_EQ(std::filesystem::file_size(folder_ / "large"), 1'000'000U);
+}
+
+TEST_P(ConfinedProgramTest, CannotKeepAProcessorInRealTime) {
+  ConfinedProgram permitted(shell("exec chrt -f 1 true"));
+  output_of(permitted);
+  if (permitted.end()->status != 0) GTEST_SKIP() << "this user has no real-time priority";
+  ConfinedProgram high(shell("exec chrt -f 71 true"));
+  output_of(high);
+  EXPECT_NE(high.end()->status, 0);
+  ConfinedProgram endless(shell("exec chrt -f 70 sh -c 'while :; do :; done'"));
+  endless.start();
+  const Deadline watchdog(std::chrono::seconds(60));
+  while (!endless.end() && !watchdog.passed())
+    static_cast<void>(endless.take_output(std::chrono::milliseconds(20)));
+  endless.kill();
+  while (!endless.is_gone()) static_cast<void>(endless.take_output(std::chrono::milliseconds(20)));
+  EXPECT_EQ(WTERMSIG(endless.end()->status), SIGXCPU);
+}
+
+TEST_P(ConfinedProgramTest, IsWatchedInRealTimeButStartsOrdinarily) {
+  ConfinedProgram program(shell("chrt -p $$; sleep 1000"));
+  program.start();
+  std::string output;
+  while (output.find("priority: ") == std::string::npos)
+    output += program.take_output(std::chrono::milliseconds(20));
+  EXPECT_NE(output.find("SCHED_OTHER"), std::string::npos) << output;
+  const int policy = ::sched_getscheduler(program.guard());
+  const int own = watch_in_real_time();
+  watch_ordinarily();
+  EXPECT_EQ(policy, own > 0 ? SCHED_FIFO | SCHED_RESET_ON_FORK : SCHED_OTHER);
 }
 
 TEST_P(ConfinedProgramTest, CannotReachOtherProcessesNorWriteElsewhere) {
