@@ -30,6 +30,7 @@
 #include "shared_robot/bounded_output.hpp"
 #include "shared_robot/confined_program.hpp"
 #include "shared_robot/job_files.hpp"
+#include "shared_robot/job_folder.hpp"
 #include "shared_robot/job_report.hpp"
 #include "shared_robot/process_tree.hpp"
 #include "trifinger/base/error.hpp"
@@ -244,38 +245,27 @@ class Turn {
   }
 
   void make_folders() {
-    if (options_.output) {
-      folder_ = fs::absolute(*options_.output);
-    } else {
-      const auto whole = std::chrono::floor<std::chrono::seconds>(report_.begin.time_since_epoch());
-      folder_ = fs::absolute("jobs") / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}_{}", options_.robot,
-                                                   fmt::gmtime(whole.count()), ::getpid());
-    }
+    const auto whole = std::chrono::floor<std::chrono::seconds>(report_.begin.time_since_epoch());
+    const fs::path usual =
+        fs::path("jobs") / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}_{}", options_.robot,
+                                       fmt::gmtime(whole.count()), ::getpid());
+    if (options_.user) user_ = SystemUser::find(*options_.user);
+    folder_ = make_job_folder(options_.output.value_or(usual));
     if (fs::exists(folder_ / "job.json") || fs::exists(folder_ / "output.txt")) {
-      throw UsageError(folder_.string() + " has another job; --output names a folder");
+      throw UsageError(folder_.string() + " has another job; --output names a new folder");
     }
     work_ = folder_ / "work";
-    fs::create_directories(work_ / "tmp");
-    folder_ = fs::canonical(folder_);
-    work_ = folder_ / "work";
+    make_work_folder(folder_, user_);
   }
 
   void prepare_program() {
     Confinement confinement{.words = options_.words,
                             .folder = work_,
                             .environment = environment_for(options_, work_),
-                            .user = {},
+                            .user = user_,
                             .limits = options_.limits,
                             .writable = {},
                             .with_namespaces = options_.with_namespaces};
-    if (options_.user) {
-      confinement.user = SystemUser::find(*options_.user);
-      for (const fs::path& path : {work_, work_ / "tmp"}) {
-        if (::chown(path.c_str(), confinement.user->user, confinement.user->group) != 0) {
-          throw SystemError("give " + path.string() + " to " + *options_.user, errno);
-        }
-      }
-    }
     for (const fs::path& path : {session_folder(), fs::path("/dev/shm")}) {
       std::error_code ignored;
       const fs::path real = fs::canonical(path, ignored);
@@ -284,9 +274,7 @@ class Turn {
         writable.push_back(real);
       }
     }
-    const uid_t user = confinement.user ? confinement.user->user : ::geteuid();
     shared_ = confinement.writable;
-    user_ = user;
     program_.emplace(std::move(confinement));  // before any thread
     report_.confined_by = program_->confined_by();
   }
@@ -310,7 +298,7 @@ class Turn {
   }
 
   void run_program() {
-    files_.emplace(work_, shared_, user_);
+    files_.emplace(work_, shared_, user_ ? user_->user : ::geteuid());
     OutputFile output(folder_ / "output.txt", options_.limits.output);
     print("starts the program; its folder is " + work_.string());
     const WatchPriority priority;
@@ -494,7 +482,7 @@ class Turn {
   fs::path folder_;
   fs::path work_;
   std::vector<fs::path> shared_;
-  uid_t user_{0};
+  std::optional<SystemUser> user_;  // only if root runs the program as somebody else
   bool was_interrupted_{false};
   bool is_broken_{false};  // This program has failed.
   std::optional<ConfinedProgram> program_;

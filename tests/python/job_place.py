@@ -82,7 +82,7 @@ def place() -> Iterator[Place]:
         folder.chmod(0o755)
         for name in ("sessions", "logs", "jobs"):
             (folder / name).mkdir()
-            (folder / name).chmod(0o777)
+            (folder / name).chmod(0o1777)
         os.environ["TRIFINGER_SESSION_DIR"] = str(folder / "sessions")
         os.environ["TRIFINGER_LOG_DIR"] = str(folder / "logs")
         yield Place(folder)

@@ -12,6 +12,7 @@ import pytest
 from conftest import PATIENT, StartProgram
 from job_place import (
     INTERPRETER,
+    NOBODY,
     PROGRAM,
     PYTHON,
     USER,
@@ -296,6 +297,21 @@ def test_root_runs_a_program_as_its_user(shared: Place, start_program: StartProg
         refused = subprocess.run(words, extra_groups=[USER], capture_output=True, text=True)
         assert refused.returncode == 2
         assert "never runs as root" in refused.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can run a job as somebody else")
+def test_root_makes_no_folder_that_its_user_could_exchange(turn: Place) -> None:
+    home = turn.folder / "home"
+    home.mkdir()
+    os.chown(home, NOBODY, NOBODY)
+    (home / "link").symlink_to("/etc")
+    for output in (home / "job", home / "link" / "job"):
+        words = turn.words("--user", "nobody", *shell("true"))
+        words[words.index("--output") + 1] = str(output)
+        refused = subprocess.run(words, capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert "root does not write there" in refused.stderr
+        assert not output.exists()
 
 
 def test_restore_makes_a_robot_fit(shared: Place) -> None:
