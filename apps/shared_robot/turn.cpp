@@ -13,12 +13,15 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <functional>
+#include <mutex>
+#include <stop_token>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -45,6 +48,7 @@ namespace fs = std::filesystem;
 
 // How often the usage of a job is measured at most.
 constexpr Nanoseconds kMeasurePeriod = std::chrono::milliseconds(100);
+constexpr Nanoseconds kLongestPause = std::chrono::seconds(1);
 constexpr std::size_t kMostTroubles = 20;
 
 // Somebody has pressed Ctrl-C, or sent such a signal.
@@ -184,6 +188,45 @@ class WatchPriority {
   ~WatchPriority() { watch_ordinarily(); }
 };
 
+// Measuring takes at most a tenth of the time, but is never put off for long.
+Nanoseconds pause_after(Nanoseconds measure) {
+  return std::clamp<Nanoseconds>(10 * measure, kMeasurePeriod, kLongestPause);
+}
+
+// Measures the files of a job in a thread of its own, because a program can make that slow.
+class FileWatch {
+ public:
+  FileWatch(JobFiles& files, pid_t guard, const JobLimits& limits)
+      : thread_([this, &files, guard, &limits](const std::stop_token& stop) {
+          watch_ordinarily();
+          work(files, guard, {.bytes = limits.files, .count = limits.file_count}, stop);
+        }) {}
+
+  // Adds the files to `usage`, as they were at the last look.
+  void tell(JobUsage& usage) {
+    const std::lock_guard lock(mutex_);
+    usage.files = newest_.bytes;
+    usage.file_count = newest_.count;
+  }
+
+ private:
+  void work(JobFiles& files, pid_t guard, FilesUsage most, const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      const Instant begin = now();
+      files.look_at(descendants_of(guard, all_processes()));
+      const FilesUsage usage = files.usage(most);
+      std::unique_lock lock(mutex_);
+      newest_ = usage;
+      changed_.wait_for(lock, stop, pause_after(now() - begin), [] { return false; });
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable_any changed_;  // Only a stop ends a wait early.
+  FilesUsage newest_;
+  std::jthread thread_;  // the last member: it uses all others
+};
+
 class Turn {
  public:
   explicit Turn(const TurnOptions& options)
@@ -304,12 +347,19 @@ class Turn {
     const WatchPriority priority;
     const Instant begin = now();
     program_->start();
+    FileWatch file_watch(*files_, program_->guard(), options_.limits);
     Instant next_measure = begin;
     std::optional<Instant> asked;
     bool was_killed = false;
+    const auto ask = [&](JobEnd why) {
+      report_.end = std::move(why);
+      program_->ask_to_end();
+      asked = now();
+    };
     const auto kill = [&] {
       if (!std::exchange(was_killed, true)) program_->kill();
     };
+    // Nothing in this loop takes long, so that time and signals are looked at in each round.
     while (!program_->is_gone()) {
       constexpr Nanoseconds kSlice = std::chrono::milliseconds(20);
       const std::string text = program_->take_output(kSlice);
@@ -318,30 +368,34 @@ class Turn {
       if (output.output().left_out() > 0 && !text.empty()) {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
       }
-      const bool is_ending = program_->end() || asked || was_killed;
-      if (const std::optional<int> signal = look_for_signal(); signal && !is_ending) {
-        report_.end = {.kind = JobEnd::Kind::kInterrupted,
-                       .signal = *signal,
-                       .text = "was ended because this was interrupted by " + signal_text(*signal)};
-        program_->ask_to_end();
-        asked = now();
+      const std::optional<int> signal = look_for_signal();
+      if (program_->end() || was_killed) continue;
+      if (signal && !asked) {
+        ask({.kind = JobEnd::Kind::kInterrupted,
+             .signal = *signal,
+             .text = "was ended because this was interrupted by " + signal_text(*signal)});
+      }
+      if (now() - begin > options_.limits.time && !asked) {
+        ask({.kind = JobEnd::Kind::kLimit,
+             .limit = Limit::kTime,
+             .text = "was ended: " + limit_text(Limit::kTime, {}, options_.limits)});
       }
       if (asked && now() - *asked > options_.limits.grace) kill();
-      if (program_->end() || was_killed || now() < next_measure) continue;
+      if (now() < next_measure) continue;
       const Instant before = now();
-      const JobUsage usage = measure(before - begin);
-      next_measure = now() + std::max<Nanoseconds>(kMeasurePeriod, 10 * (now() - before));
+      JobUsage usage = measure_processes();
+      file_watch.tell(usage);
+      next_measure = now() + pause_after(now() - before);
+      raise_to(report_.most, usage);
+      // These limits hold also for a program that has been asked to end.
       const Limit limit = exceeded(usage, options_.limits);
-      if (limit == Limit::kNone || asked) continue;
-      report_.end = {.kind = JobEnd::Kind::kLimit,
-                     .limit = limit,
-                     .text = "was ended: " + limit_text(limit, usage, options_.limits)};
-      if (limit == Limit::kTime) {
-        program_->ask_to_end();
-        asked = now();
-      } else {
-        kill();
+      if (limit == Limit::kNone) continue;
+      if (!asked) {
+        report_.end = {.kind = JobEnd::Kind::kLimit,
+                       .limit = limit,
+                       .text = "was ended: " + limit_text(limit, usage, options_.limits)};
       }
+      kill();
     }
     report_.most.time = std::max<Nanoseconds>(report_.most.time, now() - begin);
     report_.end.was_killed = was_killed;
@@ -352,10 +406,11 @@ class Turn {
     if (report_.end.kind == JobEnd::Kind::kNotStarted) note_end(*program_->end());
   }
 
-  JobUsage measure(Nanoseconds time) {
+  // What the program uses but files.
+  [[nodiscard]] JobUsage measure_processes() const {
     const std::vector<ProcessEntry> all = all_processes();
     const std::vector<ProcessEntry> processes = descendants_of(program_->guard(), all);
-    JobUsage usage{.time = time};
+    JobUsage usage;
     for (const ProcessEntry& process : all) {
       // The guard has waited for orphans.
       if (process.pid == program_->guard()) usage.cpu_time += process.children_cpu_time;
@@ -364,16 +419,9 @@ class Turn {
       usage.cpu_time += process.cpu_time + process.children_cpu_time;
       usage.processes += process.has_ended ? 1 : process.threads;
     }
-    raise_to(report_.most, usage);
     // The rest takes time that a fork bomb would use.
     if (usage.processes > options_.limits.processes) return usage;
     usage.memory = memory_of(processes, options_.limits.memory);
-    files_->look_at(processes);
-    const FilesUsage files =
-        files_->usage({.bytes = options_.limits.files, .count = options_.limits.file_count});
-    usage.files = files.bytes;
-    usage.file_count = files.count;
-    raise_to(report_.most, usage);
     return usage;
   }
 
