@@ -173,6 +173,7 @@ std::string limit_text(Limit limit, const JobUsage& usage, const JobLimits& limi
     case Limit::kProcesses:
       return fmt::format("it had {} threads, more than {}", usage.processes, limits.processes);
     case Limit::kFiles:
+      if (usage.hides_files) return "it had folders that cannot be read, or more than 200 deep";
       return fmt::format("it had {} in {} files, more than {} or {} files", size_text(usage.files),
                          usage.file_count, size_text(limits.files), limits.file_count);
   }
@@ -207,6 +208,7 @@ class FileWatch {
     const std::lock_guard lock(mutex_);
     usage.files = newest_.bytes;
     usage.file_count = newest_.count;
+    usage.hides_files = newest_.is_hidden;
   }
 
  private:
