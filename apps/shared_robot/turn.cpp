@@ -4,13 +4,10 @@
 #include <fcntl.h>
 #include <fmt/chrono.h>
 #include <fmt/core.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <condition_variable>
@@ -19,7 +16,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
-#include <functional>
 #include <mutex>
 #include <stop_token>
 #include <system_error>
@@ -39,6 +35,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/core/turn_claim.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
@@ -58,25 +55,6 @@ struct TurnInterrupted : std::exception {
 };
 
 Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
-// The right to a turn on a robot, as long as the object lives. It ends with this process, whatever
-// happens, and other users cannot remove it.
-ipc::FileDescriptor claim(const std::string& robot) {
-  ipc::FileDescriptor socket([] { return ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0); });
-  if (!socket) throw SystemError("make a socket", errno);
-  const std::string key = session_folder().string() + "/" + robot;
-  const std::string name =
-      fmt::format("trifinger.turn.{:016x}.{}", std::hash<std::string>()(key), robot);
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  // The zero before the name makes it one that is in no file system.
-  const std::size_t size = std::min(name.size(), sizeof(address.sun_path) - 1);
-  std::memcpy(address.sun_path + 1, name.data(), size);
-  const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + size);
-  if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), length) == 0) return socket;
-  if (errno != EADDRINUSE) throw SystemError("claim the robot '" + robot + "'", errno);
-  throw Error("'" + robot + "' is in use: another 'trifinger job' has not ended yet");
-}
 
 // Returns all that the program gets as environment.
 std::vector<std::string> environment_for(const TurnOptions& options, const fs::path& folder) {
@@ -232,7 +210,7 @@ class FileWatch {
 class Turn {
  public:
   explicit Turn(const TurnOptions& options)
-      : options_(options), claim_(claim(options.robot)), care_(options.care) {
+      : options_(options), claim_(claim_turn(options.robot)), care_(options.care) {
     report_.robot = options.robot;
     report_.words = options.words;
     report_.user = options.user;
@@ -248,6 +226,7 @@ class Turn {
       care_.look = [this] { throw_if_interrupted(); };
       report_.before = make_fit(options_.robot, care_);
       if (report_.before.is_fit) {
+        if (!claim_) claim_ = claim_turn(options_.robot);  // The robot has just been started.
         record_and_run();
       } else {
         report_.end.text = "was not started: the robot is not fit: " + report_.before.problem;
@@ -545,7 +524,7 @@ int take_turn(const TurnOptions& options) { return Turn(options).take(); }
 
 int restore_robot(const std::string& robot, const CareOptions& care) {
   const Signals signals;
-  const ipc::FileDescriptor claimed = claim(robot);
+  const ipc::FileDescriptor claimed = claim_turn(robot);
   Console console;
   CareOptions options = care;
   options.tell = [&](const std::string& sentence) { console.print(robot, sentence); };
