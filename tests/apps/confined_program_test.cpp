@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "shared_robot/confined_program.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/wait.h>
@@ -137,6 +138,8 @@ TEST_P(ConfinedProgramTest, CannotWriteALargeFileNorGetMuchMemory) {
 }
 
 TEST_P(ConfinedProgramTest, CannotKeepAProcessorInRealTime) {
+  ConfinedProgram limited(shell("grep timeout /proc/self/limits"));
+  EXPECT_THAT(output_of(limited), testing::ContainsRegex("timeout +200000 +400000 +us"));
   ConfinedProgram permitted(shell("exec chrt -f 1 true"));
   output_of(permitted);
   if (permitted.end()->status != 0) GTEST_SKIP() << "this user has no real-time priority";
@@ -176,6 +179,30 @@ TEST_P(ConfinedProgramTest, CannotReachOtherProcessesNorWriteElsewhere) {
   const std::string output = output_of(program);
   std::filesystem::remove("/var/tmp/trifinger_escaped");
   EXPECT_EQ(output, is_read_only ? "own\n" : "own\nescaped\n");
+}
+
+TEST_P(ConfinedProgramTest, SeesNothingOfOthersWhereEverybodyMayWrite) {
+  if (!GetParam()) GTEST_SKIP() << "this takes namespaces";
+  const test::Folder other;
+  ConfinedProgram program(shell("pwd; ls -A " + folder_.path().parent_path().string() +
+                                "; ls -A /var/tmp; : > own && echo own; : > /tmp/new"));
+  if (!program.confined_by().hides_places) GTEST_SKIP() << "the kernel allows no such mounts";
+  EXPECT_TRUE(program.confined_by().read_only);
+  EXPECT_EQ(output_of(program), folder_.path().string() + "\n" +
+                                    folder_.path().filename().string() +
+                                    "\nown\n/bin/sh: 1: cannot create /tmp/new: Read-only file "
+                                    "system\n");
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "own"));
+  EXPECT_TRUE(std::filesystem::exists(other.path()));
+}
+
+TEST_P(ConfinedProgramTest, CannotHaveMemoryThatNobodySees) {
+  ConfinedProgram program(
+      shell("exec 2>/dev/null; (echo forks); unshare -U true && echo users; "
+            "unshare -Um true && echo mounts; ipcmk -M 1000 && echo segment; "
+            "ipcmk -Q && echo queue; echo end"));
+  if (!program.confined_by().filters_calls) GTEST_SKIP() << "the kernel has no such filters";
+  EXPECT_EQ(output_of(program), "forks\nend\n");
 }
 
 INSTANTIATE_TEST_SUITE_P(WithAndWithoutNamespaces, ConfinedProgramTest, testing::Bool());
