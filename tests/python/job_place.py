@@ -43,10 +43,12 @@ class Place:
         self.folder = folder
         self.number = 0
 
-    def words(self, *options: str, robot: str = "shared", test: str = "hold") -> list[str]:
+    def words(
+        self, *options: str, robot: str = "shared", test: str = "hold", grace: str = "1s"
+    ) -> list[str]:
         """The command of a job; its folder is `self.job`."""
         self.number += 1
-        words = ["run", "--robot", robot, "--self-test", test, "--grace", "1s"]
+        words = ["run", "--robot", robot, "--self-test", test, "--grace", grace]
         return [str(PROGRAM), *words, "--output", str(self.job), *options]
 
     @property

@@ -150,8 +150,8 @@ def test_limits_hold_while_a_program_may_still_end_by_itself(shared: Place) -> N
         "trap ': > late' TERM; while [ ! -e late ]; do sleep 0.1; done; "
         f'{INTERPRETER} -c "{hog}"; : > survived'
     )
-    options = ("--time", "1s", "--grace", "60s", "--memory", "200MB")
-    report = shared.run(*options, *shell(script), expect=11)
+    options = ("--time", "1s", "--memory", "200MB")
+    report = shared.run(*options, *shell(script), expect=11, grace="60s")
     assert report["end"]["limit"] == "time"
     assert report["end"]["was_killed"]
     assert not (shared.job / "work/survived").exists()
