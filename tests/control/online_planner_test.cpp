@@ -120,15 +120,16 @@ TEST(OnlinePlanner, LetsEachPlanBeginBeforeItMakesTheNextOne) {
   for (std::uint64_t plan = 2; plan < 5; ++plan) {
     const Seconds state_time = std::max(begin, kPeriod);
     // Until the next plan begins, all is as this one promises now.
-    std::vector<Joints> promised;
-    for (int i = 0; i < 12; ++i) promised.push_back(commands_at(state_time + i * kLead / 12));
+    std::array<Joints, 12> promised{};
+    for (std::size_t i = 0; i < promised.size(); ++i)
+      promised[i] = commands_at(state_time + static_cast<double>(i) * kLead / 12);
     planner.set_state(moved(start, state_time));
     planner.wait_for_plan(plan, kWatchdog);
     begin = planner.status().begin;
     EXPECT_EQ(begin, state_time + kLead);
-    for (int i = 0; i < 12; ++i) {
-      const Seconds time = state_time + i * kLead / 12;
-      EXPECT_EQ(commands_at(time), promised[static_cast<std::size_t>(i)]);
+    for (std::size_t i = 0; i < promised.size(); ++i) {
+      const Seconds time = state_time + static_cast<double>(i) * kLead / 12;
+      EXPECT_EQ(commands_at(time), promised[i]);
       planner.set_state(moved(start, time));
       // None of these states is for a plan.
       EXPECT_THROW(planner.wait_for_plan(plan + 1, std::chrono::milliseconds(2)), TimedOut);
