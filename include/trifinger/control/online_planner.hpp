@@ -33,7 +33,7 @@ struct OnlinePlannerStatus {
   double cost{0.0};                     ///< `Plan::cost`
   double median_cost{0.0};              ///< `Plan::median_cost`
   int num_masked{0};                    ///< `Plan::num_masked`
-  /// A cost function has thrown: there will be no other plan. `wait_for_plan` throws what it was.
+  /// A cost function has thrown, so no other plan will come.
   bool has_failed{false};
 };
 
@@ -72,7 +72,7 @@ class OnlinePlanner {
   /// number per joint. False before the first plan; then nothing is written.
   [[nodiscard]] bool at(Seconds time, std::span<double> command,
                         std::span<double> rate = {}) noexcept TRIFINGER_REALTIME;
-  /// The status of now. The reference stays valid; what it refers to changes with the next call.
+  /// The status as it is now.
   [[nodiscard]] const OnlinePlannerStatus& status() noexcept TRIFINGER_REALTIME;
   /// Changes the terms of the task from the next plan on. Ignores them and returns false if their
   /// number is not that of the task, or if one of them does not fit the model or has a number that
