@@ -676,19 +676,20 @@ inline constexpr const char* model = R"(The model, for making states.)";
 inline constexpr const char* set_state = R"(Hands over a state, whose time must not be before that of the last one. Ignores a state that
 does not fit the model, and then returns False.)";
 inline constexpr const char* set_terms = R"(Changes the terms of the task from the next plan on. Ignores them and returns False if their
-number is not that of the task.)";
-inline constexpr const char* status = R"(The status when `at` or `status` was called last.)";
+number is not that of the task, or if one of them does not fit the model or has a number
+that is not finite.)";
+inline constexpr const char* status = R"(The status as it is now.)";
 inline constexpr const char* wait_for_plan = R"(Waits until `count` plans were made since the beginning. Any thread may call it.
 
-Raises TimedOut; and once, the exception of a cost function or a refused term, which has
-ended the planning.)";
+Raises TimedOut; and once, the exception of a cost function, which has ended the planning.)";
 }
 
 namespace OnlinePlannerOptions {
 inline constexpr const char* OnlinePlannerOptions = R"(Settings of an `OnlinePlanner`. All times are on the clock of the states.)";
 inline constexpr const char* lead = R"(Time from the state of a plan to the instant from which it is used. Default: as long as
 plans took until now.)";
-inline constexpr const char* period = R"(Least time from the state of one plan to that of the next one.)";
+inline constexpr const char* period = R"(Least time from the state of one plan to that of the next one. It is longer if `lead` is:
+the next plan is made from a state after the newest one has begun.)";
 }
 
 namespace OnlinePlannerStatus {
@@ -696,6 +697,7 @@ inline constexpr const char* OnlinePlannerStatus = R"(How plans were made. Plain
 inline constexpr const char* begin = R"(Instant from which the newest plan is used.)";
 inline constexpr const char* cost = R"(`Plan.cost`)";
 inline constexpr const char* duration = R"(What the newest plan took, from its state on.)";
+inline constexpr const char* has_failed = R"(A cost function has thrown, so no other plan will come.)";
 inline constexpr const char* lateness = R"(How long after its `begin` it was ready; 0 if in time.)";
 inline constexpr const char* median_cost = R"(`Plan.median_cost`)";
 inline constexpr const char* num_masked = R"(`Plan.num_masked`)";

@@ -68,7 +68,7 @@ std::string_view move_name(std::size_t i) { return name_of(static_cast<Move>(i))
 std::string_view reason_name(std::size_t i) { return name_of(all_reasons()[i]); }
 
 // The plain counts of a tally with their names.
-constexpr std::array<std::pair<const char*, std::uint64_t Tally::*>, 14> kCounts{{
+constexpr std::array<std::pair<const char*, std::uint64_t Tally::*>, 13> kCounts{{
     {"steps", &Tally::steps},
     {"sessions", &Tally::sessions},
     {"passes_failed", &Tally::passes_failed},
@@ -82,7 +82,6 @@ constexpr std::array<std::pair<const char*, std::uint64_t Tally::*>, 14> kCounts
     {"lost_frames", &Tally::lost_frames},
     {"lost_observations", &Tally::lost_observations},
     {"recoveries", &Tally::recoveries},
-    {"recorder_restarts", &Tally::recorder_restarts},
 }};
 
 constexpr std::array<std::pair<const char*, double JointTally::*>, 6> kJointNumbers{{

@@ -120,7 +120,6 @@ struct Tally {
   std::uint64_t recoveries{0};
   Times recovery_times;  // from the end of a session to the end of the next one's self-test
   Times lateness;        // of the back-end
-  std::uint64_t recorder_restarts{0};
   std::vector<JointTally> joints;
 
   // Both must have the same number of joints.

@@ -5,11 +5,14 @@
 #include <grp.h>
 #include <poll.h>
 #include <pwd.h>
+#include <sched.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
@@ -31,6 +34,23 @@ void close(int& file) noexcept {
 }
 
 }  // namespace
+
+int watch_in_real_time() noexcept {
+  constexpr int kHighest = 75;
+  rlimit limit{};
+  ::getrlimit(RLIMIT_RTPRIO, &limit);
+  const int allowed = static_cast<int>(std::min<rlim_t>(limit.rlim_cur, kHighest));
+  for (const int priority : {kHighest, allowed}) {
+    const sched_param wanted{.sched_priority = priority};
+    if (::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &wanted) == 0) return priority;
+  }
+  return 0;
+}
+
+void watch_ordinarily() noexcept {
+  const sched_param none{};
+  ::sched_setscheduler(0, SCHED_OTHER | SCHED_RESET_ON_FORK, &none);
+}
 
 SystemUser SystemUser::find(const std::string& name) {
   errno = 0;

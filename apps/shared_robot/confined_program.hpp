@@ -13,6 +13,14 @@
 
 namespace trifinger::apps {
 
+// Gives the calling thread a real-time priority above all that a confined program may have, but
+// below that of a back-end (80), so that a program which never waits can still be watched and
+// ended. Threads and processes that it starts later are ordinary ones. Returns the priority; 0 if
+// this user may have none.
+int watch_in_real_time() noexcept;
+// Makes the calling thread an ordinary one again.
+void watch_ordinarily() noexcept;
+
 // A user of the system, with all groups.
 struct SystemUser {
   std::string name;
@@ -39,9 +47,12 @@ struct Confinement {
 
 // What holds the program.
 struct ConfinedBy {
-  bool own_processes{false};  // A namespace of its own: it sees no other processes.
-  bool own_users{false};      // A namespace of users was needed for this.
-  bool read_only{false};      // It can write only where it should.
+  bool own_processes{false};    // A namespace of its own: it sees no other processes.
+  bool own_users{false};        // A namespace of users was needed for this.
+  bool read_only{false};        // It can write only where it should.
+  bool hides_processes{false};  // Its /proc shows its own processes only.
+  bool hides_places{false};     // It does not see what others have in /tmp and the like.
+  bool filters_calls{false};    // It cannot make namespaces or System V memory.
 };
 
 // How a program has ended.

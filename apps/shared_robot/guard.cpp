@@ -21,13 +21,20 @@
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
+#include <filesystem>
 #include <string_view>
+#include <system_error>
+#include <utility>
 
 #include "shared/child_program.hpp"
 #include "shared_robot/process_tree.hpp"
+#include "shared_robot/system_call_filter.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {
+
+namespace fs = std::filesystem;
 
 // A step on the way to the program that must succeed; the child then exits, and the guard tells the
 // error.
@@ -65,12 +72,61 @@ bool enter_namespaces(ConfinedBy& by) {
   return by.own_processes;
 }
 
+std::vector<fs::path> writable_in(const Confinement& confinement) {
+  std::vector<fs::path> writable = confinement.writable;
+  writable.push_back(confinement.folder);
+  return writable;
+}
+
+bool is_inside(const fs::path& path, const fs::path& folder) {
+  return std::ranges::mismatch(path, folder).in2 == folder.end();
+}
+
+// Puts an empty folder over `place`, in which only those of `kept` are that were there.
+bool empty_folder(const fs::path& place, const std::vector<fs::path>& kept) {
+  std::vector<std::pair<fs::path, ipc::FileDescriptor>> originals;
+  for (const fs::path& path : kept) {
+    if (path == place) return false;
+    if (!is_inside(path, place)) continue;
+    originals.emplace_back(path, ipc::FileDescriptor([&path] {
+                             return ::open(path.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
+                           }));
+  }
+  if (::mount("tmpfs", place.c_str(), "tmpfs", MS_NOSUID | MS_NODEV, "mode=755,size=1m") != 0)
+    return false;
+  for (const auto& [path, original] : originals) {
+    std::error_code error;
+    fs::create_directories(path, error);
+    const std::string source = fmt::format("/proc/self/fd/{}", original.get());
+    if (error || ::mount(source.c_str(), path.c_str(), nullptr, MS_BIND | MS_REC, nullptr) != 0)
+      return false;
+  }
+  return true;
+}
+
+// Hides what others have where everybody may write, and the sockets of services that would start
+// something outside for whoever asks. The folders of the job stay where they are.
+bool hide_places(const Confinement& confinement) {
+  const std::vector<fs::path> kept = writable_in(confinement);
+  bool are_hidden = true;
+  for (const char* const place : {"/tmp", "/var/tmp", "/run/user", "/run/dbus", "/run/containerd",
+                                  "/run/podman", "/run/libvirt", "/run/lxd"}) {
+    std::error_code ignored;
+    if (fs::symlink_status(place, ignored).type() != fs::file_type::directory) continue;
+    are_hidden = empty_folder(place, kept) && are_hidden;
+  }
+  for (const char* const socket : {"/run/docker.sock", "/run/snapd.socket"}) {
+    std::error_code ignored;
+    if (!fs::exists(socket, ignored)) continue;
+    are_hidden = ::mount("/dev/null", socket, nullptr, MS_BIND, nullptr) == 0 && are_hidden;
+  }
+  return are_hidden;
+}
+
 // Makes everything read-only but the folders of the job. A kernel before 5.12 cannot.
 bool make_read_only(const Confinement& confinement) {
-  if (::mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) return false;
-  std::vector<std::filesystem::path> writable = confinement.writable;
-  writable.push_back(confinement.folder);
-  for (const std::filesystem::path& path : writable) {
+  const std::vector<fs::path> writable = writable_in(confinement);
+  for (const fs::path& path : writable) {
     if (::mount(path.c_str(), path.c_str(), nullptr, MS_BIND | MS_REC, nullptr) != 0) return false;
   }
   mount_attr read_only{};
@@ -79,7 +135,7 @@ bool make_read_only(const Confinement& confinement) {
     return false;
   mount_attr as_before{};
   as_before.attr_clr = MOUNT_ATTR_RDONLY;
-  for (const std::filesystem::path& path : writable) {
+  for (const fs::path& path : writable) {
     if (::mount_setattr(AT_FDCWD, path.c_str(), AT_RECURSIVE, &as_before, sizeof(as_before)) != 0) {
       return false;
     }
@@ -108,16 +164,20 @@ bool allow(int resource, std::uint64_t limit) noexcept {
          lower(resource, limit);
 }
 
-bool set_limits(const JobLimits& limits, std::uint64_t other_threads) noexcept {
+// `priority`: the most that a thread may have.
+bool set_limits(const JobLimits& limits, std::uint64_t other_threads, int priority) noexcept {
   const auto cpu = static_cast<std::uint64_t>(
       std::max<std::int64_t>(limits.cpu_time / std::chrono::seconds(1), 1));
   constexpr std::uint64_t kMostOpen = 1024;
-  // A back-end has priority 80, and the program of a user 70.
-  constexpr std::uint64_t kPriority = 70;
+  // So long a thread with real-time priority may go on without waiting [us]. Then it gets a signal
+  // that it may catch, and is killed at the second limit.
+  constexpr std::uint64_t kMostAtOnce = 200'000;
   // At the soft limit of its time a process gets a signal that it may catch.
   return lower(RLIMIT_CPU, cpu, cpu + 1) && lower(RLIMIT_AS, limits.address_space) &&
          lower(RLIMIT_FSIZE, limits.file_size) && lower(RLIMIT_CORE, 0) &&
-         lower(RLIMIT_NOFILE, kMostOpen) && allow(RLIMIT_RTPRIO, kPriority) &&
+         lower(RLIMIT_NOFILE, kMostOpen) &&
+         allow(RLIMIT_RTPRIO, static_cast<std::uint64_t>(priority)) &&
+         lower(RLIMIT_RTTIME, kMostAtOnce, 2 * kMostAtOnce) &&
          allow(RLIMIT_MEMLOCK, limits.memory) &&
          lower(RLIMIT_NPROC, other_threads + limits.processes);
 }
@@ -140,7 +200,7 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
 
 // Becomes the program.
 [[noreturn]] void become(const Confinement& confinement, int output, int report,
-                         std::uint64_t other_threads) {
+                         std::uint64_t other_threads, int priority) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::setsid();
   for (int signal = 1; signal < NSIG; ++signal) std::signal(signal, SIG_DFL);
@@ -149,11 +209,13 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
               ::dup2(output, STDERR_FILENO) >= 0 &&
               ::close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC) == 0,
           report);
-  // When memory is scarce the kernel takes a process of the job, not one of the robot.
+  // When memory is scarce the kernel takes a process of the job, not one of the robot. Only what
+  // root writes cannot be taken back.
   write_file("/proc/self/oom_score_adj", "1000");
   ::umask(022);
-  require(set_limits(confinement.limits, other_threads), report);
+  require(set_limits(confinement.limits, other_threads, priority), report);
   require(give_up_rights(confinement.user), report);
+  require(!can_forbid_hidden_memory() || forbid_hidden_memory(), report);
   require(::chdir(confinement.folder.c_str()) == 0, report);
 
   std::vector<char*> words;
@@ -183,14 +245,22 @@ class Guard {
       : confinement_(confinement), options_(options), by_(by) {}
 
   [[noreturn]] void work() {
+    // The program of a user has 70 as usual, and never as much as this process.
+    constexpr int kUsual = 70;
+    priority_ = std::clamp(watch_in_real_time() - 1, 0, kUsual);
     if (by_.own_processes) {
-      by_.read_only = make_read_only(confinement_);
+      ::umask(022);  // The program needs to pass through folders that are made here.
+      const bool is_private = ::mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0;
+      by_.hides_places = is_private && hide_places(confinement_);
+      by_.read_only = is_private && make_read_only(confinement_);
       // Afterwards, because a process may write about itself there. Without it the program sees the
       // processes outside, but cannot reach them.
-      ::mount("proc", "/proc", "proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, nullptr);
+      by_.hides_processes =
+          ::mount("proc", "/proc", "proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, nullptr) == 0;
     } else {
       ::prctl(PR_SET_CHILD_SUBREAPER, 1);
     }
+    by_.filters_calls = can_forbid_hidden_memory();
     tell({.kind = News::Kind::kConfined, .confined_by = by_});
     for (;;) {
       obey();
@@ -230,7 +300,7 @@ class Guard {
       return;
     }
     program_ = ::fork();
-    if (program_ == 0) become(confinement_, options_.output, report[1], others);
+    if (program_ == 0) become(confinement_, options_.output, report[1], others, priority_);
     const int fork_error = program_ < 0 ? errno : 0;
     ::close(report[1]);
     // The other end closes when the program begins.
@@ -293,6 +363,7 @@ class Guard {
   const Confinement& confinement_;
   GuardOptions options_;
   ConfinedBy by_;
+  int priority_{0};  // the most that the program may have
   pid_t program_{-1};
   int start_error_{0};
   bool has_ended_{false};

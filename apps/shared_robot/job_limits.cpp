@@ -26,7 +26,9 @@ std::string_view name_of(Limit limit) noexcept {
 Limit exceeded(const JobUsage& usage, const JobLimits& limits) noexcept {
   if (usage.processes > limits.processes) return Limit::kProcesses;
   if (usage.memory > limits.memory) return Limit::kMemory;
-  if (usage.files > limits.files || usage.file_count > limits.file_count) return Limit::kFiles;
+  if (usage.files > limits.files || usage.file_count > limits.file_count || usage.hides_files) {
+    return Limit::kFiles;
+  }
   if (usage.cpu_time > limits.cpu_time) return Limit::kCpuTime;
   if (usage.time > limits.time) return Limit::kTime;
   return Limit::kNone;
@@ -39,6 +41,7 @@ void raise_to(JobUsage& most, const JobUsage& now) noexcept {
   most.processes = std::max(most.processes, now.processes);
   most.files = std::max(most.files, now.files);
   most.file_count = std::max(most.file_count, now.file_count);
+  most.hides_files = most.hides_files || now.hides_files;
 }
 
 }  // namespace trifinger::apps

@@ -33,6 +33,7 @@ struct JobUsage {
   std::uint64_t processes{0};
   std::uint64_t files{0};  // [bytes]
   std::uint64_t file_count{0};
+  bool hides_files{false};  // in folders that cannot be read, or too deep
 };
 
 enum class Limit : unsigned char { kNone, kTime, kCpuTime, kMemory, kProcesses, kFiles };

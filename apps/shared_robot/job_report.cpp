@@ -192,7 +192,10 @@ void write_json(const JobReport& report, const std::filesystem::path& folder) {
   if (report.confined_by) {
     confined = Json::object({{"own_processes", report.confined_by->own_processes},
                              {"own_users", report.confined_by->own_users},
-                             {"read_only", report.confined_by->read_only}});
+                             {"read_only", report.confined_by->read_only},
+                             {"hides_processes", report.confined_by->hides_processes},
+                             {"hides_places", report.confined_by->hides_places},
+                             {"filters_calls", report.confined_by->filters_calls}});
   }
   const Json json = Json::object(
       {{"robot", report.robot},

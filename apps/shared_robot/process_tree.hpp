@@ -3,7 +3,9 @@
 
 #include <sys/types.h>
 
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,8 +24,10 @@ struct ProcessEntry {
   Nanoseconds children_cpu_time{0};  // of children that have ended and were waited for
 };
 
-// Returns what can be read of the file /proc/PID/`name`: the process may end meanwhile.
-[[nodiscard]] std::string proc_text(pid_t pid, const char* name);
+// Returns what can be read of the file /proc/PID/`name`: the process may end meanwhile. Ends soon
+// after `most` bytes.
+[[nodiscard]] std::string proc_text(pid_t pid, const char* name,
+                                    std::size_t most = std::numeric_limits<std::size_t>::max());
 
 // Reads the text of a file /proc/PID/stat. Nothing useful in it: pid 0.
 [[nodiscard]] ProcessEntry parse_stat(std::string_view text);
@@ -36,8 +40,8 @@ struct ProcessEntry {
                                                        const std::vector<ProcessEntry>& all);
 
 // Memory that only the `processes` have, or that they share with each other [bytes]. Looks at it
-// closely only if it could be more than `enough`: pages that several share are counted again and
-// again otherwise.
+// closely only if it could be more than `enough`, and for at most 0.2 s: pages that several share
+// are counted again and again otherwise.
 [[nodiscard]] std::uint64_t memory_of(const std::vector<ProcessEntry>& processes,
                                       std::uint64_t enough);
 

@@ -4,21 +4,20 @@
 #include <fcntl.h>
 #include <fmt/chrono.h>
 #include <fmt/core.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
-#include <functional>
+#include <mutex>
+#include <stop_token>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -30,11 +29,13 @@
 #include "shared_robot/bounded_output.hpp"
 #include "shared_robot/confined_program.hpp"
 #include "shared_robot/job_files.hpp"
+#include "shared_robot/job_folder.hpp"
 #include "shared_robot/job_report.hpp"
 #include "shared_robot/process_tree.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/core/turn_claim.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
@@ -44,6 +45,7 @@ namespace fs = std::filesystem;
 
 // How often the usage of a job is measured at most.
 constexpr Nanoseconds kMeasurePeriod = std::chrono::milliseconds(100);
+constexpr Nanoseconds kLongestPause = std::chrono::seconds(1);
 constexpr std::size_t kMostTroubles = 20;
 
 // Somebody has pressed Ctrl-C, or sent such a signal.
@@ -53,25 +55,6 @@ struct TurnInterrupted : std::exception {
 };
 
 Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
-// The right to a turn on a robot, as long as the object lives. It ends with this process, whatever
-// happens, and other users cannot remove it.
-ipc::FileDescriptor claim(const std::string& robot) {
-  ipc::FileDescriptor socket([] { return ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0); });
-  if (!socket) throw SystemError("make a socket", errno);
-  const std::string key = session_folder().string() + "/" + robot;
-  const std::string name =
-      fmt::format("trifinger.turn.{:016x}.{}", std::hash<std::string>()(key), robot);
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  // The zero before the name makes it one that is in no file system.
-  const std::size_t size = std::min(name.size(), sizeof(address.sun_path) - 1);
-  std::memcpy(address.sun_path + 1, name.data(), size);
-  const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + size);
-  if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), length) == 0) return socket;
-  if (errno != EADDRINUSE) throw SystemError("claim the robot '" + robot + "'", errno);
-  throw Error("'" + robot + "' is in use: another 'trifinger job' has not ended yet");
-}
 
 // Returns all that the program gets as environment.
 std::vector<std::string> environment_for(const TurnOptions& options, const fs::path& folder) {
@@ -168,16 +151,66 @@ std::string limit_text(Limit limit, const JobUsage& usage, const JobLimits& limi
     case Limit::kProcesses:
       return fmt::format("it had {} threads, more than {}", usage.processes, limits.processes);
     case Limit::kFiles:
+      if (usage.hides_files) return "it had folders that cannot be read, or more than 200 deep";
       return fmt::format("it had {} in {} files, more than {} or {} files", size_text(usage.files),
                          usage.file_count, size_text(limits.files), limits.file_count);
   }
   return "";
 }
 
+// Watches in real time, where this program may.
+class WatchPriority {
+ public:
+  WatchPriority() { watch_in_real_time(); }
+  WatchPriority(const WatchPriority&) = delete;
+  WatchPriority& operator=(const WatchPriority&) = delete;
+  ~WatchPriority() { watch_ordinarily(); }
+};
+
+// Measuring takes at most a tenth of the time, but is never put off for long.
+Nanoseconds pause_after(Nanoseconds measure) {
+  return std::clamp<Nanoseconds>(10 * measure, kMeasurePeriod, kLongestPause);
+}
+
+// Measures the files of a job in a thread of its own, because a program can make that slow.
+class FileWatch {
+ public:
+  FileWatch(JobFiles& files, pid_t guard, const JobLimits& limits)
+      : thread_([this, &files, guard, &limits](const std::stop_token& stop) {
+          watch_ordinarily();
+          work(files, guard, {.bytes = limits.files, .count = limits.file_count}, stop);
+        }) {}
+
+  // Adds the files to `usage`, as they were at the last look.
+  void tell(JobUsage& usage) {
+    const std::lock_guard lock(mutex_);
+    usage.files = newest_.bytes;
+    usage.file_count = newest_.count;
+    usage.hides_files = newest_.is_hidden;
+  }
+
+ private:
+  void work(JobFiles& files, pid_t guard, FilesUsage most, const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      const Instant begin = now();
+      files.look_at(descendants_of(guard, all_processes()));
+      const FilesUsage usage = files.usage(most);
+      std::unique_lock lock(mutex_);
+      newest_ = usage;
+      changed_.wait_for(lock, stop, pause_after(now() - begin), [] { return false; });
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable_any changed_;  // Only a stop ends a wait early.
+  FilesUsage newest_;
+  std::jthread thread_;  // the last member: it uses all others
+};
+
 class Turn {
  public:
   explicit Turn(const TurnOptions& options)
-      : options_(options), claim_(claim(options.robot)), care_(options.care) {
+      : options_(options), claim_(claim_turn(options.robot)), care_(options.care) {
     report_.robot = options.robot;
     report_.words = options.words;
     report_.user = options.user;
@@ -193,6 +226,7 @@ class Turn {
       care_.look = [this] { throw_if_interrupted(); };
       report_.before = make_fit(options_.robot, care_);
       if (report_.before.is_fit) {
+        if (!claim_) claim_ = claim_turn(options_.robot);  // The robot has just been started.
         record_and_run();
       } else {
         report_.end.text = "was not started: the robot is not fit: " + report_.before.problem;
@@ -235,38 +269,27 @@ class Turn {
   }
 
   void make_folders() {
-    if (options_.output) {
-      folder_ = fs::absolute(*options_.output);
-    } else {
-      const auto whole = std::chrono::floor<std::chrono::seconds>(report_.begin.time_since_epoch());
-      folder_ = fs::absolute("jobs") / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}_{}", options_.robot,
-                                                   fmt::gmtime(whole.count()), ::getpid());
-    }
+    const auto whole = std::chrono::floor<std::chrono::seconds>(report_.begin.time_since_epoch());
+    const fs::path usual =
+        fs::path("jobs") / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}_{}", options_.robot,
+                                       fmt::gmtime(whole.count()), ::getpid());
+    if (options_.user) user_ = SystemUser::find(*options_.user);
+    folder_ = make_job_folder(options_.output.value_or(usual));
     if (fs::exists(folder_ / "job.json") || fs::exists(folder_ / "output.txt")) {
-      throw UsageError(folder_.string() + " has another job; --output names a folder");
+      throw UsageError(folder_.string() + " has another job; --output names a new folder");
     }
     work_ = folder_ / "work";
-    fs::create_directories(work_ / "tmp");
-    folder_ = fs::canonical(folder_);
-    work_ = folder_ / "work";
+    make_work_folder(folder_, user_);
   }
 
   void prepare_program() {
     Confinement confinement{.words = options_.words,
                             .folder = work_,
                             .environment = environment_for(options_, work_),
-                            .user = {},
+                            .user = user_,
                             .limits = options_.limits,
                             .writable = {},
                             .with_namespaces = options_.with_namespaces};
-    if (options_.user) {
-      confinement.user = SystemUser::find(*options_.user);
-      for (const fs::path& path : {work_, work_ / "tmp"}) {
-        if (::chown(path.c_str(), confinement.user->user, confinement.user->group) != 0) {
-          throw SystemError("give " + path.string() + " to " + *options_.user, errno);
-        }
-      }
-    }
     for (const fs::path& path : {session_folder(), fs::path("/dev/shm")}) {
       std::error_code ignored;
       const fs::path real = fs::canonical(path, ignored);
@@ -275,9 +298,7 @@ class Turn {
         writable.push_back(real);
       }
     }
-    const uid_t user = confinement.user ? confinement.user->user : ::geteuid();
     shared_ = confinement.writable;
-    user_ = user;
     program_.emplace(std::move(confinement));  // before any thread
     report_.confined_by = program_->confined_by();
   }
@@ -301,17 +322,25 @@ class Turn {
   }
 
   void run_program() {
-    files_.emplace(work_, shared_, user_);
+    files_.emplace(work_, shared_, user_ ? user_->user : ::geteuid());
     OutputFile output(folder_ / "output.txt", options_.limits.output);
     print("starts the program; its folder is " + work_.string());
+    const WatchPriority priority;
     const Instant begin = now();
     program_->start();
+    FileWatch file_watch(*files_, program_->guard(), options_.limits);
     Instant next_measure = begin;
     std::optional<Instant> asked;
     bool was_killed = false;
+    const auto ask = [&](JobEnd why) {
+      report_.end = std::move(why);
+      program_->ask_to_end();
+      asked = now();
+    };
     const auto kill = [&] {
       if (!std::exchange(was_killed, true)) program_->kill();
     };
+    // Nothing in this loop takes long, so that time and signals are looked at in each round.
     while (!program_->is_gone()) {
       constexpr Nanoseconds kSlice = std::chrono::milliseconds(20);
       const std::string text = program_->take_output(kSlice);
@@ -320,30 +349,34 @@ class Turn {
       if (output.output().left_out() > 0 && !text.empty()) {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
       }
-      const bool is_ending = program_->end() || asked || was_killed;
-      if (const std::optional<int> signal = look_for_signal(); signal && !is_ending) {
-        report_.end = {.kind = JobEnd::Kind::kInterrupted,
-                       .signal = *signal,
-                       .text = "was ended because this was interrupted by " + signal_text(*signal)};
-        program_->ask_to_end();
-        asked = now();
+      const std::optional<int> signal = look_for_signal();
+      if (program_->end() || was_killed) continue;
+      if (signal && !asked) {
+        ask({.kind = JobEnd::Kind::kInterrupted,
+             .signal = *signal,
+             .text = "was ended because this was interrupted by " + signal_text(*signal)});
+      }
+      if (now() - begin > options_.limits.time && !asked) {
+        ask({.kind = JobEnd::Kind::kLimit,
+             .limit = Limit::kTime,
+             .text = "was ended: " + limit_text(Limit::kTime, {}, options_.limits)});
       }
       if (asked && now() - *asked > options_.limits.grace) kill();
-      if (program_->end() || was_killed || now() < next_measure) continue;
+      if (now() < next_measure) continue;
       const Instant before = now();
-      const JobUsage usage = measure(before - begin);
-      next_measure = now() + std::max<Nanoseconds>(kMeasurePeriod, 10 * (now() - before));
+      JobUsage usage = measure_processes();
+      file_watch.tell(usage);
+      next_measure = now() + pause_after(now() - before);
+      raise_to(report_.most, usage);
+      // These limits hold also for a program that has been asked to end.
       const Limit limit = exceeded(usage, options_.limits);
-      if (limit == Limit::kNone || asked) continue;
-      report_.end = {.kind = JobEnd::Kind::kLimit,
-                     .limit = limit,
-                     .text = "was ended: " + limit_text(limit, usage, options_.limits)};
-      if (limit == Limit::kTime) {
-        program_->ask_to_end();
-        asked = now();
-      } else {
-        kill();
+      if (limit == Limit::kNone) continue;
+      if (!asked) {
+        report_.end = {.kind = JobEnd::Kind::kLimit,
+                       .limit = limit,
+                       .text = "was ended: " + limit_text(limit, usage, options_.limits)};
       }
+      kill();
     }
     report_.most.time = std::max<Nanoseconds>(report_.most.time, now() - begin);
     report_.end.was_killed = was_killed;
@@ -354,10 +387,11 @@ class Turn {
     if (report_.end.kind == JobEnd::Kind::kNotStarted) note_end(*program_->end());
   }
 
-  JobUsage measure(Nanoseconds time) {
+  // What the program uses but files.
+  [[nodiscard]] JobUsage measure_processes() const {
     const std::vector<ProcessEntry> all = all_processes();
     const std::vector<ProcessEntry> processes = descendants_of(program_->guard(), all);
-    JobUsage usage{.time = time};
+    JobUsage usage;
     for (const ProcessEntry& process : all) {
       // The guard has waited for orphans.
       if (process.pid == program_->guard()) usage.cpu_time += process.children_cpu_time;
@@ -366,16 +400,9 @@ class Turn {
       usage.cpu_time += process.cpu_time + process.children_cpu_time;
       usage.processes += process.has_ended ? 1 : process.threads;
     }
-    raise_to(report_.most, usage);
     // The rest takes time that a fork bomb would use.
     if (usage.processes > options_.limits.processes) return usage;
     usage.memory = memory_of(processes, options_.limits.memory);
-    files_->look_at(processes);
-    const FilesUsage files =
-        files_->usage({.bytes = options_.limits.files, .count = options_.limits.file_count});
-    usage.files = files.bytes;
-    usage.file_count = files.count;
-    raise_to(report_.most, usage);
     return usage;
   }
 
@@ -399,8 +426,13 @@ class Turn {
       } else if (told.signal == SIGXCPU) {
         told.kind = JobEnd::Kind::kLimit;
         told.limit = Limit::kCpuTime;
-        told.text = fmt::format("was ended: it used more than {} of a processor",
-                                duration_text(options_.limits.cpu_time));
+        // Two limits of the kernel send this signal.
+        const bool has_used_it =
+            report_.most.cpu_time + std::chrono::seconds(2) > options_.limits.cpu_time;
+        told.text = has_used_it ? fmt::format("was ended: it used more than {} of a processor",
+                                              duration_text(options_.limits.cpu_time))
+                                : "was ended: a thread with real-time priority did not wait for "
+                                  "more than 200 ms";
       }
     } else {
       told.kind = JobEnd::Kind::kExited;
@@ -479,7 +511,7 @@ class Turn {
   fs::path folder_;
   fs::path work_;
   std::vector<fs::path> shared_;
-  uid_t user_{0};
+  std::optional<SystemUser> user_;  // only if root runs the program as somebody else
   bool was_interrupted_{false};
   bool is_broken_{false};  // This program has failed.
   std::optional<ConfinedProgram> program_;
@@ -492,7 +524,7 @@ int take_turn(const TurnOptions& options) { return Turn(options).take(); }
 
 int restore_robot(const std::string& robot, const CareOptions& care) {
   const Signals signals;
-  const ipc::FileDescriptor claimed = claim(robot);
+  const ipc::FileDescriptor claimed = claim_turn(robot);
   Console console;
   CareOptions options = care;
   options.tell = [&](const std::string& sentence) { console.print(robot, sentence); };

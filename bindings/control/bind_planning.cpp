@@ -632,7 +632,8 @@ void bind_online_planner(nb::module_& m) {
   time("lateness", &Status::lateness, docs::OnlinePlannerStatus::lateness);
   status.def_ro("cost", &Status::cost, docs::OnlinePlannerStatus::cost)
       .def_ro("median_cost", &Status::median_cost, docs::OnlinePlannerStatus::median_cost)
-      .def_ro("num_masked", &Status::num_masked, docs::OnlinePlannerStatus::num_masked);
+      .def_ro("num_masked", &Status::num_masked, docs::OnlinePlannerStatus::num_masked)
+      .def_ro("has_failed", &Status::has_failed, docs::OnlinePlannerStatus::has_failed);
 
   using Planner = PythonOnlinePlanner;
   nb::class_<Planner>(

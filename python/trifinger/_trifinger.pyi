@@ -2730,7 +2730,10 @@ class OnlinePlannerOptions:
 
     @property
     def period(self) -> float:
-        """Least time from the state of one plan to that of the next one."""
+        """
+        Least time from the state of one plan to that of the next one. It is longer if `lead` is:
+        the next plan is made from a state after the newest one has begun.
+        """
 
     @period.setter
     def period(self, arg: float, /) -> None: ...
@@ -2953,6 +2956,10 @@ class OnlinePlannerStatus:
     def num_masked(self) -> int:
         """`Plan.num_masked`"""
 
+    @property
+    def has_failed(self) -> bool:
+        """A cost function has thrown, so no other plan will come."""
+
 class OnlinePlanner:
     """
     Plans in threads of its own, beside a loop at 1 HZ.
@@ -2994,20 +3001,20 @@ class OnlinePlanner:
 
     @property
     def status(self) -> OnlinePlannerStatus:
-        """The status when `at` or `status` was called last."""
+        """The status as it is now."""
 
     def set_terms(self, terms: Sequence[CostTerm]) -> bool:
         """
         Changes the terms of the task from the next plan on. Ignores them and returns False if their
-        number is not that of the task.
+        number is not that of the task, or if one of them does not fit the model or has a number
+        that is not finite.
         """
 
     def wait_for_plan(self, count: int, timeout: float | None = None) -> None:
         """
         Waits until `count` plans were made since the beginning. Any thread may call it.
 
-        Raises TimedOut; and once, the exception of a cost function or a refused term, which has
-        ended the planning.
+        Raises TimedOut; and once, the exception of a cost function, which has ended the planning.
         """
 
 class GuideState:

@@ -48,6 +48,7 @@ struct OnlinePlanner::State {
         predicted(model.initial_state()) {}
 
   void run(PredictivePlanner& planner);
+  void wait_until(Seconds time) noexcept;
   void plan(PredictivePlanner& planner, const PlanningState& state);
   void fail(std::exception_ptr exception);
 
@@ -65,6 +66,8 @@ struct OnlinePlanner::State {
   std::atomic<bool> has_failed{false};
   std::mutex failure_mutex;
   std::exception_ptr failure;
+
+  OnlinePlannerStatus told;  // Used by the thread of the loop only.
 
   // Used by the planner's thread only.
   PlanningState predicted;
@@ -95,10 +98,15 @@ void OnlinePlanner::State::run(PredictivePlanner& planner) {
   }
 }
 
+void OnlinePlanner::State::wait_until(Seconds time) noexcept {
+  // relaxed: whoever reads an older one wakes the planner for nothing.
+  due.store(time.count(), std::memory_order_relaxed);
+}
+
 void OnlinePlanner::State::plan(PredictivePlanner& planner, const PlanningState& state) {
   const Seconds begun = state.time;
-  // relaxed: whoever reads an older one wakes the planner for nothing.
-  due.store((begun + online.period).count(), std::memory_order_relaxed);
+  // A time that is not finite says nothing about the next state.
+  if (std::isfinite(begun.count())) wait_until(begun + online.period);
   if (!is_finite(state)) {
     ++made.num_refused_states;
     return;
@@ -134,6 +142,9 @@ void OnlinePlanner::State::plan(PredictivePlanner& planner, const PlanningState&
   made.cost = plan.cost;
   made.median_cost = plan.median_cost;
   made.num_masked = plan.num_masked;
+  // The loop gets two plans. Until this one begins, it follows the one before it, which must not
+  // be replaced meanwhile.
+  wait_until(std::max(begun + online.period, made.begin));
   Published& next = plans.own();
   next.before = current;
   next.after = plan.commands;
@@ -222,13 +233,20 @@ bool OnlinePlanner::at(Seconds time, std::span<double> command, std::span<double
 }
 
 const OnlinePlannerStatus& OnlinePlanner::status() noexcept {
-  state_->plans.update();
-  return state_->plans.seen().status;
+  State& self = *state_;
+  self.plans.update();
+  self.told = self.plans.seen().status;
+  // relaxed: the flag carries nothing but itself here.
+  self.told.has_failed = self.has_failed.load(std::memory_order_relaxed);
+  return self.told;
 }
 
 bool OnlinePlanner::set_terms(std::span<const CostTerm> terms) noexcept {
   std::vector<CostTerm>& own = state_->terms.own();
   if (terms.size() != own.size()) return false;
+  for (const CostTerm& term : terms) {
+    if (!is_valid(term, state_->model)) return false;
+  }
   std::ranges::copy(terms, own.begin());
   state_->terms.publish();
   return true;

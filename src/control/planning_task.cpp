@@ -75,6 +75,34 @@ double quantity(const CostTerm& term, const CostInput& input) noexcept {
   return 0.0;
 }
 
+bool has_finite_numbers(const CostTerm& term) noexcept {
+  const auto is_finite = [](double value) { return std::isfinite(value); };
+  return is_finite(term.weight) && is_finite(term.end_weight) && is_finite(term.distance) &&
+         is_finite(term.smoothing) && term.goal.position.allFinite() &&
+         term.goal.orientation.coeffs().allFinite() && std::ranges::all_of(term.joints, is_finite);
+}
+
+bool is_for_an_object(const CostTerm& term) noexcept {
+  return term.kind == CostKind::kObjectPosition || term.kind == CostKind::kObjectOrientation ||
+         term.kind == CostKind::kObjectVelocity || term.kind == CostKind::kObjectRotation ||
+         term.kind == CostKind::kTipObject;
+}
+
+bool is_for_a_finger(const CostTerm& term) noexcept { return term.kind == CostKind::kTipPosition; }
+
+std::size_t count_of_parts(const CostTerm& term, const PlanningModel& model) noexcept {
+  return is_for_a_finger(term) ? model.tip_sites().size() : model.objects().size();
+}
+
+bool names_a_part(const CostTerm& term, const PlanningModel& model) noexcept {
+  if (!is_for_an_object(term) && !is_for_a_finger(term)) return true;
+  return term.index >= 0 && std::cmp_less(term.index, count_of_parts(term, model));
+}
+
+bool suits_the_joints(const CostTerm& term, const PlanningModel& model) noexcept {
+  return term.kind != CostKind::kJointPosition || model.num_joints() <= kMaxJoints;
+}
+
 }  // namespace
 
 double value_of(const CostTerm& term, const CostInput& input) noexcept {
@@ -90,45 +118,25 @@ double value_of(const CostTerm& term, const CostInput& input) noexcept {
   return value;
 }
 
+bool is_valid(const CostTerm& term, const PlanningModel& model) noexcept {
+  return has_finite_numbers(term) && names_a_part(term, model) && suits_the_joints(term, model);
+}
+
 void validate(const PlanningTask& task, const PlanningModel& model) {
-  const auto is_finite = [](double value) { return std::isfinite(value); };
   for (std::size_t i = 0; i < task.terms.size(); ++i) {
     const CostTerm& term = task.terms[i];
     // Texts are made only for errors, because terms change between plans.
     const auto refuse = [i](const std::string& reason) {
       throw InvalidArgument("term " + std::to_string(i) + " of the cost " + reason);
     };
-    if (!is_finite(term.weight) || !is_finite(term.end_weight) || !is_finite(term.distance) ||
-        !is_finite(term.smoothing) || !term.goal.position.allFinite() ||
-        !term.goal.orientation.coeffs().allFinite() ||
-        !std::ranges::all_of(term.joints, is_finite)) {
-      refuse("has a number that is not finite");
+    if (!has_finite_numbers(term)) refuse("has a number that is not finite");
+    if (!names_a_part(term, model)) {
+      refuse("is for " + std::string(is_for_a_finger(term) ? "finger" : "object") + " " +
+             std::to_string(term.index) + ", the model has " +
+             std::to_string(count_of_parts(term, model)));
     }
-    const auto must_exist = [&](const char* kind, std::size_t count) {
-      if (term.index >= 0 && std::cmp_less(term.index, count)) return;
-      refuse("is for " + std::string(kind) + " " + std::to_string(term.index) + ", the model has " +
-             std::to_string(count));
-    };
-    switch (term.kind) {
-      case CostKind::kObjectPosition:
-      case CostKind::kObjectOrientation:
-      case CostKind::kObjectVelocity:
-      case CostKind::kObjectRotation:
-      case CostKind::kTipObject:
-        must_exist("object", model.objects().size());
-        break;
-      case CostKind::kTipPosition:
-        must_exist("finger", model.tip_sites().size());
-        break;
-      case CostKind::kJointPosition:
-        if (model.num_joints() > kMaxJoints)
-          refuse("is for robots of up to " + std::to_string(kMaxJoints) + " joints");
-        break;
-      case CostKind::kJointVelocity:
-      case CostKind::kEffort:
-      case CostKind::kTargetDistance:
-        break;
-    }
+    if (!suits_the_joints(term, model))
+      refuse("is for robots of up to " + std::to_string(kMaxJoints) + " joints");
   }
   const bool is_share = task.late_share >= 0.0 && task.late_share <= 1.0;
   if (!is_share) {

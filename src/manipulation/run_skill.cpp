@@ -24,6 +24,8 @@ class BackgroundPlanner {
   BackgroundPlanner(const BackgroundPlanner&) = delete;
   BackgroundPlanner& operator=(const BackgroundPlanner&) = delete;
   ~BackgroundPlanner() {
+    // The thread then waits for the next wish, and looks at nothing meanwhile.
+    if (is_busy_) made_.acquire();
     ends_ = true;
     wanted_.release();
     thread_.join();

@@ -133,6 +133,7 @@ class TaughtSkill final : public Skill {
   }
 
   void follow_phases() noexcept {
+    if (state_.has_ended) return;
     const Seconds elapsed = clock_.in_phase();
     if (is_stopping_ && elapsed >= kBrakeTime) end("it was stopped");
     if (state_.phase == "go" && elapsed >= kGoTime) {
@@ -147,7 +148,7 @@ class TaughtSkill final : public Skill {
     if (is_stopping_) {
       // Its speed falls evenly, so it goes half as far as it would have.
       TaughtMotion::Instant now = stopped_at_;
-      const double share = std::clamp(elapsed / kBrakeTime, 0.0, 1.0);
+      const double share = state_.has_ended ? 1.0 : std::clamp(elapsed / kBrakeTime, 0.0, 1.0);
       now.position += stopped_at_.velocity * kBrakeTime.count() * (share - share * share / 2);
       now.velocity *= 1.0 - share;
       return now;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "shared_robot/confined_program.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,6 +15,7 @@
 
 #include "shared_robot/process_tree.hpp"
 #include "support/folder.hpp"
+#include "trifinger/base/time.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -134,6 +137,38 @@ TEST_P(ConfinedProgramTest, CannotWriteALargeFileNorGetMuchMemory) {
   EXPECT_EQ(std::filesystem::file_size(folder_ / "large"), 1'000'000U);
 }
 
+TEST_P(ConfinedProgramTest, CannotKeepAProcessorInRealTime) {
+  ConfinedProgram limited(shell("grep timeout /proc/self/limits"));
+  EXPECT_THAT(output_of(limited), testing::ContainsRegex("timeout +200000 +400000 +us"));
+  ConfinedProgram permitted(shell("exec chrt -f 1 true"));
+  output_of(permitted);
+  if (permitted.end()->status != 0) GTEST_SKIP() << "this user has no real-time priority";
+  ConfinedProgram high(shell("exec chrt -f 71 true"));
+  output_of(high);
+  EXPECT_NE(high.end()->status, 0);
+  ConfinedProgram endless(shell("exec chrt -f 70 sh -c 'while :; do :; done'"));
+  endless.start();
+  const Deadline watchdog(std::chrono::seconds(60));
+  while (!endless.end() && !watchdog.passed())
+    static_cast<void>(endless.take_output(std::chrono::milliseconds(20)));
+  endless.kill();
+  while (!endless.is_gone()) static_cast<void>(endless.take_output(std::chrono::milliseconds(20)));
+  EXPECT_EQ(WTERMSIG(endless.end()->status), SIGXCPU);
+}
+
+TEST_P(ConfinedProgramTest, IsWatchedInRealTimeButStartsOrdinarily) {
+  ConfinedProgram program(shell("chrt -p $$; sleep 1000"));
+  program.start();
+  std::string output;
+  while (output.find("priority: ") == std::string::npos)
+    output += program.take_output(std::chrono::milliseconds(20));
+  EXPECT_NE(output.find("SCHED_OTHER"), std::string::npos) << output;
+  const int policy = ::sched_getscheduler(program.guard());
+  const int own = watch_in_real_time();
+  watch_ordinarily();
+  EXPECT_EQ(policy, own > 0 ? SCHED_FIFO | SCHED_RESET_ON_FORK : SCHED_OTHER);
+}
+
 TEST_P(ConfinedProgramTest, CannotReachOtherProcessesNorWriteElsewhere) {
   if (!GetParam()) GTEST_SKIP() << "this takes namespaces";
   ConfinedProgram program(shell("kill -0 " + std::to_string(::getpid()) +
@@ -144,6 +179,30 @@ TEST_P(ConfinedProgramTest, CannotReachOtherProcessesNorWriteElsewhere) {
   const std::string output = output_of(program);
   std::filesystem::remove("/var/tmp/trifinger_escaped");
   EXPECT_EQ(output, is_read_only ? "own\n" : "own\nescaped\n");
+}
+
+TEST_P(ConfinedProgramTest, SeesNothingOfOthersWhereEverybodyMayWrite) {
+  if (!GetParam()) GTEST_SKIP() << "this takes namespaces";
+  const test::Folder other;
+  ConfinedProgram program(shell("pwd; ls -A " + folder_.path().parent_path().string() +
+                                "; ls -A /var/tmp; : > own && echo own; : > /tmp/new"));
+  if (!program.confined_by().hides_places) GTEST_SKIP() << "the kernel allows no such mounts";
+  EXPECT_TRUE(program.confined_by().read_only);
+  EXPECT_EQ(output_of(program), folder_.path().string() + "\n" +
+                                    folder_.path().filename().string() +
+                                    "\nown\n/bin/sh: 1: cannot create /tmp/new: Read-only file "
+                                    "system\n");
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "own"));
+  EXPECT_TRUE(std::filesystem::exists(other.path()));
+}
+
+TEST_P(ConfinedProgramTest, CannotHaveMemoryThatNobodySees) {
+  ConfinedProgram program(
+      shell("exec 2>/dev/null; (echo forks); unshare -U true && echo users; "
+            "unshare -Um true && echo mounts; ipcmk -M 1000 && echo segment; "
+            "ipcmk -Q && echo queue; echo end"));
+  if (!program.confined_by().filters_calls) GTEST_SKIP() << "the kernel has no such filters";
+  EXPECT_EQ(output_of(program), "forks\nend\n");
 }
 
 INSTANTIATE_TEST_SUITE_P(WithAndWithoutNamespaces, ConfinedProgramTest, testing::Bool());

@@ -33,6 +33,9 @@ TEST(JobLimits, NameTheOneThatIsExceeded) {
   ++usage.file_count;
   EXPECT_EQ(exceeded(usage, limits), Limit::kFiles);
   usage.file_count = 0;
+  usage.hides_files = true;
+  EXPECT_EQ(exceeded(usage, limits), Limit::kFiles);
+  usage.hides_files = false;
   ++usage.files;
   EXPECT_EQ(exceeded(usage, limits), Limit::kFiles);
   ++usage.memory;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -103,6 +104,39 @@ TEST(OnlinePlanner, PlansAtMostOncePerPeriod) {
   EXPECT_EQ(planner.status().state_time, kPeriod);
 }
 
+TEST(OnlinePlanner, LetsEachPlanBeginBeforeItMakesTheNextOne) {
+  constexpr Seconds kLead = 3 * kPeriod;
+  OnlinePlanner planner{
+      PlanningModel(finger()), reach(), small_options(), {.period = kPeriod, .lead = kLead}};
+  const PlanningState start = planner.model().initial_state();
+  const auto commands_at = [&](Seconds time) {
+    Joints command{};
+    EXPECT_TRUE(planner.at(time, command));
+    return command;
+  };
+  planner.set_state(moved(start, Seconds(0)));
+  planner.wait_for_plan(1, kWatchdog);
+  Seconds begin{0};
+  for (std::uint64_t plan = 2; plan < 5; ++plan) {
+    const Seconds state_time = std::max(begin, kPeriod);
+    // Until the next plan begins, all is as this one promises now.
+    std::array<Joints, 12> promised{};
+    for (std::size_t i = 0; i < promised.size(); ++i)
+      promised[i] = commands_at(state_time + static_cast<double>(i) * kLead / 12);
+    planner.set_state(moved(start, state_time));
+    planner.wait_for_plan(plan, kWatchdog);
+    begin = planner.status().begin;
+    EXPECT_EQ(begin, state_time + kLead);
+    for (std::size_t i = 0; i < promised.size(); ++i) {
+      const Seconds time = state_time + static_cast<double>(i) * kLead / 12;
+      EXPECT_EQ(commands_at(time), promised[i]);
+      planner.set_state(moved(start, time));
+      // None of these states is for a plan.
+      EXPECT_THROW(planner.wait_for_plan(plan + 1, std::chrono::milliseconds(2)), TimedOut);
+    }
+  }
+}
+
 TEST(OnlinePlanner, TellsLateness) {
   std::atomic<bool> may_go_on{true};
   std::atomic<bool> has_begun{false};
@@ -181,14 +215,40 @@ TEST(OnlinePlanner, TakesOtherTermsBetweenPlans) {
   EXPECT_EQ(planner.status().cost, 0.0);
 }
 
+TEST(OnlinePlanner, GoesOnAfterTermsThatItRefuses) {
+  const PlanningTask task = reach();
+  OnlinePlanner planner{PlanningModel(finger()), task, small_options()};
+  const PlanningState start = planner.model().initial_state();
+  const double nan = std::nan("");
+  const std::vector<CostTerm> refused{
+      {.weight = nan},
+      {.kind = CostKind::kEffort, .end_weight = nan},
+      {.kind = CostKind::kTipPosition, .goal = {.position = {0, nan, 0}}},
+      {.kind = CostKind::kJointPosition, .joints = {0, 0, nan}},
+      {.kind = CostKind::kTipPosition, .index = 1},
+      {.kind = CostKind::kTipPosition, .index = -1},
+      {.kind = CostKind::kObjectVelocity}};
+  for (std::size_t i = 0; i < refused.size(); ++i) {
+    std::vector<CostTerm> terms = task.terms;
+    terms[1] = refused[i];
+    EXPECT_FALSE(planner.set_terms(terms)) << i;
+    EXPECT_THROW(validate({.terms = terms}, planner.model()), InvalidArgument) << i;
+    planner.set_state(moved(start, static_cast<double>(i) * Seconds(1)));
+    planner.wait_for_plan(i + 1, kWatchdog);
+    EXPECT_FALSE(planner.status().has_failed);
+  }
+}
+
 TEST(OnlinePlanner, HandsOnTheExceptionOfACost) {
   PlanningTask task = reach();
   task.batch_cost = [](const RolloutBatch&, std::span<double>) {
     throw std::runtime_error("no cost today");
   };
   OnlinePlanner planner{PlanningModel(finger()), task, small_options()};
+  EXPECT_FALSE(planner.status().has_failed);
   planner.set_state(planner.model().initial_state());
   EXPECT_THROW(planner.wait_for_plan(1, kWatchdog), std::runtime_error);
+  EXPECT_TRUE(planner.status().has_failed);
   EXPECT_THROW(planner.wait_for_plan(1, kWatchdog), Error);
 }
 

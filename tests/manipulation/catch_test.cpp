@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <numbers>
@@ -108,6 +110,28 @@ TEST(Catch, EndsIfPosesStop) {
     (void)skill->update(t, resting_joints(trial));
   }
   EXPECT_EQ(skill->state().failure, "the ball went out of sight");
+}
+
+// The joints stand still, so the torques tell where the tips shall be and how they shall press.
+TEST(Catch, StaysClosedWhenItBeginsToHoldAndWhenItFails) {
+  const SkillTrial trial = make_skill_trial("catch", "catch");
+  // A slow closing that is not done when the ball is there, too.
+  for (const char* const closing : {"closing_time=0.064", "closing_time=0.4"}) {
+    const auto skill = make_skill("catch", context_of(trial), {}, {closing});
+    const control::JointState joints = resting_joints(trial);
+    std::array<double, 9> before{};
+    std::set<std::string> phases;
+    for (TimeIndex t = -1; t < 5000 && !skill->state().has_ended; ++t) {
+      const double fallen = 0.5 * 9.81 * 1e-6 * static_cast<double>(t * t);
+      if (t % 10 == 0 && t < 250) skill->see(t, {.position = {0.0, 0.0, 1.045 - fallen}});
+      const TriFinger::Action action = skill->update(t, joints);
+      for (std::size_t i = 0; t >= 0 && i < before.size(); ++i)
+        EXPECT_NEAR(action.torque[i], before[i], 0.15) << skill->state().phase << ' ' << t;
+      std::ranges::copy(action.torque, before.begin());
+      phases.emplace(skill->state().phase);
+    }
+    EXPECT_TRUE(phases.contains("hold") && phases.contains("failed"));
+  }
 }
 
 TEST(Catch, EndsInEachPhaseWhenStopped) {

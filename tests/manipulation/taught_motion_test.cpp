@@ -159,9 +159,17 @@ TEST(TaughtSkill, EndsWhenItIsStoppedInAnyPhase) {
     const control::JointState joints{playing.start, JointValues::Zero(kMaxJoints),
                                      JointValues::Zero(kMaxJoints)};
     int step = 0;
+    TriFinger::Action before;
     for (; !skill->state().has_ended && step < 10'000; ++step) {
       if (step >= stop_at) skill->stop();
-      if (!skill->state().has_ended) (void)skill->update(step, joints);
+      if (skill->state().has_ended) break;
+      const TriFinger::Action action = skill->update(step, joints);
+      // The motion has at most 0.32 rad/s, and comes to rest without a jump.
+      for (std::size_t i = 0; step > 0 && i < kMaxJoints; ++i) {
+        EXPECT_NEAR(action.position[i], before.position[i], 0.32e-3) << step;
+        EXPECT_NEAR(action.torque[i], before.torque[i], 0.005) << step;
+      }
+      before = action;
     }
     EXPECT_LT(step, stop_at + 400);
     EXPECT_EQ(skill->state().failure, "it was stopped");

@@ -43,10 +43,12 @@ class Place:
         self.folder = folder
         self.number = 0
 
-    def words(self, *options: str, robot: str = "shared", test: str = "hold") -> list[str]:
+    def words(
+        self, *options: str, robot: str = "shared", test: str = "hold", grace: str = "1s"
+    ) -> list[str]:
         """The command of a job; its folder is `self.job`."""
         self.number += 1
-        words = ["run", "--robot", robot, "--self-test", test, "--grace", "1s"]
+        words = ["run", "--robot", robot, "--self-test", test, "--grace", grace]
         return [str(PROGRAM), *words, "--output", str(self.job), *options]
 
     @property
@@ -82,7 +84,7 @@ def place() -> Iterator[Place]:
         folder.chmod(0o755)
         for name in ("sessions", "logs", "jobs"):
             (folder / name).mkdir()
-            (folder / name).chmod(0o777)
+            (folder / name).chmod(0o1777)
         os.environ["TRIFINGER_SESSION_DIR"] = str(folder / "sessions")
         os.environ["TRIFINGER_LOG_DIR"] = str(folder / "logs")
         yield Place(folder)

@@ -12,6 +12,7 @@ import pytest
 from conftest import PATIENT, StartProgram
 from job_place import (
     INTERPRETER,
+    NOBODY,
     PROGRAM,
     PYTHON,
     USER,
@@ -120,6 +121,8 @@ HOSTILE = {
         "exec 3> f; rm f; while true; do head -c 2000000 /dev/zero >&3; done",
         "files",
     ),
+    "hidden files": ((), "mkdir -p a/b; : > a/b/f; chmod 0300 a; exec sleep 1000", "files"),
+    "deep folders": ((), "for i in $(seq 300); do mkdir a; cd a; done; exec sleep 1000", "files"),
     "processors": (("--cpu-time", "1s"), "while true; do :; done & while true; do :; done", None),
     "no end": (("--time", "1s"), "exec sleep 1000", "time"),
     "ignores signals": (("--time", "1s"), "trap '' TERM HUP INT; while true; do :; done", "time"),
@@ -138,6 +141,20 @@ def test_a_limit_ends_a_program_that_goes_too_far(shared: Place, name: str) -> N
     assert report["after"]["is_fit"]
     assert (shared.job / "output.txt").stat().st_size < 100_000
     shared.run(*shell("true"), expect=0)
+
+
+def test_limits_hold_while_a_program_may_still_end_by_itself(shared: Place) -> None:
+    # It is asked to end after a second, uses too much then, and would go on if it could.
+    hog = "import time; x = b'x' * 500_000_000; time.sleep(5)"
+    script = (
+        "trap ': > late' TERM; while [ ! -e late ]; do sleep 0.1; done; "
+        f'{INTERPRETER} -c "{hog}"; : > survived'
+    )
+    options = ("--time", "1s", "--memory", "200MB")
+    report = shared.run(*options, *shell(script), expect=11, grace="60s")
+    assert report["end"]["limit"] == "time"
+    assert report["end"]["was_killed"]
+    assert not (shared.job / "work/survived").exists()
 
 
 def test_a_fork_bomb_stays_small(shared: Place) -> None:
@@ -296,6 +313,21 @@ def test_root_runs_a_program_as_its_user(shared: Place, start_program: StartProg
         refused = subprocess.run(words, extra_groups=[USER], capture_output=True, text=True)
         assert refused.returncode == 2
         assert "never runs as root" in refused.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can run a job as somebody else")
+def test_root_makes_no_folder_that_its_user_could_exchange(turn: Place) -> None:
+    home = turn.folder / "home"
+    home.mkdir()
+    os.chown(home, NOBODY, NOBODY)
+    (home / "link").symlink_to("/etc")
+    for output in (home / "job", home / "link" / "job"):
+        words = turn.words("--user", "nobody", *shell("true"))
+        words[words.index("--output") + 1] = str(output)
+        refused = subprocess.run(words, capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert "root does not write there" in refused.stderr
+        assert not output.exists()
 
 
 def test_restore_makes_a_robot_fit(shared: Place) -> None:

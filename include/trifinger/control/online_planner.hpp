@@ -14,7 +14,8 @@ namespace trifinger::control {
 
 /// Settings of an `OnlinePlanner`. All times are on the clock of the states.
 struct OnlinePlannerOptions {
-  /// Least time from the state of one plan to that of the next one.
+  /// Least time from the state of one plan to that of the next one. It is longer if `lead` is: the
+  /// next plan is made from a state after the newest one has begun.
   Seconds period{0.04};
   /// Time from the state of a plan to the instant from which it is used. Default: as long as plans
   /// took until now.
@@ -32,6 +33,8 @@ struct OnlinePlannerStatus {
   double cost{0.0};                     ///< `Plan::cost`
   double median_cost{0.0};              ///< `Plan::median_cost`
   int num_masked{0};                    ///< `Plan::num_masked`
+  /// A cost function has thrown, so no other plan will come.
+  bool has_failed{false};
 };
 
 /// Plans in threads of its own, beside a loop at 1 kHz.
@@ -69,16 +72,16 @@ class OnlinePlanner {
   /// number per joint. False before the first plan; then nothing is written.
   [[nodiscard]] bool at(Seconds time, std::span<double> command,
                         std::span<double> rate = {}) noexcept TRIFINGER_REALTIME;
-  /// The status when `at` or `status` was called last.
+  /// The status as it is now.
   [[nodiscard]] const OnlinePlannerStatus& status() noexcept TRIFINGER_REALTIME;
   /// Changes the terms of the task from the next plan on. Ignores them and returns false if their
-  /// number is not that of the task.
+  /// number is not that of the task, or if one of them does not fit the model or has a number that
+  /// is not finite.
   bool set_terms(std::span<const CostTerm> terms) noexcept TRIFINGER_REALTIME;
   /// @}
 
   /// Waits until `count` plans were made since the beginning. Any thread may call it.
-  /// @throws TimedOut; and once, the exception of a cost function or a refused term, which has
-  /// ended the planning
+  /// @throws TimedOut; and once, the exception of a cost function, which has ended the planning
   void wait_for_plan(std::uint64_t count, Timeout timeout = kForever);
 
  private:

@@ -107,6 +107,10 @@ struct PlanningTask {
 /// The quantity of a term, shaped but without weight.
 [[nodiscard]] double value_of(const CostTerm& term, const CostInput& input) noexcept;
 
+/// Whether the numbers of a term are finite, and the model has the object or the finger that it
+/// names.
+[[nodiscard]] bool is_valid(const CostTerm& term, const PlanningModel& model) noexcept;
+
 /// @throws InvalidArgument if a term names an object or a finger that the model lacks, or has a
 /// number that is not finite.
 void validate(const PlanningTask& task, const PlanningModel& model);

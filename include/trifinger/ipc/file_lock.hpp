@@ -21,6 +21,7 @@ enum class Lock : off_t {
   kOwner = 0,  ///< The holder owns the file.
   kClaim = 1,  ///< The holder is finding out who owns the file, and may take it.
   kUse = 2,    ///< The holders have the file mapped.
+  kTurn = 3,   ///< The holder gives a user a turn on the robot of a lock file.
 };
 
 /// Takes the exclusive lock of the file, as long as the descriptor is open. False if another

@@ -183,6 +183,7 @@ class Catch final : public Skill {
   static constexpr std::string_view name_of(Phase phase) noexcept {
     return kPhaseNames[static_cast<std::size_t>(phase)];
   }
+  static constexpr Seconds kNever{std::numeric_limits<double>::infinity()};
   static constexpr Seconds kMaxApproach{10};
   static constexpr Seconds kUntilHold{0.08};         // From the contact to the hold.
   static constexpr Seconds kBeforeContact{0.01};     // Poses seen later may be of a touched ball.
@@ -236,6 +237,7 @@ class Catch final : public Skill {
         if (coming && flight_.count() >= kEnough && is_coming(*coming) &&
             clock_.now() >= coming->time - config_.closing_lead) {
           contact_ = coming->time;
+          close_begin_ = clock_.now();
           enter(Phase::kClose);
         } else if (clock_.in_phase() >= config_.wait_time) {
           end(is_seen_ ? "no ball came down to the fingers" : "nobody has said where the ball is");
@@ -249,6 +251,7 @@ class Catch final : public Skill {
         if (clock_.now() >= contact_ + kUntilHold) {
           place_ = expected();
           last_good_ = clock_.now();
+          hold_begin_ = clock_.now();
           enter(Phase::kHold);
         }
         break;
@@ -296,11 +299,10 @@ class Catch final : public Skill {
   void move(Seconds elapsed) noexcept {
     follow_goal(elapsed);
     const double depth = config_.open_radius - config_.closed_radius;
-    control::Progress closing{0.0, 0.0, 0.0};
-    if (phase_ == Phase::kClose || phase_ == Phase::kHold || phase_ == Phase::kDone)
-      closing = is_closed_ ? control::Progress{1.0, 0.0, 0.0}
-                           : control::minimum_jerk(clock_.in_phase(), config_.closing_time);
-    if (phase_ == Phase::kHold) is_closed_ = true;
+    // Fingers that have begun to close or to press go on, whatever becomes of the ball.
+    const control::Progress closing =
+        control::minimum_jerk(clock_.now() - close_begin_, config_.closing_time);
+    const double press = control::minimum_jerk(clock_.now() - hold_begin_, kForceTime).value;
     radius_ = config_.open_radius - closing.value * depth;
     sink(clock_.now());
 
@@ -315,18 +317,13 @@ class Catch final : public Skill {
       motion.velocity.head<2>() += centre_velocity_;
       motion.velocity.z() += sink_.velocity;
       motion.acceleration.z() += sink_.acceleration;
-      forces[i] = Vector3d::Zero();
+      forces[i] = -press * config_.hold_force * outward_[i];
       if (phase_ == Phase::kApproach) {
         const control::Progress way = control::minimum_jerk(clock_.in_phase(), approach_time_);
         const Vector3d from = begin_[i];
         motion = {.position = from + way.value * (on_circle(i) - from),
                   .velocity = way.rate * (on_circle(i) - from),
                   .acceleration = way.acceleration * (on_circle(i) - from)};
-      } else if (phase_ == Phase::kHold || phase_ == Phase::kDone) {
-        const double share = phase_ == Phase::kDone
-                                 ? 1.0
-                                 : control::minimum_jerk(clock_.in_phase(), kForceTime).value;
-        forces[i] = -share * config_.hold_force * outward_[i];
       }
     }
     const JointValues& torques = drive_.torques(motions, forces);
@@ -345,7 +342,7 @@ class Catch final : public Skill {
   // The tips sink with the ball from when it meets them, and so take its speed bit by bit.
   void sink(Seconds now) noexcept {
     sink_ = {};
-    if (phase_ != Phase::kClose && phase_ != Phase::kHold && phase_ != Phase::kDone) return;
+    if (!std::isfinite(close_begin_.count())) return;
     const double duration = config_.yield_time.count();
     const double speed = config_.yield * std::max(-fall_.z(), 0.0);
     const double lead = 0.3 * duration;
@@ -383,7 +380,8 @@ class Catch final : public Skill {
   std::string_view failure_;
   bool has_begun_{false};
   bool is_stopped_{false};
-  bool is_closed_{false};
+  Seconds close_begin_{kNever};
+  Seconds hold_begin_{kNever};
   Seconds approach_time_{0};
   TipsDrive::Points begin_{};
 
@@ -394,7 +392,7 @@ class Catch final : public Skill {
   Vector3d place_{Vector3d::Zero()};
   Eigen::Quaterniond orientation_{Eigen::Quaterniond::Identity()};
   control::BallisticEstimator flight_{kFlightTolerance};
-  Seconds contact_{std::numeric_limits<double>::infinity()};
+  Seconds contact_{kNever};
   Vector3d fall_{Vector3d::Zero()};
 
   // The circle of the tips.
