@@ -79,7 +79,8 @@ void Manipulation::look_again() noexcept {
   enter(Phase::kLook);
 }
 
-void Manipulation::begin_again() noexcept {
+void Manipulation::begin_again(TimeIndex step) noexcept {
+  step_ = step;
   failure_ = next_failure_ = Failure::kNone;
   grasps_ = 0;
   look_again();

@@ -186,7 +186,7 @@ class Carry final : public Skill {
     if (is_stopped_ || attempts_ >= config_.attempts)
       end(is_stopped_ ? text_of(Failure::kStopped) : failure);
     else
-      handling_.begin_again();
+      handling_.begin_again(clock_.step());
   }
 
   void follow_push() noexcept {
@@ -206,7 +206,7 @@ class Carry final : public Skill {
     if (is_stopped_)
       end(text_of(Failure::kStopped));
     else
-      handling_.begin_again();
+      handling_.begin_again(clock_.step());
   }
 
   static constexpr Seconds kSettle{1.0};  // At the goal, before it counts.
