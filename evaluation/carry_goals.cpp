@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -93,16 +94,17 @@ control::Pose goal_of(const SkillTrial& trial) {
   return {{p[0], p[1], p[2]}, Quaterniond(q[0], q[1], q[2], q[3]).normalized()};
 }
 
-bool is_in_reach(const SkillTrial& trial) {
+std::optional<control::Pose> rest_for_goal(const SkillTrial& trial) {
   const ObjectDescription& object = trial.believed.objects.front();
   manipulation::CarryPlanner planner =
       manipulation::load_carry_planner({.description = trial.believed,
                                         .limits = manipulation::safety_limits_of(trial.simulation),
                                         .period = trial.simulation.period},
                                        trial.settings);
-  return planner
-      .find_rest({.position = {0, 0, object.size[2] / 2}, .orientation = Quaterniond::Identity()})
-      .has_value();
+  const auto rest = planner.find_rest(
+      {.position = {0, 0, object.size[2] / 2}, .orientation = Quaterniond::Identity()});
+  if (!rest) return std::nullopt;
+  return rest->pose;
 }
 
 }  // namespace trifinger::evaluation

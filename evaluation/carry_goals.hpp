@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+
 #include "evaluation/skill_trial.hpp"
 
 // Starts and goals of the Real Robot Challenge for the skill `carry`.
@@ -18,7 +20,8 @@ void vary_start(SkillTrial& trial, TrialRandom& random);
 void set_goal(SkillTrial& trial, const control::Pose& goal);
 [[nodiscard]] control::Pose goal_of(const SkillTrial& trial);
 
-// Whether the skill finds a way to its goal.
-[[nodiscard]] bool is_in_reach(const SkillTrial& trial);
+// A pose on the table from which a grasp carries the object to the goal; nothing if the goal is out
+// of reach.
+[[nodiscard]] std::optional<control::Pose> rest_for_goal(const SkillTrial& trial);
 
 }  // namespace trifinger::evaluation

@@ -32,7 +32,7 @@ void count(int goals, const std::vector<std::string>& settings) {
     SkillTrial one = trial;
     const control::Pose goal = draw_goal(random);
     set_goal(one, goal);
-    const bool is_reached = is_in_reach(one);
+    const bool is_reached = rest_for_goal(one).has_value();
     const auto ring = static_cast<std::size_t>(goal.position.head<2>().norm() / kRing);
     for (Count* each : {&all, &rings.at(ring)}) {
       ++each->all;
