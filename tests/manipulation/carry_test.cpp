@@ -113,7 +113,7 @@ TEST(CarryPlanner, FindsNothingOutOfReach) {
 }
 
 TEST(CarryTask, NeverTouchesTheTableOnItsWayAndComesBack) {
-  const ObjectDescription cube{.size = {0.065, 0.065, 0.065}};
+  const ObjectDescription cube{.name = "cube", .size = {0.065, 0.065, 0.065}};
   const double radius = 0.0325 * std::sqrt(3.0);
   TrialRandom random(4);
   for (int i = 0; i < 10; ++i) {
