@@ -68,8 +68,8 @@ class Manipulation {
   /// Continues with `plan`; fails if it is empty. Only in the phase kPlan.
   void begin(const std::optional<Plan>& plan) noexcept;
 
-  /// Begins anew with a look at `step`, after it has ended or instead of a plan. Any number of steps
-  /// may have passed without an `update`.
+  /// Begins anew with a look at `step`, after it has ended or instead of a plan. Any number of
+  /// steps may have passed without an `update`.
   void begin_again(TimeIndex step) noexcept;
 
   /// Puts the object down where it is, releases it, and fails with kStopped.
