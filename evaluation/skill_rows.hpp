@@ -15,6 +15,7 @@ namespace trifinger::evaluation {
 
 [[nodiscard]] std::vector<SkillRow> repose_rows();  // Of flip and place.
 
+[[nodiscard]] std::vector<SkillRow> carry_rows();
 [[nodiscard]] std::vector<SkillRow> catch_rows();
 [[nodiscard]] std::vector<SkillRow> throw_rows();
 

@@ -1787,10 +1787,10 @@ class PlannedGrasp:
 
 class GraspPlanner:
     """
-    Chooses which finger touches which side face of a box, and where. The fingers reach the
-    whole way. Only their tips touch anything, and they touch only the box. They carry it within
-    friction, also during upward acceleration, with as little torque as possible. One object
-    must not be used by several threads at once.
+    Chooses which finger touches which side face of a box, and where: a face that is upright at
+    the beginning of the way. The fingers reach the whole way. Only their tips touch anything,
+    and they touch only the box. They carry it within friction, also during upward acceleration,
+    with as little torque as possible. One object must not be used by several threads at once.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, object: str = 'cube', settings: GraspPlannerConfig = ...) -> None:
@@ -1802,8 +1802,8 @@ class GraspPlanner:
     def plan(self, way: Sequence[Motion]) -> PlannedGrasp | None:
         """
         The best grasp to lead the object along `way`, which begins where it is grasped. None if
-        there is none. The object must stay as upright on the whole way as at its beginning. The
-        call takes some milliseconds and allocates memory.
+        there is none. The object may be tilted on the way, which takes longer to plan: up to a
+        second instead of some milliseconds. Allocates memory.
         """
 
 class GraspControllerConfig:

@@ -20,6 +20,9 @@ namespace {
 using detail::require_not_negative;
 using detail::require_positive;
 
+// Forces that differ by less are the same [N].
+constexpr double kSameForce = 0.01;
+
 void check(const GraspPlannerConfig& config) {
   require_positive("friction", config.friction);
   require_not_negative("min_normal_force", config.min_normal_force);
@@ -181,6 +184,11 @@ struct GraspPlanner::State {
     const Eigen::Vector3d tip = touch.point - fingers.tip_radius * touch.normal;
     Eigen::Vector3d near = Eigen::Vector3d::Map(fingers.initial_position.data());
     place_object(way.front().pose);
+    // Most candidates fail at the end of the way; to find out there costs least.
+    for (const Motion& motion : {way.back(), way[way.size() / 2]}) {
+      if (!kinematics.inverse_kinematics(finger, point_of_body(motion, tip).position, near))
+        return std::nullopt;
+    }
     const Approach approach = approach_to(touch, way.front().pose, fingers.tip_radius);
     for (const Eigen::Vector3d& point : {approach.above, approach.beside}) {
       const auto pose = reach(finger, point, near);
@@ -221,21 +229,27 @@ struct GraspPlanner::State {
                   .friction = config.friction,
                   .min_normal_force = config.min_normal_force};
     }
-    // The weight is largest where the way accelerates up most. The object stays upright on the
-    // whole way.
+    // The weight is largest where the way accelerates up most.
     double heaviest = 0.0;
     for (const Motion& motion : way)
       heaviest = std::max(heaviest, (motion.acceleration.linear - gravity()).z());
-    const Wrench weight{.force = way.front().pose.orientation.conjugate() *
-                                 Eigen::Vector3d(0.0, 0.0, body.mass * heaviest),
-                        .moment = Eigen::Vector3d::Zero()};
-    const ForceDistribution held = optimizer.solve(grasp, Eigen::Vector3d::Zero(), weight);
-    if (!held) return std::nullopt;
+    const Eigen::Vector3d weight(0.0, 0.0, body.mass * heaviest);
+    // The same forces hold the object as long as it is tilted the same way.
+    Eigen::Vector3d carried = Eigen::Vector3d::Zero();
+    ForceDistribution held;
     double largest = 0.0;
     for (std::size_t point = 0; point < way.size(); ++point) {
+      const Motion& motion = way[point];
+      const Eigen::Vector3d force_in_object = motion.pose.orientation.conjugate() * weight;
+      if (point == 0 || (force_in_object - carried).norm() > kSameForce) {
+        carried = force_in_object;
+        held = optimizer.solve(grasp, Eigen::Vector3d::Zero(),
+                               {.force = carried, .moment = Eigen::Vector3d::Zero()});
+        if (!held) return std::nullopt;
+      }
       for (std::size_t i = 0; i < three.size(); ++i) {
         const Eigen::Vector3d force =
-            way[point].pose.orientation *
+            motion.pose.orientation *
             Eigen::Vector3d(held.forces.segment<3>(3 * static_cast<Eigen::Index>(i)));
         const Eigen::Vector3d torque =
             three[i]->jacobians[point].transpose() * force + three[i]->torques[point];

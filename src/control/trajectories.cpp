@@ -65,6 +65,26 @@ Motion PoseTrajectory::at(Seconds time) const noexcept {
           .acceleration = {progress.acceleration * way_, progress.acceleration * turn_}};
 }
 
+PoseSequence::PoseSequence(const PoseTrajectory& way) { add(way); }
+
+void PoseSequence::add(const PoseTrajectory& way) {
+  if (count_ == kMostWays)
+    throw InvalidArgument("a sequence has at most " + std::to_string(kMostWays) + " ways");
+  ways_[count_++] = way;
+}
+
+Seconds PoseSequence::duration() const noexcept {
+  Seconds sum{0};
+  for (std::size_t i = 0; i < count_; ++i) sum += ways_[i]->duration();
+  return sum;
+}
+
+Motion PoseSequence::at(Seconds time) const noexcept {
+  std::size_t i = 0;
+  for (; i + 1 < count_ && time >= ways_[i]->duration(); ++i) time -= ways_[i]->duration();
+  return ways_[i]->at(time);
+}
+
 CircleTrajectory::CircleTrajectory(const CircleConfig& config) : config_(config) {
   require_finite("centre", config.centre);
   require_positive("radius", config.radius);

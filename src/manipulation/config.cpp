@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/manipulation/config.hpp"
 
+#include "grasp_config.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -77,6 +78,17 @@ void read_slide(const Node& section, ManipulationConfig& config) {
 
 }  // namespace
 
+void read_grasping(const Node& root, ManipulationConfig& config) {
+  config.pose_bandwidth = root.required<double>(
+      "pose_bandwidth", {.unit = "Hz", .min = 0, .max = 100, .above_min = true});
+  config.planner.offsets = root.required<std::vector<double>>("offsets", kLength);
+  config.planner.heights =
+      root.required<std::vector<double>>("heights", {.unit = "m", .min = -0.1, .max = 0.1});
+  config.planner.largest_torque =
+      root.required<double>("largest_torque", {.min = 0, .max = 1, .above_min = true});
+  read_grasp(root.section("grasp"), config.controller);
+}
+
 ManipulationConfig load_config(const std::string& name, const std::string& task,
                                const std::vector<std::string>& overrides) {
   constexpr const char* kFolder = "manipulate";
@@ -88,14 +100,7 @@ ManipulationConfig load_config(const std::string& name, const std::string& task,
   config.look_time = read_time(root, "look_time");
   config.max_grasps = root.required<int>("max_grasps", {.min = 1, .max = 100});
   config.max_duration = read_time(root, "max_duration");
-  config.pose_bandwidth = root.required<double>(
-      "pose_bandwidth", {.unit = "Hz", .min = 0, .max = 100, .above_min = true});
-  config.planner.offsets = root.required<std::vector<double>>("offsets", kLength);
-  config.planner.heights =
-      root.required<std::vector<double>>("heights", {.unit = "m", .min = -0.1, .max = 0.1});
-  config.planner.largest_torque =
-      root.required<double>("largest_torque", {.min = 0, .max = 1, .above_min = true});
-  read_grasp(root.section("grasp"), config.controller);
+  read_grasping(root, config);
   // Both sections are read, so that a mistake in either is reported.
   ManipulationConfig other = config;
   const bool is_lift = task == "lift";

@@ -51,7 +51,7 @@ Manipulation::Manipulation(const RobotDescription& description, const Manipulati
     : period_(period),
       look_time_(config.look_time),
       max_grasps_(config.max_grasps),
-      object_height_(object_of(description, config.object).size[2] / 2),
+      half_size_(Eigen::Vector3d::Map(object_of(description, config.object).size.data()) / 2),
       controller_(description, control::rigid_body(object_of(description, config.object)),
                   config.controller),
       estimator_(config.pose_bandwidth),
@@ -77,6 +77,13 @@ void Manipulation::look_again() noexcept {
   position_sum_.setZero();
   orientation_sum_.setZero();
   enter(Phase::kLook);
+}
+
+void Manipulation::begin_again(TimeIndex step) noexcept {
+  step_ = step;
+  failure_ = next_failure_ = Failure::kNone;
+  grasps_ = 0;
+  look_again();
 }
 
 void Manipulation::see(TimeIndex captured, const Pose& pose) noexcept {
@@ -135,7 +142,8 @@ void Manipulation::finish_look() noexcept {
     return;
   }
   rest_ = upright({position_sum_ / num_seen_, Eigen::Quaterniond(orientation_sum_.normalized())});
-  rest_.position.z() = object_height_;
+  const Eigen::Vector3d up = rest_.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+  rest_.position.z() = half_size_.dot(up.cwiseAbs());
   plan_.reset();
   desired_ = {.pose = rest_};
   memory_.assign(kMemory, {.desired = desired_});

@@ -13,6 +13,7 @@ namespace trifinger::manipulation {
 namespace {
 
 using control::CircleTrajectory;
+using control::PoseSequence;
 using control::PoseTrajectory;
 
 constexpr double kPi = std::numbers::pi;
@@ -23,6 +24,8 @@ constexpr Seconds kGivingUpTime{0.5};   // Minimum.
 constexpr int kPointsOfLead = 3;
 constexpr int kPointsOfLine = 8;  // Even: the middle is fastest.
 constexpr int kPointsOfTurn = 16;
+constexpr int kPointsOfCarrying = 14;
+constexpr Seconds kShortestCarrying{0.4};
 
 Pose raised(Pose pose, double height) {
   pose.position.z() += height;
@@ -39,10 +42,49 @@ bool is_same(const Pose& a, const Pose& b) {
          control::rotation_error(a.orientation, b.orientation).norm() == 0.0;
 }
 
-std::variant<PoseTrajectory, CircleTrajectory> follow_of(const Task& task, const Pose& begin,
-                                                         double start_angle) {
+// A way of a carried object from pose to pose.
+PoseTrajectory carrying(const CarryTask& task, const Pose& from, const Pose& to) {
+  const double distance = (to.position - from.position).norm();
+  const double angle = control::rotation_error(to.orientation, from.orientation).norm();
+  const Seconds duration(std::max(distance / task.speed, angle / task.turn_speed));
+  return {from, to, std::max(duration, kShortestCarrying)};
+}
+
+Pose at_height(Pose pose, double height) {
+  pose.position.z() = height;
+  return pose;
+}
+
+// Up, to the goal's place and orientation, and down to its height if it is low.
+PoseSequence way_to(const CarryTask& task, const Pose& start, double height) {
+  const Pose above = at_height(start, height);
+  const Pose over_goal = at_height(task.goal, height);
+  PoseSequence way(carrying(task, start, above));
+  way.add(carrying(task, above, over_goal));
+  if (task.goal.position.z() < height) way.add(carrying(task, over_goal, task.goal));
+  return way;
+}
+
+// From a pose on the way to the goal, or at the goal, back to the start.
+PoseSequence way_back(const CarryTask& task, const Pose& from, const Pose& start, double height) {
+  const Pose above = at_height(start, height);
+  if (from.position.z() >= height) {
+    PoseSequence way(carrying(task, from, above));
+    way.add(carrying(task, above, start));
+    return way;
+  }
+  const Pose raised_first = at_height(from, height);
+  PoseSequence way(carrying(task, from, raised_first));
+  way.add(carrying(task, raised_first, above));
+  way.add(carrying(task, above, start));
+  return way;
+}
+
+std::variant<PoseSequence, CircleTrajectory> follow_of(const Task& task, const Pose& begin,
+                                                       double start_angle, double safe_height) {
   if (const auto* lift = std::get_if<LiftTask>(&task))
-    return PoseTrajectory(begin, raised(begin, lift->height), lift->lift_time);
+    return PoseSequence(PoseTrajectory(begin, raised(begin, lift->height), lift->lift_time));
+  if (const auto* carry = std::get_if<CarryTask>(&task)) return way_to(*carry, begin, safe_height);
   const auto& slide = std::get<SlideTask>(task);
   return CircleTrajectory({.centre = {0.0, 0.0, begin.position.z()},
                            .radius = slide.radius,
@@ -50,6 +92,12 @@ std::variant<PoseTrajectory, CircleTrajectory> follow_of(const Task& task, const
                            .turns = slide.turns,
                            .period = slide.period,
                            .ramp_time = slide.ramp_time});
+}
+
+double safe_height_of(const Task& task, double radius) {
+  const auto* carry = std::get_if<CarryTask>(&task);
+  if (carry == nullptr) return 0.0;
+  return std::max(carry->goal.position.z(), radius + carry->clearance);
 }
 
 // Returns the points that a planner has to check: the ends of all legs, and points between them.
@@ -68,6 +116,8 @@ std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
     const double turns = std::min(std::abs(slide->turns), 1.0);
     for (int i = 0; i < kPointsOfTurn; ++i)
       points.push_back(way.at(begin + turns * slide->period * i / kPointsOfTurn));
+  } else if (std::holds_alternative<CarryTask>(task)) {
+    add(Leg::kFollow, Leg::kHold, kPointsOfCarrying);  // The way back is the same.
   } else {
     add(Leg::kFollow, Leg::kHold, kPointsOfLine);
     add(Leg::kLower, Leg::kRest, kPointsOfLine);
@@ -78,8 +128,11 @@ std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
 }  // namespace
 
 ObjectWay::ObjectWay(const Task& task, const LeadConfig& lead, const Pose& start, const Pose& begin,
-                     double start_angle)
-    : start_(start), begin_(begin), follow_(follow_of(task, begin, start_angle)) {
+                     double start_angle, double radius)
+    : start_(start),
+      begin_(begin),
+      safe_height_(safe_height_of(task, radius)),
+      follow_(follow_of(task, begin, start_angle, safe_height_)) {
   if (!is_same(start, begin)) lead_.emplace(start, begin, lead.time);
   follow_begin_ = lead_ ? lead.time : Seconds(0);
   hold_begin_ =
@@ -89,10 +142,15 @@ ObjectWay::ObjectWay(const Task& task, const LeadConfig& lead, const Pose& start
   if (const auto* lift = std::get_if<LiftTask>(&task)) {
     if (!(lift->hold_time >= Seconds(0))) throw InvalidArgument("hold_time is below zero");
     lower_begin_ += lift->hold_time;
-    Pose table = begin;
-    table.position.z() = start.position.z();
-    lower_.emplace(raised(begin, lift->height), table, lift->lower_time);
-    end_ = lower_begin_ + lift->lower_time;
+    lower_.emplace(PoseTrajectory(raised(begin, lift->height), at_height(begin, start.position.z()),
+                                  lift->lower_time));
+    end_ = lower_begin_ + lower_->duration();
+  } else if (const auto* carry = std::get_if<CarryTask>(&task)) {
+    if (!(carry->hold_time >= Seconds(0))) throw InvalidArgument("hold_time is below zero");
+    carry_ = *carry;
+    lower_begin_ += carry->hold_time;
+    lower_.emplace(way_back(*carry, carry->goal, start, safe_height_));
+    end_ = lower_begin_ + lower_->duration();
   } else {
     weight_share_ = 1.0 - std::get<SlideTask>(task).table_share;
   }
@@ -104,7 +162,7 @@ Motion ObjectWay::at(Seconds time) const noexcept {
     motion = lead_->at(time);
   } else if (time >= lower_begin_ && lower_) {
     motion = lower_->at(time - lower_begin_);
-  } else if (const auto* line = std::get_if<PoseTrajectory>(&follow_)) {
+  } else if (const auto* line = std::get_if<PoseSequence>(&follow_)) {
     motion = line->at(time - follow_begin_);
   } else {
     const control::PointMotion point = std::get<CircleTrajectory>(follow_).at(time - follow_begin_);
@@ -143,15 +201,18 @@ Seconds ObjectWay::begin_of(Leg leg) const noexcept {
 void ObjectWay::give_up(Seconds time) {
   if (leg_at(time) == Leg::kLower || leg_at(time) == Leg::kRest) return;
   const Pose from = at(time).pose;
-  Pose table = from;
-  table.position.z() = start_.position.z();
-  const Seconds duration =
-      std::max(kGivingUpTime, Seconds((from.position - table.position).norm() / kGivingUpSpeed));
-  lower_.emplace(from, table, duration);
+  if (carry_) {
+    lower_.emplace(way_back(*carry_, from, start_, safe_height_));
+  } else {
+    const Pose table = at_height(from, start_.position.z());
+    const Seconds duration =
+        std::max(kGivingUpTime, Seconds((from.position - table.position).norm() / kGivingUpSpeed));
+    lower_.emplace(PoseTrajectory(from, table, duration));
+  }
   follow_begin_ = std::min(follow_begin_, time);
   hold_begin_ = std::min(hold_begin_, time);
   lower_begin_ = time;
-  end_ = time + duration;
+  end_ = time + lower_->duration();
 }
 
 Pose upright(const Pose& pose) noexcept {
@@ -165,7 +226,11 @@ Pose upright(const Pose& pose) noexcept {
 }
 
 TaskPlanner::TaskPlanner(const RobotDescription& description, ManipulationConfig config)
-    : config_(std::move(config)), planner_(description, config_.object, config_.planner) {}
+    : config_(std::move(config)), planner_(description, config_.object, config_.planner) {
+  const auto object =
+      std::ranges::find(description.objects, config_.object, &ObjectDescription::name);
+  radius_ = Eigen::Vector3d::Map(object->size.data()).norm() / 2;
+}
 
 std::vector<TaskPlanner::Place> TaskPlanner::places(const Pose& start) const {
   std::vector<Place> places;
@@ -179,6 +244,9 @@ std::vector<TaskPlanner::Place> TaskPlanner::places(const Pose& start) const {
             slide->radius * Eigen::Vector2d(std::cos(angle), std::sin(angle));
         places.push_back({begin, angle, cost});
       }
+    } else if (std::holds_alternative<CarryTask>(config_.task)) {
+      // The way to the goal turns it anyway.
+      return {{start, 0.0, 0.0}};
     } else {
       for (const double distance : config_.lead.distances) {
         Pose begin = turned(start, turn);
@@ -196,7 +264,7 @@ std::optional<Plan> TaskPlanner::plan(const Pose& start) {
   double best_cost = 0.0;
   for (const Place& place : places(start)) {
     if (best && place.cost >= best_cost) continue;
-    const ObjectWay way(config_.task, config_.lead, start, place.begin, place.start_angle);
+    const ObjectWay way(config_.task, config_.lead, start, place.begin, place.start_angle, radius_);
     const auto grasp = planner_.plan(points_of(way, config_.task));
     if (!grasp) continue;
     const double cost = place.cost + grasp->torque_share;

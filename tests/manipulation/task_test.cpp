@@ -30,9 +30,20 @@ ObjectWay slide() {
           M_PI / 2};
 }
 
+ObjectWay carry() {
+  return {CarryTask{.goal = {{0.03, 0.04, 0.08},
+                             Eigen::Quaterniond(Eigen::AngleAxisd(
+                                 0.8, Eigen::Vector3d(1.0, 0.5, 0.3).normalized()))}},
+          {},
+          kStart,
+          kStart,
+          0.0,
+          0.0563};
+}
+
 std::vector<ObjectWay> ways() {
   return {ObjectWay(LiftTask{.hold_time = Seconds(2)}, {}, kStart, led()),
-          ObjectWay(LiftTask{.hold_time = Seconds(0)}, {}, kStart, kStart), slide()};
+          ObjectWay(LiftTask{.hold_time = Seconds(0)}, {}, kStart, kStart), slide(), carry()};
 }
 
 void expect_no_jumps(const ObjectWay& way) {
@@ -91,7 +102,7 @@ TEST(ObjectWay, ComesDownWhereverItIsGivenUp) {
     for (Seconds time(0); time < whole.duration(); time += Seconds(0.31)) {
       ObjectWay way = whole;
       way.give_up(time);
-      EXPECT_LE(way.duration(), std::max(time + Seconds(2.5), whole.duration()));
+      EXPECT_LE(way.duration(), std::max(time + Seconds(4), whole.duration()));
       EXPECT_LT((way.at(time).pose.position - whole.at(time).pose.position).norm(), 1e-12);
       EXPECT_NEAR(way.at(way.duration()).pose.position.z(), kStart.position.z(), 1e-12);
     }

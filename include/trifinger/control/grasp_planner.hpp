@@ -64,10 +64,10 @@ struct PlannedGrasp {
   double torque_share;
 };
 
-/// Chooses which finger touches which side face of a box, and where. The fingers reach the whole
-/// way. Only their tips touch anything, and they touch only the box. They carry it within friction,
-/// also during upward acceleration, with as little torque as possible.
-/// One object must not be used by several threads at once.
+/// Chooses which finger touches which side face of a box, and where: a face that is upright at the
+/// beginning of the way. The fingers reach the whole way. Only their tips touch anything, and they
+/// touch only the box. They carry it within friction, also during upward acceleration, with as
+/// little torque as possible. One object must not be used by several threads at once.
 class GraspPlanner {
  public:
   /// @throws InvalidArgument if the robot does not have three fingers, if its scene has no box of
@@ -79,8 +79,8 @@ class GraspPlanner {
   ~GraspPlanner();
 
   /// The best grasp to lead the object along `way`, which begins where it is grasped. Nothing if
-  /// there is none. The object must stay as upright on the whole way as at its beginning. The call
-  /// takes some milliseconds and allocates memory.
+  /// there is none. The object may be tilted on the way, which takes longer to plan: up to a second
+  /// instead of some milliseconds. Allocates memory.
   [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> way);
 
  private:

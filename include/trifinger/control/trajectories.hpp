@@ -2,6 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <optional>
 
 #include "trifinger/control/motion.hpp"
 
@@ -59,6 +62,29 @@ class PoseTrajectory {
   Eigen::Vector3d way_;
   Eigen::Vector3d turn_;
   Seconds duration_;
+};
+
+/// Ways from pose to pose, one after the other. The body rests between them.
+class PoseSequence {
+ public:
+  static constexpr std::size_t kMostWays = 4;
+
+  /// A sequence of one way.
+  explicit PoseSequence(const PoseTrajectory& way);
+
+  /// Adds a way after the last one. It should begin where that one ends.
+  /// @throws InvalidArgument if there are `kMostWays` already
+  void add(const PoseTrajectory& way);
+
+  /// Time from the start of the first way to the end of the last [s].
+  [[nodiscard]] Seconds duration() const noexcept;
+  /// The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+  /// `duration` at its end.
+  [[nodiscard]] Motion at(Seconds time) const noexcept;
+
+ private:
+  std::array<std::optional<PoseTrajectory>, kMostWays> ways_;
+  std::size_t count_{0};
 };
 
 /// A circle and the speed on it.

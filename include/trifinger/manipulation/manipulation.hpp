@@ -68,6 +68,10 @@ class Manipulation {
   /// Continues with `plan`; fails if it is empty. Only in the phase kPlan.
   void begin(const std::optional<Plan>& plan) noexcept;
 
+  /// Begins anew with a look at `step`, after it has ended or instead of a plan. Any number of
+  /// steps may have passed without an `update`.
+  void begin_again(TimeIndex step) noexcept;
+
   /// Puts the object down where it is, releases it, and fails with kStopped.
   void stop() noexcept;
 
@@ -117,7 +121,7 @@ class Manipulation {
   Seconds period_;
   Seconds look_time_;
   int max_grasps_;
-  double object_height_;  // Height of the centre of the resting object [m].
+  Eigen::Vector3d half_size_;  // Of the object [m].
   control::GraspController controller_;
   control::PoseEstimator estimator_;
 

@@ -32,7 +32,16 @@ struct SlideTask {
   int start_angles{12};  ///< Number of possible beginnings, evenly spread on the circle.
 };
 
-using Task = std::variant<LiftTask, SlideTask>;
+/// Carries the object to a pose in the air, holds it there, and brings it back.
+struct CarryTask {
+  Pose goal{};
+  double speed{0.1};        ///< Mean speed on the way [m/s].
+  double turn_speed{0.6};   ///< Mean angular speed, if that takes longer [rad/s].
+  double clearance{0.004};  ///< Of the object from the table while it is turned [m].
+  Seconds hold_time{3.0};   ///< Time at the goal.
+};
+
+using Task = std::variant<LiftTask, SlideTask, CarryTask>;
 
 /// Where the object may be led, in the grasp of the task, before the task begins. From some places
 /// no grasp reaches the whole way.
@@ -62,9 +71,9 @@ struct ManipulationConfig {
 /// The parts of the object's way, one after the other.
 enum class Leg {
   kLead,    ///< To where the task begins; may take no time.
-  kFollow,  ///< The task's line or circle.
-  kHold,    ///< At rest at the end of the line; only in a lift.
-  kLower,   ///< Back to the table; only in a lift.
+  kFollow,  ///< The task's line or circle, or the way to its goal.
+  kHold,    ///< At rest at the end of the line or at the goal; not in a slide.
+  kLower,   ///< Back to the table; not in a slide.
   kRest,    ///< After the end.
 };
 
@@ -72,10 +81,11 @@ enum class Leg {
 class ObjectWay {
  public:
   /// The way leads from `start`, where the object is held, to `begin` and through the task. A slide
-  /// begins at `start_angle` of its circle, and `begin` must be there.
+  /// begins at `start_angle` of its circle, and `begin` must be there. `radius` is that of the
+  /// sphere around the object, which tells how high it must be to be tilted [m].
   /// @throws InvalidArgument if a number makes no sense
   ObjectWay(const Task& task, const LeadConfig& lead, const Pose& start, const Pose& begin,
-            double start_angle = 0.0);
+            double start_angle = 0.0, double radius = 0.0);
 
   [[nodiscard]] Motion at(Seconds time) const noexcept;
   [[nodiscard]] Leg leg_at(Seconds time) const noexcept;
@@ -84,17 +94,19 @@ class ObjectWay {
   [[nodiscard]] Seconds duration() const noexcept { return begin_of(Leg::kRest); }
 
   /// Changes the rest of the way for an early end: from now on the object moves down to the table,
-  /// or rests if it is already there. `time` is the time since the beginning of the way; the
-  /// changed way counts from the same beginning.
+  /// or rests if it is already there. One that is being carried goes back to its start. `time` is
+  /// the time since the beginning of the way; the changed way counts from the same beginning.
   void give_up(Seconds time);
 
  private:
   Pose start_;
   Pose begin_;
   double weight_share_{1.0};  // Share of the weight that the tips carry.
+  std::optional<CarryTask> carry_;
+  double safe_height_{0.0};  // Of a carried object's centre where it is turned [m].
   std::optional<control::PoseTrajectory> lead_;
-  std::variant<control::PoseTrajectory, control::CircleTrajectory> follow_;
-  std::optional<control::PoseTrajectory> lower_;
+  std::variant<control::PoseSequence, control::CircleTrajectory> follow_;
+  std::optional<control::PoseSequence> lower_;
   Seconds follow_begin_;
   Seconds hold_begin_;
   Seconds lower_begin_;
@@ -133,6 +145,7 @@ class TaskPlanner {
   [[nodiscard]] std::vector<Place> places(const Pose& start) const;
 
   ManipulationConfig config_;
+  double radius_;  // Of the sphere around the object [m].
   control::GraspPlanner planner_;
 };
 

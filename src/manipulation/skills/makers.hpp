@@ -14,6 +14,8 @@ using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
 
 [[nodiscard]] std::unique_ptr<Skill> make_balance(const SkillContext& context,
                                                   const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_carry(const SkillContext& context,
+                                                const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_catch(const SkillContext& context,
                                                 const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_flip(const SkillContext& context,
