@@ -39,6 +39,7 @@ constexpr auto kErrors = std::to_array<std::pair<std::string_view, HardwareError
 constexpr auto kLineFaults = std::to_array<std::pair<std::string_view, double LineFaults::*>>(
     {{"loses", &LineFaults::lost},
      {"damages", &LineFaults::damaged},
+     {"mishears", &LineFaults::misheard},
      {"delays", &LineFaults::late}});
 
 // Something that goes wrong, and when.
@@ -184,6 +185,7 @@ std::string_view motor_fault_texts() {
          "motor N ERROR [at T s]\n"
          "line loses P [at T s] [for T s]\n"
          "line damages P [at T s] [for T s]\n"
+         "line mishears P [at T s] [for T s]\n"
          "line delays P [at T s] [for T s]\n";
 }
 

@@ -109,7 +109,10 @@ Answer Bus::judge(std::uint8_t error, Instant arrived) const noexcept {
   Answer answer;
   answer.error = static_cast<StatusError>(error & ~kAlertBit);
   answer.alert = (error & kAlertBit) != 0;
-  answer.outcome = answer.error == StatusError::kNone ? Outcome::kDone : Outcome::kRefused;
+  // A motor that heard a damaged instruction has refused nothing: it does not know what was asked.
+  answer.outcome = answer.error == StatusError::kNone  ? Outcome::kDone
+                   : answer.error == StatusError::kCrc ? Outcome::kNoAnswer
+                                                       : Outcome::kRefused;
   answer.asked = sent_;
   answer.arrived = arrived;
   return answer;
@@ -123,6 +126,10 @@ Answer Bus::receive_from(MotorId id, Instant deadline, std::size_t size,
       continue;
     }
     Answer answer = judge(packet->parameters[0], port_->now());
+    if (answer.outcome == Outcome::kNoAnswer) {
+      ++counts_.missing;
+      return answer;
+    }
     ++counts_.answers;
     if (answer.outcome == Outcome::kRefused) {
       ++counts_.refused;
@@ -242,8 +249,10 @@ std::size_t Bus::sync_read(std::span<const MotorId> ids, std::uint16_t address, 
             .parameters = std::span(parameters_).first(ids.size() + 4)});
   if (sent != Outcome::kDone) return fail(sent);
   for (MotorAnswer& answer : answers.first(ids.size())) answer.answer.asked = sent_;
-  const std::size_t count =
-      is_fast ? receive_fast_sync(ids, size, answers) : receive_sync(ids, size, answers);
+  is_fast ? receive_fast_sync(ids, size, answers) : receive_sync(ids, size, answers);
+  const auto count = static_cast<std::size_t>(std::ranges::count_if(
+      answers.first(ids.size()),
+      [](const MotorAnswer& answer) { return answer.answer.outcome != Outcome::kNoAnswer; }));
   counts_.answers += count;
   counts_.missing += ids.size() - count;
   if (!port_->is_open()) {
@@ -254,8 +263,8 @@ std::size_t Bus::sync_read(std::span<const MotorId> ids, std::uint16_t address, 
   return count;
 }
 
-std::size_t Bus::receive_sync(std::span<const MotorId> ids, std::size_t size,
-                              std::span<MotorAnswer> answers) noexcept {
+void Bus::receive_sync(std::span<const MotorId> ids, std::size_t size,
+                       std::span<MotorAnswer> answers) noexcept {
   const std::size_t most = kStatusFrame + size + size / 3 + 1;
   const Instant end = deadline_of(ids.size() * most, ids.size());
   // If the next answer does not come, no other will: motors answer one after the other.
@@ -263,7 +272,6 @@ std::size_t Bus::receive_sync(std::span<const MotorId> ids, std::size_t size,
   Instant deadline = std::min(end, sent_ + gap);
   // The line cannot have carried more by now: an answer that is here earlier is an old one.
   std::size_t carried = 0;
-  std::size_t count = 0;
   for (std::size_t next = 0; next < ids.size();) {
     const auto packet = receive(deadline);
     if (!packet) break;
@@ -280,24 +288,22 @@ std::size_t Bus::receive_sync(std::span<const MotorId> ids, std::size_t size,
     MotorAnswer& answer = answers[next + place];
     answer.answer = judge(packet->parameters[0], now);
     next += place + 1;
-    ++count;
     deadline = std::min(end, now + gap);
     const auto data = packet->parameters.subspan(1);
     if (answer.answer.outcome == Outcome::kRefused) {
       ++counts_.refused;
-    } else if (data.size() != size) {
+    } else if (answer.answer && data.size() != size) {
       answer.answer.outcome = Outcome::kBadAnswer;
-    } else {
+    } else if (answer.answer) {
       std::ranges::copy(data, answer.data.begin());
     }
   }
-  return count;
 }
 
 // One packet has the answers of all motors. Each part ends with the CRC of everything before it, so
 // the parts in front of damage, or of a silent motor, can be used.
-std::size_t Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t size,
-                                   std::span<MotorAnswer> answers) noexcept {
+void Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t size,
+                            std::span<MotorAnswer> answers) noexcept {
   const std::size_t part = size + kFastFrame;
   const std::size_t whole = kFastHeader + ids.size() * part;
   const Instant end = deadline_of(whole, ids.size());
@@ -314,17 +320,15 @@ std::size_t Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t siz
   };
   // Takes the parts in front of the first one that is damaged or missing.
   const auto take_good_parts = [&](std::span<const std::uint8_t> bytes) {
-    std::size_t i = 0;
-    for (; i < ids.size(); ++i) {
+    for (std::size_t i = 0; i < ids.size(); ++i) {
       const std::size_t first = kFastHeader + i * part;
       const std::size_t crc = first + part - 2;
       if (bytes.size() < first + part || bytes[first + 1] != ids[i] ||
           number_in(bytes.subspan(crc, 2)) != crc16(bytes.first(crc))) {
-        break;
+        return;
       }
       take(i, bytes.subspan(first, part));
     }
-    return i;
   };
   const auto count_others = [&](const Packet& packet) {
     packet.instruction == Instruction::kStatus ? ++counts_.late : ++counts_.echoes;
@@ -337,12 +341,12 @@ std::size_t Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t siz
         continue;
       }
       if (parser_.begun().size() >= whole) {
-        const std::size_t count = take_good_parts(parser_.begun());
+        take_good_parts(parser_.begun());
         // The parser lets go of the packet, and counts it as whole or damaged.
         while (const auto packet = parser_.next()) {
           if (packet->id != kBroadcast) count_others(*packet);
         }
-        return count;
+        return;
       }
     } else if (const auto packet = parser_.next()) {
       // Our packet comes from here if there was damage in front.
@@ -352,11 +356,10 @@ std::size_t Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t siz
         count_others(*packet);
         continue;
       }
-      std::size_t count = 0;
-      for (; count < ids.size() && bytes[count * part + 1] == ids[count]; ++count) {
-        take(count, bytes.subspan(count * part, size + 2));
+      for (std::size_t i = 0; i < ids.size() && bytes[i * part + 1] == ids[i]; ++i) {
+        take(i, bytes.subspan(i * part, size + 2));
       }
-      return count;
+      return;
     } else if (is_ours(parser_.begun()) && parser_.begun().size() >= whole) {
       continue;
     }
@@ -364,11 +367,11 @@ std::size_t Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t siz
       unread_ = std::span(incoming_).first(port_->read(incoming_, end));
       if (unread_.empty()) {
         if (is_ours(parser_.begun())) {
-          const std::size_t count = take_good_parts(parser_.begun());
+          take_good_parts(parser_.begun());
           static_cast<void>(parser_.abandon());
-          return count;
+          return;
         }
-        if (!parser_.abandon()) return 0;
+        if (!parser_.abandon()) return;
       }
     }
     unread_ = unread_.subspan(parser_.feed(unread_));

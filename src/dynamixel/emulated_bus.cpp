@@ -8,6 +8,13 @@
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::dynamixel {
+namespace {
+
+// The answer of a motor that has heard a damaged instruction.
+constexpr EmulatedMotor::Reply kMisheard{.is_sent = true,
+                                         .error = static_cast<std::uint8_t>(StatusError::kCrc)};
+
+}  // namespace
 
 void InertiaPlant::step(std::span<const double> torque, Nanoseconds duration) noexcept {
   const double seconds = std::chrono::duration<double>(duration).count();
@@ -40,10 +47,12 @@ EmulatedBus::EmulatedBus(const std::vector<EmulatedMotorOptions>& motors, Plant&
             "two emulated motors have number " + std::to_string(motor.id) + " on one bus");
     motors_.emplace_back(motor);
   }
-  // What was measured at the very beginning.
+  // The motors are switched on where the plant is, and have measured it.
   for (std::size_t i = 0; i < motors_.size(); ++i) {
-    motors_[i].tick(Nanoseconds::zero() + Nanoseconds(1), plant_.position(i), plant_.velocity(i));
-    motors_[i].set_value(registers::kGoalPosition, motors_[i].value(registers::kPresentPosition));
+    for (const bool is_on : {false, true}) {
+      motors_[i].set_power(is_on);
+      motors_[i].tick(Nanoseconds(1), plant_.position(i), plant_.velocity(i));
+    }
   }
 }
 
@@ -65,6 +74,12 @@ bool EmulatedBus::hears(const EmulatedMotor* motor) noexcept {
   if (!happens(options_.faults.unheard)) return true;
   ++counts_.unheard;
   return false;
+}
+
+bool EmulatedBus::mishears() noexcept {
+  if (!happens(options_.faults.misheard)) return false;
+  ++counts_.misheard;
+  return true;
 }
 
 void EmulatedBus::advance(Instant now) noexcept {
@@ -131,7 +146,8 @@ void EmulatedBus::carry_out(const Packet& packet, Instant heard) {
     if (!hears(motor)) continue;
     // A write may change number and delay; the answer has those from before.
     const Nanoseconds delay = motor->return_delay();
-    const EmulatedMotor::Reply reply = motor->execute(packet.instruction, packet.parameters, data_);
+    const EmulatedMotor::Reply reply =
+        mishears() ? kMisheard : motor->execute(packet.instruction, packet.parameters, data_);
     const bool is_answered = !is_for_all || packet.instruction == Instruction::kPing;
     if (is_answered && reply.is_sent) {
       free = answer(static_cast<MotorId>(id), reply, free + delay + options_.response);
@@ -168,7 +184,7 @@ void EmulatedBus::read_many(const Packet& packet, Instant heard) {
       free += time_of(kPacketFrame + 1 + size);
       continue;
     }
-    const EmulatedMotor::Reply reply = motor->read(address, size, data_);
+    const EmulatedMotor::Reply reply = mishears() ? kMisheard : motor->read(address, size, data_);
     if (reply.is_sent) {
       free = answer(motor->id(), reply, free + motor->return_delay() + options_.response);
     }
@@ -192,9 +208,11 @@ void EmulatedBus::fast_read_many(const Packet& packet, Instant heard) {
   Nanoseconds delays{0};
   for (const MotorId id : ids) {
     EmulatedMotor* const motor = find(id);
-    if (!hears(motor)) break;
-    const EmulatedMotor::Reply reply = motor->read(address, size, data_);
+    if (!hears(motor) || motor->value(registers::kFirmwareVersion) < kFastSyncReadFirmware) break;
+    EmulatedMotor::Reply reply = motor->read(address, size, data_);
     if (!reply.is_sent || reply.size != size) break;
+    // All parts of the answer have the same size.
+    if (mishears()) reply.error = kMisheard.error;
     delays += motor->return_delay() + options_.response;
     packet_[end++] = reply.error;
     packet_[end++] = id;
@@ -215,7 +233,7 @@ void EmulatedBus::write_many(const Packet& packet) noexcept {
       const std::size_t size = number_in(parameters.subspan(i + 3, 2));
       if (i + 5 + size > parameters.size()) return;
       EmulatedMotor* const motor = find(parameters[i]);
-      if (hears(motor)) {
+      if (hears(motor) && !mishears()) {
         motor->write(number_in(parameters.subspan(i + 1, 2)), parameters.subspan(i + 5, size));
       }
       i += 5 + size;
@@ -228,7 +246,7 @@ void EmulatedBus::write_many(const Packet& packet) noexcept {
   if (size == 0 || (parameters.size() - 4) % (size + 1) != 0) return;
   for (std::size_t i = 4; i < parameters.size(); i += size + 1) {
     EmulatedMotor* const motor = find(parameters[i]);
-    if (hears(motor)) motor->write(address, parameters.subspan(i + 1, size));
+    if (hears(motor) && !mishears()) motor->write(address, parameters.subspan(i + 1, size));
   }
 }
 

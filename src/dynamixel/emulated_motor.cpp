@@ -15,7 +15,6 @@ namespace regs = registers;
 constexpr std::int32_t kStopped = -1;  // what the watchdog reads as after it has stopped the motor
 constexpr Nanoseconds kWatchdogUnit = std::chrono::milliseconds(20);
 constexpr double kRatedVoltage = 12.0;
-constexpr int kReversed = 1;  // bit of the drive mode
 
 bool is_same(const Register& a, const Register& b) noexcept { return a.address == b.address; }
 
@@ -65,6 +64,7 @@ EmulatedMotor::EmulatedMotor(const EmulatedMotorOptions& options)
     set_value(which, static_cast<std::int32_t>(which.initial));
   }
   set_value(regs::kModelNumber, options.model->number);
+  set_value(regs::kFirmwareVersion, options.firmware);
   set_value(regs::kCurrentLimit, options.model->current_limit);
   set_value(regs::kId, options.id);
   set_value(regs::kBaudRate, static_cast<std::int32_t>(rate - kBaudRates.begin()));
@@ -96,6 +96,13 @@ OperatingMode EmulatedMotor::mode() const noexcept {
   return static_cast<OperatingMode>(memory_[regs::kOperatingMode.address]);
 }
 
+// Only the place within one turn is known.
+void EmulatedMotor::forget_turns() noexcept {
+  forgotten_ = std::floor((std::round(turned_) + kPositionMiddle) / kStepsPerTurn) * kStepsPerTurn;
+  const double sign = (value(regs::kDriveMode) & kReversed) != 0 ? -1.0 : 1.0;
+  shaft_ = sign * (turned_ - forgotten_) + kPositionMiddle + value(regs::kHomingOffset);
+}
+
 // What a motor does when its firmware starts.
 void EmulatedMotor::begin() noexcept {
   for (const Register& which : kControlTable) {
@@ -111,6 +118,8 @@ void EmulatedMotor::begin() noexcept {
   quiet_ = uptime_ = Nanoseconds::zero();
   registered_ = {};
   torque_ = current_ = 0.0;
+  forget_turns();
+  set_value(regs::kPresentPosition, static_cast<std::int32_t>(std::lround(shaft_)));
   reset_goals();
 }
 
@@ -327,12 +336,9 @@ EmulatedMotor::Reply EmulatedMotor::execute(Instruction instruction,
       return reply;
     }
     case Instruction::kClear: {
-      // Forgets the turns: the position is again within one.
       constexpr std::array<std::uint8_t, 5> kKey{0x01, 0x44, 0x58, 0x4C, 0x22};
       if (!std::ranges::equal(parameters, kKey)) return answer(StatusError::kDataRange, false);
-      const double turns = std::floor(shaft_ / 4096.0);
-      set_value(regs::kHomingOffset, value(regs::kHomingOffset) -
-                                         static_cast<std::int32_t>(std::lround(turns * 4096.0)));
+      forget_turns();
       return answer(StatusError::kNone, false);
     }
     default:
@@ -411,12 +417,13 @@ double EmulatedMotor::wanted_pwm(double position, double velocity, double second
 }
 
 void EmulatedMotor::tick(Nanoseconds duration, double position, double velocity) noexcept {
+  turned_ = position / kPositionUnit;
   if (!is_on_) return;
   const double seconds = std::chrono::duration<double>(duration).count();
   uptime_ += duration;
   watch(duration);
   const double sign = (value(regs::kDriveMode) & kReversed) != 0 ? -1.0 : 1.0;
-  shaft_ = sign * position / kPositionUnit + kPositionMiddle + value(regs::kHomingOffset);
+  shaft_ = sign * (turned_ - forgotten_) + kPositionMiddle + value(regs::kHomingOffset);
   velocity *= sign;
 
   const auto tenths = static_cast<std::int32_t>(std::lround(10.0 * supply_));

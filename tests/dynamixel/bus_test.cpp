@@ -121,6 +121,36 @@ TEST(Bus, SaysWhyAMotorRefuses) {
   EXPECT_EQ(rig.bus.counts().refused, 5U);
 }
 
+// The motor does not know what was asked of it, so it is as if its answer was lost.
+TEST(Bus, CountsTheAnswerToADamagedInstructionAsMissing) {
+  for (const bool is_fast : {false, true}) {
+    Rig rig({.line = {.faults = {.misheard = 0.2, .seed = 3}}});
+    constexpr int kCycles = 100;
+    for (int i = 0; i < kCycles; ++i) {
+      const std::size_t count =
+          rig.bus.sync_read(rig.ids, kPresent, kPresentSize, rig.answers, is_fast);
+      std::size_t done = 0;
+      for (const MotorAnswer& answer : rig.answers) {
+        if (answer.answer) {
+          ++done;
+        } else {
+          EXPECT_EQ(answer.answer.outcome, Outcome::kNoAnswer);
+          EXPECT_EQ(answer.answer.error, StatusError::kCrc);
+        }
+      }
+      EXPECT_EQ(count, done);
+    }
+    std::int32_t value = 0;
+    for (int i = 0; i < kCycles; ++i) {
+      static_cast<void>(rig.bus.read(10, registers::kPresentPosition, value));
+    }
+    EXPECT_GT(rig.line.counts().misheard, 0U);
+    EXPECT_EQ(rig.bus.counts().missing, rig.line.counts().misheard);
+    EXPECT_EQ(rig.bus.counts().answers + rig.bus.counts().missing, kCycles * 10U);
+    EXPECT_EQ(rig.bus.counts().refused, 0U);
+  }
+}
+
 TEST(Bus, SaysThatAMotorIsSilentAfterItsTime) {
   Rig rig({.ids = {7}});
   Identity identity;

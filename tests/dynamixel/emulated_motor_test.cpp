@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "dynamixel/rig.hpp"
 
@@ -223,6 +224,49 @@ TEST_F(OneMotor, KeepsWhatIsKeptWithoutSupply) {
   EXPECT_EQ(get(regs::kCurrentLimit), 500);
   EXPECT_EQ(get(regs::kPositionPGain), regs::kPositionPGain.initial);
   EXPECT_EQ(get(regs::kTorqueEnable), 0);
+}
+
+// Wherever the shaft was and however far it is turned meanwhile.
+TEST_F(OneMotor, KnowsItsPositionWithinOneTurnAfterItIsSwitchedOn) {
+  EXPECT_TRUE(rc::check([this] {
+    const auto position = *rc::gen::inRange(-20'000, 20'000);
+    const auto turned = *rc::gen::inRange(-20'000, 20'000);
+    rig_.plant.set_position(0, position * kPositionUnit);
+    motor_.set_power(false);
+    wait(1ms);
+    motor_.set_power(true);
+    wait(1ms);
+    const std::int32_t before = get(regs::kPresentPosition);
+    RC_ASSERT(before >= 0 && before < kStepsPerTurn);
+    RC_ASSERT((before - position - kPositionMiddle) % kStepsPerTurn == 0);
+    // As long as it is on, it counts turns.
+    rig_.plant.set_position(0, turned * kPositionUnit);
+    wait(1ms);
+    RC_ASSERT(get(regs::kPresentPosition) - before == turned - position);
+    const bool has_supply = *rc::gen::arbitrary<bool>();
+    if (has_supply) {
+      RC_ASSERT(rig_.bus.reboot(1).outcome == Outcome::kDone);
+    } else {
+      motor_.set_power(false);
+      wait(1ms);
+      motor_.set_power(true);
+    }
+    wait(1ms);
+    const std::int32_t after = get(regs::kPresentPosition);
+    RC_ASSERT(after >= 0 && after < kStepsPerTurn);
+    RC_ASSERT(get(regs::kGoalPosition) == after);
+  }));
+}
+
+TEST_F(OneMotor, ForgetsItsTurnsOnRequest) {
+  rig_.plant.set_position(0, 3.0 * std::numbers::pi);
+  wait(1ms);
+  EXPECT_EQ(get(regs::kPresentPosition), kPositionMiddle + 3 * kStepsPerTurn / 2);
+  std::array<std::uint8_t, kTableSize> data{};
+  constexpr std::array<std::uint8_t, 5> kKey{0x01, 0x44, 0x58, 0x4C, 0x22};
+  EXPECT_EQ(motor_.execute(Instruction::kClear, kKey, data).error, 0);
+  wait(1ms);
+  EXPECT_EQ(get(regs::kPresentPosition), kPositionMiddle - kStepsPerTurn / 2);
 }
 
 TEST_F(OneMotor, ShowsOtherRegistersAsIndirectData) {

@@ -20,8 +20,9 @@ namespace trifinger::dynamixel {
 /// How an exchange with a motor ended.
 enum class Outcome : std::uint8_t {
   kDone,
-  kRefused,     ///< The motor answered with an error: `Answer::error`.
-  kNoAnswer,    ///< No whole answer came in time.
+  kRefused,  ///< The motor answered with an error: `Answer::error`.
+  /// No whole answer came in time, or the motor has heard a damaged instruction (`kCrc`).
+  kNoAnswer,
   kBadAnswer,   ///< The answer has another size than was asked for.
   kNotSent,     ///< The line took no bytes.
   kLineGone,    ///< The line is not there any more.
@@ -69,7 +70,7 @@ struct BusOptions {
 struct BusCounts {
   std::uint64_t instructions{0};  ///< Packets sent.
   std::uint64_t answers{0};       ///< Answers that came whole and in time, refusals included.
-  std::uint64_t missing{0};       ///< Answers that did not come whole and in time.
+  std::uint64_t missing{0};       ///< Answers that did not come whole and in time, see `kNoAnswer`.
   std::uint64_t damaged{0};       ///< Packets that came damaged. Their answers count as missing.
   std::uint64_t late{0};     ///< Whole answers that came too late, or that nobody had asked for.
   std::uint64_t refused{0};  ///< Answers with an error.
@@ -144,10 +145,10 @@ class Bus {
                                     std::span<const std::uint8_t>& data) noexcept;
   [[nodiscard]] Answer exchange(const Packet& packet, std::size_t size,
                                 std::span<const std::uint8_t>& data) noexcept;
-  std::size_t receive_sync(std::span<const MotorId> ids, std::size_t size,
-                           std::span<MotorAnswer> answers) noexcept;
-  std::size_t receive_fast_sync(std::span<const MotorId> ids, std::size_t size,
-                                std::span<MotorAnswer> answers) noexcept;
+  void receive_sync(std::span<const MotorId> ids, std::size_t size,
+                    std::span<MotorAnswer> answers) noexcept;
+  void receive_fast_sync(std::span<const MotorId> ids, std::size_t size,
+                         std::span<MotorAnswer> answers) noexcept;
   [[nodiscard]] Answer judge(std::uint8_t error, Instant arrived) const noexcept;
   [[nodiscard]] bool is_too_early(std::size_t bytes, Instant now) const noexcept;
   void drop_what_came() noexcept;

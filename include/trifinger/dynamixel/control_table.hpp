@@ -44,8 +44,11 @@ struct Register {
   [[nodiscard]] constexpr std::size_t end() const noexcept { return address + std::size_t{size}; }
 };
 
+/// Steps of a position per turn. The encoder is absolute within one turn: a motor that has just
+/// been switched on knows no whole turns.
+inline constexpr std::int32_t kStepsPerTurn = 4096;
 /// What a step of a position is worth [rad].
-inline constexpr double kPositionUnit = 2.0 * std::numbers::pi / 4096.0;
+inline constexpr double kPositionUnit = 2.0 * std::numbers::pi / kStepsPerTurn;
 /// The position in the middle of the range, which counts as 0 rad.
 inline constexpr std::int32_t kPositionMiddle = 2048;
 /// What a step of a velocity is worth [rad/s]: 0.229 revolutions per minute.
@@ -119,6 +122,13 @@ inline constexpr Register kPresentTemperature{"present_temperature", 146, 1, fal
 // clang-format on
 
 }  // namespace registers
+
+/// Bits of the register "drive_mode".
+inline constexpr std::int32_t kReversed = 1;          ///< The motor turns the other way.
+inline constexpr std::int32_t kTimeBasedProfile = 4;  ///< Profiles are times instead of speeds.
+
+/// The first firmware that answers a fast sync read.
+inline constexpr int kFastSyncReadFirmware = 45;
 
 /// All registers by address, without the indirect ones below.
 inline constexpr std::array kControlTable{

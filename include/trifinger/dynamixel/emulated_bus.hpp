@@ -61,7 +61,9 @@ class InertiaPlant final : public Plant {
 
 /// What goes wrong on a line. Each number is a probability per packet, 0 to 1.
 struct LineFaults {
-  double unheard{0.0};     ///< One motor does not hear an instruction.
+  double unheard{0.0};  ///< One motor does not hear an instruction.
+  /// One motor hears a damaged instruction. It does nothing and answers with the error "crc".
+  double misheard{0.0};
   double lost{0.0};        ///< A whole answer is lost on its way.
   double damaged{0.0};     ///< One bit of an answer is wrong.
   double byte_lost{0.0};   ///< One byte of an answer is missing.
@@ -86,6 +88,7 @@ struct EmulatedBusCounts {
   std::uint64_t instructions{0};  ///< Whole instructions heard on the line.
   std::uint64_t answers{0};       ///< Answers that motors have sent.
   std::uint64_t unheard{0};
+  std::uint64_t misheard{0};
   std::uint64_t lost{0};
   std::uint64_t damaged{0};  ///< With a wrong, missing or added byte.
   std::uint64_t late{0};
@@ -124,6 +127,8 @@ class EmulatedBus {
   [[nodiscard]] bool happens(double probability) noexcept;
   // True if the motor is there and has heard the instruction.
   [[nodiscard]] bool hears(const EmulatedMotor* motor) noexcept;
+  // True if a motor that has heard the instruction has heard it damaged.
+  [[nodiscard]] bool mishears() noexcept;
   void carry_out(const Packet& packet, Instant heard);
   void read_many(const Packet& packet, Instant heard);
   void fast_read_many(const Packet& packet, Instant heard);

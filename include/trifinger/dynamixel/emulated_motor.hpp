@@ -20,6 +20,7 @@ struct EmulatedMotorOptions {
   int baud{1'000'000};                   ///< One of `kBaudRates`.
   /// A multiple of 2 µs up to 508 µs.
   Nanoseconds return_delay{std::chrono::microseconds(500)};
+  std::uint8_t firmware{kFastSyncReadFirmware};
   double supply{12.0};       ///< [V]
   double temperature{30.0};  ///< [°C]
 };
@@ -63,7 +64,8 @@ class EmulatedMotor {
   [[nodiscard]] double current() const noexcept { return current_; }
 
   /// The supply is switched: without it the motor is silent and without torque. Afterwards it has
-  /// what is kept, and everything else is as new.
+  /// what is kept, and everything else is as new. It has forgotten whole turns: its position is
+  /// within one turn.
   void set_power(bool is_on) noexcept;
   [[nodiscard]] bool is_on() const noexcept { return is_on_; }
   /// Sets a bit of the hardware error status until a reboot. If the register "shutdown" has the
@@ -95,6 +97,7 @@ class EmulatedMotor {
                                       bool is_trial) noexcept;
   [[nodiscard]] Reply answer(StatusError error, bool is_read) const noexcept;
   void begin() noexcept;
+  void forget_turns() noexcept;
   void reset_goals() noexcept;
   void factory_reset(std::uint8_t what) noexcept;
   [[nodiscard]] std::int64_t highest(const Register& which) const noexcept;
@@ -111,7 +114,9 @@ class EmulatedMotor {
   double temperature_;
   double torque_{0.0};
   double current_{0.0};
-  double shaft_{kPositionMiddle};  // where it is [steps]
+  double turned_{0.0};             // of the shaft, from the middle of its range on [steps]
+  double forgotten_{0.0};          // whole turns of it [steps]
+  double shaft_{kPositionMiddle};  // where the firmware takes it to be [steps]
   double trajectory_{kPositionMiddle};
   double trajectory_velocity_{0.0};  // [steps/s]
   double velocity_integral_{0.0};
