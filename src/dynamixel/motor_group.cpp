@@ -19,6 +19,8 @@ using trifinger::detail::text_of;
 
 constexpr Nanoseconds kWatchdogUnit = std::chrono::milliseconds(20);
 constexpr Nanoseconds kReturnDelayUnit = std::chrono::microseconds(2);
+// How long motors that do not confirm it are told again to switch torque off.
+constexpr Nanoseconds kReleaseLimit = std::chrono::milliseconds(250);
 // Current, velocity and position lie side by side.
 constexpr std::uint16_t kPresent = regs::kPresentCurrent.address;
 constexpr std::size_t kPresentSize = regs::kPresentPosition.end() - kPresent;
@@ -117,12 +119,13 @@ const Register& MotorGroup::goal_register() const noexcept {
 
 template <class Exchange>
 Answer MotorGroup::try_often(const Exchange& exchange) {
-  Answer answer = exchange();
-  for (int i = 1; i < options_.attempts && !answer; ++i) {
+  for (int i = 1;; ++i) {
+    // Motors with torque hear nothing else meanwhile, and their watchdogs count.
+    if (num_watched_ > 0) static_cast<void>(send_goals(num_watched_));
+    const Answer answer = exchange();
+    if (answer || i >= options_.attempts) return answer;
     bus_.drop_late_answers();
-    answer = exchange();
   }
-  return answer;
 }
 
 std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
@@ -167,6 +170,11 @@ void MotorGroup::identify(std::size_t motor) {
                         ", but only XM430 and XH430 are known; use one of these"));
   }
   models_[motor] = model;
+  if (options_.is_fast && identity.firmware < kFastSyncReadFirmware) {
+    throw Error(text_of(motor_text(id), " has firmware ", int{identity.firmware},
+                        ", but fast sync read needs ", kFastSyncReadFirmware,
+                        "; set fast_sync_read: false, or update the firmware"));
+  }
 }
 
 void MotorGroup::clear_errors(std::size_t motor) {
@@ -195,6 +203,12 @@ void MotorGroup::set_up(std::size_t motor) {
                    static_cast<std::int32_t>(options_.return_delay / kReturnDelayUnit));
   readings_[motor] = {};
   if (motor >= num_driven()) return;
+  if ((get(motor, regs::kDriveMode) & kTimeBasedProfile) != 0) {
+    throw Error(text_of(motor_text(ids_[motor]),
+                        " has a time-based profile in its register drive_mode, but profiles must "
+                        "be based on velocity; take ",
+                        kTimeBasedProfile, " off the value of drive_mode"));
+  }
   const auto mode = static_cast<std::int32_t>(options_.mode);
   set_if_different(motor, regs::kOperatingMode, mode);
   // In another mode, goals would have another meaning.
@@ -203,21 +217,32 @@ void MotorGroup::set_up(std::size_t motor) {
                         mode, "; recover to set it again"));
   }
   limits_[motor] = read_limits(motor);
+  // Another program may have left these.
+  set(motor, regs::kGoalPwm, get(motor, regs::kPwmLimit));
+  set(motor, regs::kProfileVelocity, 0);
+  set(motor, regs::kProfileAcceleration, 0);
+  if (options_.mode == OperatingMode::kCurrentBasedPosition) {
+    set(motor, regs::kGoalCurrent, read_largest_current(motor));
+  }
+}
+
+void MotorGroup::give_torque(std::size_t motor) {
   std::int32_t goal = 0;
   if (is_position(options_.mode)) {
     goal = std::clamp(get(motor, regs::kPresentPosition), limits_[motor].lowest,
                       limits_[motor].highest);
   }
-  if (options_.mode == OperatingMode::kCurrentBasedPosition) {
-    set(motor, regs::kGoalCurrent, read_largest_current(motor));
-  }
   set(motor, goal_register(), goal);
   last_goals_[motor] = goal;
   set(motor, regs::kTorqueEnable, 1);
+  set(motor, regs::kBusWatchdog, static_cast<std::int32_t>(options_.watchdog / kWatchdogUnit));
+  num_watched_ = motor + 1;
+  readings_[motor].has_torque = true;
 }
 
 void MotorGroup::start() {
   is_started_ = false;
+  num_watched_ = 0;
   trouble_ = {};
   // Reading shows whether the line has gone while nobody used it.
   bus_.drop_late_answers();
@@ -229,15 +254,13 @@ void MotorGroup::start() {
   for (std::size_t i = 0; i < size(); ++i) clear_errors(i);
   for (std::size_t i = 0; i < size(); ++i) set_up(i);
   bus_.set_return_delay(options_.return_delay);
+  // All motors are set up by now, so that little time passes from here on.
+  for (std::size_t i = 0; i < num_driven(); ++i) give_torque(i);
   for (std::size_t i = 0; i < size(); ++i) {
     // One by one: a motor whose answer to the common read is lost must not seem to be at 0 rad.
     readings_[i].measured = bus_.port().now();
     readings_[i].position = position_of(get(i, regs::kPresentPosition));
-    readings_[i].has_torque = i < num_driven();
   }
-  // Last, because the watchdogs begin to count.
-  const auto watchdog = static_cast<std::int32_t>(options_.watchdog / kWatchdogUnit);
-  for (std::size_t i = 0; i < num_driven(); ++i) set(i, regs::kBusWatchdog, watchdog);
   is_started_ = true;
   read_all();
 }
@@ -331,16 +354,21 @@ MotorGroup::GoalLimits MotorGroup::read_limits(std::size_t motor) {
   }
 }
 
-void MotorGroup::write_all(std::span<const double> goals) noexcept {
+Outcome MotorGroup::send_goals(std::size_t count) noexcept {
   const Register& which = goal_register();
-  for (std::size_t i = 0; i < num_driven(); ++i) {
-    last_goals_[i] = raw_goal(i, i < goals.size() ? goals[i] : std::nan(""));
+  for (std::size_t i = 0; i < count; ++i) {
     put_number(std::span(data_).subspan(i * which.size), static_cast<std::uint32_t>(last_goals_[i]),
                which.size);
   }
-  const Outcome sent = bus_.sync_write(options_.ids, which.address, which.size,
-                                       std::span(data_).first(num_driven() * which.size));
-  if (sent == Outcome::kLineGone) note(Trouble::kLineGone, 0);
+  return bus_.sync_write(std::span(options_.ids).first(count), which.address, which.size,
+                         std::span(data_).first(count * which.size));
+}
+
+void MotorGroup::write_all(std::span<const double> goals) noexcept {
+  for (std::size_t i = 0; i < num_driven(); ++i) {
+    last_goals_[i] = raw_goal(i, i < goals.size() ? goals[i] : std::nan(""));
+  }
+  if (send_goals(num_driven()) == Outcome::kLineGone) note(Trouble::kLineGone, 0);
 }
 
 void MotorGroup::look(std::size_t motor, Look what) noexcept {
@@ -386,15 +414,32 @@ void MotorGroup::cycle(std::span<const double> goals) noexcept {
   ++looks_;
 }
 
-void MotorGroup::release() noexcept {
+std::optional<MotorId> MotorGroup::release() noexcept {
   is_started_ = false;
-  const std::array<std::uint8_t, kMaxMotors> off{};
-  // Nobody answers, so the second one is for those who did not hear the first.
-  for (int i = 0; i < 2; ++i) {
-    static_cast<void>(bus_.sync_write(options_.ids, regs::kTorqueEnable.address, 1,
-                                      std::span(off).first(num_driven())));
-  }
-  for (MotorReading& reading : readings_) reading.has_torque = false;
+  constexpr std::array<std::uint8_t, std::size_t{regs::kGoalCurrent.size} * kMaxMotors> kZeros{};
+  const auto write_zeros = [&](const Register& which) {
+    static_cast<void>(bus_.sync_write(options_.ids, which.address, which.size,
+                                      std::span(kZeros).first(num_driven() * which.size)));
+  };
+  std::array<bool, kMaxMotors> is_off{};
+  const auto find_on = [&] {
+    return static_cast<std::size_t>(std::ranges::find(is_off, false) - is_off.begin());
+  };
+  const Instant end = bus_.port().now() + kReleaseLimit;
+  do {
+    // In modes with currents, a motor that hears only one of the two has no torque either.
+    write_zeros(regs::kGoalCurrent);
+    write_zeros(regs::kTorqueEnable);
+    // An old answer must not pass for the confirmation.
+    bus_.drop_late_answers();
+    for (std::size_t i = 0; i < num_driven(); ++i) {
+      if (is_off[i]) continue;
+      std::int32_t torque = 0;
+      is_off[i] = bus_.read(ids_[i], regs::kTorqueEnable, torque) && torque == 0;
+      if (is_off[i]) readings_[i].has_torque = false;
+    }
+  } while (find_on() < num_driven() && bus_.port().is_open() && bus_.port().now() < end);
+  return find_on() < num_driven() ? std::optional(ids_[find_on()]) : std::nullopt;
 }
 
 }  // namespace trifinger::dynamixel

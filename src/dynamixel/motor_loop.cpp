@@ -21,14 +21,13 @@ constexpr Nanoseconds kIdle = std::chrono::milliseconds(1);
 
 struct MotorLoop::State {
   State(std::unique_ptr<MotorGroup> motors, const MotorLoopOptions& options)
-      : runner(std::move(motors), options.period, options.goal_timeout) {
-    snapshots.write(runner.snapshot());
-  }
+      : runner(std::move(motors), options.period, options.goal_timeout,
+               [this](const MotorSnapshot& snapshot) { snapshots.write(snapshot); }) {}
   void run();
 
-  detail::MotorRunner runner;  // used by the thread only
-  std::vector<std::string> lacks;
   Latest<MotorSnapshot> snapshots;
+  detail::MotorRunner runner;  // used by the thread only, and tells the snapshots
+  std::vector<std::string> lacks;
   Latest<detail::Goals> goals;
   std::atomic<std::uint64_t> request{0};
   std::atomic<bool> is_cut{false};
@@ -46,14 +45,12 @@ void MotorLoop::State::run() {
     if (const std::uint64_t word = request.load(std::memory_order_relaxed); word != obeyed) {
       obeyed = word;
       is_cut.store(false, std::memory_order_relaxed);
-      runner.obey(word, [this](const MotorSnapshot& begun) { snapshots.write(begun); });
+      runner.obey(word);
       // Goals of an earlier run must not act in this one.
       static_cast<void>(goals.read(newest));
-      snapshots.write(runner.snapshot());
     }
     if (is_cut.exchange(false, std::memory_order_relaxed)) {
       runner.fail(FixedText("the motors were switched off because the loop hung"));
-      snapshots.write(runner.snapshot());
     }
     if (!runner.is_running()) {
       std::this_thread::sleep_for(kIdle);
@@ -61,7 +58,6 @@ void MotorLoop::State::run() {
     }
     runner.wait_for_cycle();
     runner.cycle(goals.read(newest) ? &newest : nullptr);
-    snapshots.write(runner.snapshot());
   }
   runner.group().release();
   runner.group().bus().wait_until_sent();

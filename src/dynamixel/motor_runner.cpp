@@ -24,8 +24,11 @@ Goals goals_of(std::span<const double> goals) noexcept {
 }
 
 MotorRunner::MotorRunner(std::unique_ptr<MotorGroup> group, Nanoseconds period,
-                         Nanoseconds goal_timeout)
-    : group_(std::move(group)), period_(period), goal_timeout_(goal_timeout) {
+                         Nanoseconds goal_timeout, std::function<void(const MotorSnapshot&)> tell)
+    : group_(std::move(group)),
+      period_(period),
+      goal_timeout_(goal_timeout),
+      tell_(std::move(tell)) {
   require(group_ != nullptr, "a loop of motors needs a group, but got none");
   require(period >= Nanoseconds::zero(),
           "period of a loop of motors is " + duration_text(period) + ", must be at least 0");
@@ -41,24 +44,38 @@ void MotorRunner::look() noexcept {
   snapshot_.counts = group_->counts();
   snapshot_.cycles = group_->cycles();
   snapshot_.trouble = group_->trouble();
+  tell_(snapshot_);
 }
 
 void MotorRunner::fail(const FixedText& why) noexcept {
-  group_->release();
   snapshot_.phase = Phase::kFailed;
   snapshot_.failure = why;
+  // Motors may take their time to confirm it, and nobody may wait so long for the reason.
+  look();
+  group_->release();
   look();
 }
 
-void MotorRunner::begin(std::uint64_t word) noexcept {
+void MotorRunner::release() noexcept {
+  snapshot_.phase = Phase::kReleased;
+  if (const auto motor = group_->release()) {
+    snapshot_.phase = Phase::kFailed;
+    snapshot_.failure = FixedText("motor ");
+    snapshot_.failure.append(std::size_t{*motor})
+        .append(" does not confirm that its torque is off; switch its supply off");
+  }
+  look();
+}
+
+void MotorRunner::obey(std::uint64_t word) noexcept {
   snapshot_.request = word / 2;
   snapshot_.failure = FixedText();
-  if (word % 2 == 0) group_->release();
-  snapshot_.phase = word % 2 == 0 ? Phase::kReleased : Phase::kStarting;
-  look();
+  word % 2 != 0 ? start() : release();
 }
 
-void MotorRunner::start() {
+void MotorRunner::start() noexcept {
+  snapshot_.phase = Phase::kStarting;
+  look();
   try {
     group_->start();
     has_goals_ = false;

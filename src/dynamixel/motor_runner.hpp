@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 
@@ -28,18 +29,14 @@ struct Goals {
 // What a link does with its group, in one thread.
 class MotorRunner {
  public:
+  // `tell` sees every snapshot: the phase of each before anything that takes time.
   // Throws InvalidArgument.
-  MotorRunner(std::unique_ptr<MotorGroup> group, Nanoseconds period, Nanoseconds goal_timeout);
+  MotorRunner(
+      std::unique_ptr<MotorGroup> group, Nanoseconds period, Nanoseconds goal_timeout,
+      std::function<void(const MotorSnapshot&)> tell = [](const MotorSnapshot&) {});
 
-  // Carries out a request, see `request_of`. `told` sees that a start has begun.
-  template <class Told>
-  void obey(std::uint64_t word, const Told& told) {
-    begin(word);
-    if (word % 2 != 0) {
-      told(snapshot_);
-      start();
-    }
-  }
+  // Carries out a request, see `request_of`.
+  void obey(std::uint64_t word) noexcept;
   // One cycle of the bus, if the next one is due. `newest` are goals that have come since the last
   // cycle; nullptr if none have.
   void cycle(const Goals* newest) noexcept;
@@ -55,13 +52,15 @@ class MotorRunner {
   [[nodiscard]] const MotorGroup& group() const noexcept { return *group_; }
 
  private:
-  void begin(std::uint64_t word) noexcept;
-  void start();
+  void release() noexcept;
+  void start() noexcept;
+  // Takes what is known of the motors, and tells it.
   void look() noexcept;
 
   std::unique_ptr<MotorGroup> group_;
   Nanoseconds period_;
   Nanoseconds goal_timeout_;
+  std::function<void(const MotorSnapshot&)> tell_;
   MotorSnapshot snapshot_{};
   Goals newest_{};
   Instant goals_came_{};

@@ -17,7 +17,7 @@ struct SteppedMotors::State {
 
   std::uint64_t request(bool is_start) {
     ++requests;
-    runner.obey(detail::request_of(requests, is_start), [](const MotorSnapshot&) {});
+    runner.obey(detail::request_of(requests, is_start));
     // What passed meanwhile is not made up for.
     end = runner.group().bus().port().now();
     is_new = true;

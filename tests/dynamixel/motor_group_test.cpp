@@ -10,6 +10,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -67,8 +68,10 @@ bool is_read_of(const Register& which, std::span<const std::uint8_t> packet) {
 // Nine emulated motors and a group of them, in simulated time.
 class GroupRig {
  public:
-  explicit GroupRig(MotorGroupOptions options, const EmulatedBusOptions& bus = {})
-      : plant(kClawIds.size()), line(motors_of(kClawIds, 4'000'000, 500us), plant, kBegin, bus) {
+  explicit GroupRig(MotorGroupOptions options, const EmulatedBusOptions& bus = {},
+                    const std::vector<EmulatedMotorOptions>& motors = motors_of(kClawIds, 4'000'000,
+                                                                                500us))
+      : plant(kClawIds.size()), line(motors, plant, kBegin, bus) {
     auto made = std::make_unique<EmulatedPort>(line, 4'000'000, kBegin);
     port = made.get();
     group = std::make_unique<MotorGroup>(std::make_unique<ToldPort>(std::move(made), before_packet),
@@ -83,6 +86,15 @@ class GroupRig {
   void cycle_until_trouble(double goal = 0.0) const {
     for (int i = 0; i < 100'000 && group->trouble().kind == Trouble::kNone; ++i) cycle(1, goal);
     EXPECT_NE(group->trouble().kind, Trouble::kNone);
+  }
+
+  void release_and_expect_no_torque() {
+    EXPECT_EQ(group->release(), std::nullopt);
+    for (std::size_t i = 0; i < 9; ++i) {
+      EXPECT_EQ(line.motor(i).value(regs::kTorqueEnable), 0) << i;
+      EXPECT_EQ(line.motor(i).value(regs::kGoalCurrent), 0) << i;
+      EXPECT_FALSE(group->readings()[i].has_torque) << i;
+    }
   }
 
   InertiaPlant plant;
@@ -235,6 +247,67 @@ TEST(MotorGroup, DoesNotStartAMotorThatGivesLessCurrentThanWasAskedFor) {
     rig.group->start();
     EXPECT_EQ(rig.line.motor(5).value(regs::kTorqueEnable), 1);
   }
+}
+
+// Another program may have left a motor slow, or weak.
+TEST(MotorGroup, LeavesNothingOfAnotherProgramInForce) {
+  for (const OperatingMode mode : {OperatingMode::kPosition, OperatingMode::kCurrentBasedPosition,
+                                   OperatingMode::kVelocity, OperatingMode::kCurrent}) {
+    GroupRig rig(claw(mode));
+    for (std::size_t i = 0; i < 9; ++i) {
+      EmulatedMotor& motor = rig.line.motor(i);
+      motor.set_value(regs::kOperatingMode, static_cast<int>(mode));
+      motor.set_value(regs::kPwmLimit, 800);
+      motor.set_value(regs::kGoalPwm, 20);
+      motor.set_value(regs::kGoalCurrent, 1);
+      motor.set_value(regs::kProfileVelocity, 1);
+      motor.set_value(regs::kProfileAcceleration, 1);
+    }
+    rig.group->start();
+    for (std::size_t i = 0; i < 9; ++i) {
+      EmulatedMotor& motor = rig.line.motor(i);
+      EXPECT_EQ(motor.value(regs::kGoalPwm), 800);
+      EXPECT_EQ(motor.value(regs::kProfileVelocity), 0);
+      EXPECT_EQ(motor.value(regs::kProfileAcceleration), 0);
+    }
+    if (mode == OperatingMode::kVelocity || mode == OperatingMode::kCurrent) continue;
+    rig.cycle(4000, 0.7);
+    for (const MotorReading& reading : rig.group->readings()) {
+      EXPECT_NEAR(reading.position, 0.7, 0.05) << name_of(mode);
+    }
+  }
+}
+
+TEST(MotorGroup, RefusesATimeBasedProfileByName) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.line.motor(3).set_value(regs::kDriveMode, kReversed);
+  EXPECT_NO_THROW(rig.group->start());
+  rig.line.motor(3).set_value(regs::kDriveMode, kReversed | kTimeBasedProfile);
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+  EXPECT_NE(text.find("motor 20 has a time-based profile"), std::string::npos) << text;
+  EXPECT_EQ(rig.line.motor(3).value(regs::kTorqueEnable), 0);
+}
+
+TEST(MotorGroup, SaysWhichFirmwareIsTooOldForFastSyncRead) {
+  std::vector<EmulatedMotorOptions> motors = motors_of(kClawIds, 4'000'000, 0us);
+  motors[7].firmware = 44;
+  MotorGroupOptions options = claw(OperatingMode::kCurrent);
+  {
+    GroupRig rig(options, {}, motors);
+    const std::string text =
+        trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+    EXPECT_NE(text.find("motor 31 has firmware 44, but fast sync read needs 45; set "
+                        "fast_sync_read: false, or update the firmware"),
+              std::string::npos)
+        << text;
+  }
+  options.is_fast = false;
+  GroupRig rig(options, {}, motors);
+  rig.group->start();
+  rig.cycle(1000, 0.1);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone) << text_of(rig.group->trouble());
+  EXPECT_EQ(rig.group->counts().missing, 0U);
 }
 
 TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
@@ -405,12 +478,87 @@ TEST(MotorGroup, NoLongerDrivesAfterATrouble) {
   for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(rig.line.motor(i).current(), 0.0);
 }
 
+// Whenever the host sends something, a motor with torque has its watchdog, unless this is the very
+// packet that sets it.
+TEST(MotorGroup, GivesNoTorqueWithoutAWatchdog) {
+  GroupRig rig(claw(OperatingMode::kPosition));
+  int without = 0;
+  rig.before_packet = [&](std::span<const std::uint8_t> packet) {
+    for (std::size_t i = 0; i < 9; ++i) {
+      const EmulatedMotor& motor = rig.line.motor(i);
+      if (motor.value(regs::kTorqueEnable) == 0 || motor.value(regs::kBusWatchdog) == 5) continue;
+      ++without;
+      const bool sets_it = instruction_in(packet) == Instruction::kWrite &&
+                           id_in(packet) == motor.id() &&
+                           number_in(packet.subspan(8, 2)) == regs::kBusWatchdog.address;
+      const bool are_goals = instruction_in(packet) == Instruction::kSyncWrite;
+      EXPECT_TRUE(sets_it || are_goals) << int{motor.id()};
+    }
+  };
+  rig.group->start();
+  EXPECT_GT(without, 0);
+}
+
+// An adapter may take milliseconds for each exchange.
+TEST(MotorGroup, KeepsWatchdogsQuietWhileItStarts) {
+  MotorGroupOptions options = claw(OperatingMode::kPosition);
+  options.silent_after = 1s;
+  GroupRig rig(options);
+  rig.before_packet = [&](std::span<const std::uint8_t>) {
+    rig.port->sleep_until(rig.port->now() + 3ms);
+  };
+  rig.group->start();
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_EQ(rig.line.motor(i).value(regs::kBusWatchdog), 5) << i;
+    EXPECT_EQ(rig.line.motor(i).value(regs::kTorqueEnable), 1) << i;
+  }
+}
+
+TEST(MotorGroup, ReleasesMotorsThatDoNotHearEveryInstruction) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    GroupRig rig(claw(OperatingMode::kCurrent));
+    rig.group->start();
+    rig.cycle(5, 0.5);
+    rig.line.set_faults({.unheard = 0.1, .seed = seed});
+    rig.release_and_expect_no_torque();
+  }
+}
+
+TEST(MotorGroup, SaysWhichMotorDoesNotConfirmThatItsTorqueIsOff) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.line.motor(6).set_power(false);
+  rig.line.motor(7).set_power(false);
+  const Instant begin = rig.port->now();
+  EXPECT_EQ(rig.group->release(), MotorId{30});
+  EXPECT_GE(rig.port->now() - begin, 250ms);
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_EQ(rig.group->readings()[i].has_torque, i == 6 || i == 7) << i;
+  }
+  // A line that has gone answers nothing any more.
+  rig.port->set_plugged(false);
+  EXPECT_EQ(rig.group->release(), MotorId{10});
+}
+
+// The answer to an earlier read of this motor must not pass for one that it has no torque.
+TEST(MotorGroup, TakesNoLateAnswerForTheConfirmation) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.line.set_faults({.late = 1.0, .delay = 10ms});
+  std::int32_t torque = 0;
+  rig.line.motor(0).set_value(regs::kTorqueEnable, 0);
+  EXPECT_EQ(rig.group->bus().read(10, regs::kTorqueEnable, torque).outcome, Outcome::kNoAnswer);
+  rig.line.motor(0).set_value(regs::kTorqueEnable, 1);
+  // From now on this motor hears nothing.
+  rig.line.set_faults({});
+  rig.line.motor(0).set_value(regs::kBaudRate, 1);
+  EXPECT_EQ(rig.group->release(), MotorId{10});
+}
+
 TEST(MotorGroup, ReleasesEveryMotor) {
   GroupRig rig(claw(OperatingMode::kPosition));
   rig.group->start();
-  rig.group->release();
-  rig.port->sleep_until(rig.port->now() + 2ms);
-  for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(rig.line.motor(i).value(regs::kTorqueEnable), 0);
+  rig.release_and_expect_no_torque();
   rig.cycle(5, 1.0);
   EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
 }
@@ -433,6 +581,7 @@ TEST(MotorGroup, SurvivesALineThatLosesAndDamages) {
     MotorGroupOptions options = claw(OperatingMode::kPosition);
     options.is_fast = is_fast;
     GroupRig rig(options, {.faults = {.unheard = 0.003,
+                                      .misheard = 0.003,
                                       .lost = 0.003,
                                       .damaged = 0.003,
                                       .byte_lost = 0.003,

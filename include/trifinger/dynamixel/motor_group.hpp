@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -28,10 +29,11 @@ struct MotorGroupOptions {
   /// No goal asks for more [A]. In `kCurrentBasedPosition` it is the current that positions use.
   /// Infinite: as much as is stored in each motor; otherwise all motors must allow this much.
   double max_current{std::numeric_limits<double>::infinity()};
-  bool is_fast{true};  ///< Reads with "fast sync read"; needs firmware 45 or later in all motors.
+  /// Reads with "fast sync read"; needs `kFastSyncReadFirmware` or later in all motors.
+  bool is_fast{true};
   Nanoseconds return_delay{0};  ///< Written to the motors. A multiple of 2 µs up to 508 µs.
   /// The motors stop by themselves when they hear nothing for so long: a multiple of 20 ms up to
-  /// 2.54 s. 0: never.
+  /// 2.54 s. 0: never; then they keep their last goals when the host has died.
   Nanoseconds watchdog{std::chrono::milliseconds(100)};
   /// A motor that has not answered for so long is in trouble.
   Nanoseconds silent_after{std::chrono::milliseconds(50)};
@@ -86,7 +88,7 @@ class MotorGroup {
   /// Finds the motors, sets them up, and switches torque on. Goals are then 0 A or 0 rad/s, or the
   /// positions where the motors are. The position of every motor is then known. What motors keep
   /// without supply is written only if it changes. Forgets all troubles, and opens the line again
-  /// if it had gone.
+  /// if it had gone. Motors may have torque after an exception: see `release`.
   /// @throws Error that names the motor, what was expected and what to do
   void start();
 
@@ -95,8 +97,10 @@ class MotorGroup {
   /// motors. Without effect on the motors while there is a trouble.
   void cycle(std::span<const double> goals) noexcept;
 
-  /// Switches torque off. Motors that do not hear it stop by their watchdog.
-  void release() noexcept;
+  /// Sets goal currents to 0 and switches torque off, until every motor confirms that it has none.
+  /// Gives up after 0.25 s, or when the line has gone; motors then stop by their watchdogs. Returns
+  /// the first motor that has not confirmed it.
+  std::optional<MotorId> release() noexcept;
 
   /// The number of motors, sensors included.
   [[nodiscard]] std::size_t size() const noexcept { return ids_.size(); }
@@ -137,8 +141,12 @@ class MotorGroup {
   void set_if_different(std::size_t motor, const Register& which, std::int32_t value);
   void identify(std::size_t motor);
   void clear_errors(std::size_t motor);
+  // Everything but torque.
   void set_up(std::size_t motor);
+  void give_torque(std::size_t motor);
   void read_all() noexcept;
+  // Sends the last goals of the first `count` motors.
+  Outcome send_goals(std::size_t count) noexcept;
   void write_all(std::span<const double> goals) noexcept;
   void look(std::size_t motor, Look what) noexcept;
   void note(Trouble kind, std::size_t motor, std::uint8_t detail = 0) noexcept;
@@ -152,6 +160,7 @@ class MotorGroup {
   std::array<MotorReading, kMaxMotors> readings_{};
   std::array<std::int32_t, kMaxMotors> last_goals_{};
   std::array<GoalLimits, kMaxMotors> limits_{};
+  std::size_t num_watched_{0};  // motors that `start` has given torque
   std::array<MotorAnswer, kMaxMotors> answers_{};
   std::array<std::uint8_t, 4 * kMaxMotors> data_{};
   GroupTrouble trouble_{};
