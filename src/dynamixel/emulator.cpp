@@ -7,6 +7,7 @@
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -20,13 +21,19 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::dynamixel {
 namespace {
 
 // Motors and plant move on at least this often, so that no call has much to catch up with.
 constexpr Nanoseconds kLongestSleep = std::chrono::milliseconds(5);
+
+// An emulator has locked this file: `Lock::kClaim` as long as it lives, `Lock::kOwner` as long as
+// the link leads to its terminal. Nobody removes the file, which could be that of the next one.
+std::string lock_of(const std::string& link) { return link + ".lock"; }
 
 }  // namespace
 
@@ -48,6 +55,7 @@ struct Emulator::State {
   ipc::FileDescriptor bell;
   std::string path;
   std::string link;
+  ipc::FileDescriptor link_lock;
   std::mutex mutex;
   std::vector<std::packaged_task<void()>> changes;  // guarded by mutex
   bool shall_end{false};                            // guarded by mutex
@@ -78,6 +86,16 @@ void Emulator::State::open() {
 
 void Emulator::State::make_link(const std::string& name) {
   if (name.empty()) return;
+  link_lock = ipc::FileDescriptor([&name] {
+    return open_regular_file(lock_of(name), O_RDWR | O_CREAT, NamedBy::kProgram, S_IRUSR | S_IWUSR);
+  });
+  const ipc::LockPatience patience;
+  while (!ipc::try_lock(link_lock, ipc::Lock::kClaim)) {
+    if (patience.wait(false)) continue;
+    throw InvalidArgument("the link " + name +
+                          " belongs to motors that are emulated already; end that emulator, or "
+                          "choose another name");
+  }
   std::error_code error;
   if (std::filesystem::is_symlink(name)) std::filesystem::remove(name, error);
   std::filesystem::create_symlink(path, name, error);
@@ -86,6 +104,7 @@ void Emulator::State::make_link(const std::string& name) {
                       error.value());
   }
   link = name;
+  static_cast<void>(ipc::try_lock(link_lock));
 }
 
 // The rate that the host has set at its end.
@@ -153,11 +172,19 @@ Emulator::~Emulator() {
   const std::uint64_t one = 1;
   static_cast<void>(::write(state_->bell.get(), &one, sizeof(one)));
   state_->thread.join();
+  if (state_->link.empty()) return;
+  ipc::unlock(state_->link_lock);
   std::error_code ignored;
-  if (!state_->link.empty() &&
-      std::filesystem::read_symlink(state_->link, ignored) == state_->path) {
+  if (std::filesystem::read_symlink(state_->link, ignored) == state_->path) {
     std::filesystem::remove(state_->link, ignored);
   }
+}
+
+bool Emulator::is_at(const std::string& link) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(lock_of(link), ignored)) return false;
+  return ipc::is_locked_by_other(ipc::FileDescriptor(
+      [&link] { return open_regular_file(lock_of(link), O_RDONLY, NamedBy::kProgram); }));
 }
 
 const std::string& Emulator::path() const noexcept { return state_->path; }

@@ -11,8 +11,10 @@
 #include <cerrno>
 #include <filesystem>
 #include <thread>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/dynamixel/emulator.hpp"
 #include "trifinger/dynamixel/port.hpp"
 
 namespace trifinger::dynamixel {
@@ -48,11 +50,17 @@ SerialPort::SerialPort(const std::string& path, const SerialOptions& options)
 
 void SerialPort::open() {
   close();
-  device_ = ipc::FileDescriptor([this] { return open_device(path_); });
-  if (!device_) {
-    const int error = errno;
+  ipc::FileDescriptor device([this] { return open_device(path_); });
+  const int error = errno;
+  // Opening comes first: as long as an emulator lives, no other terminal gets the name of its own.
+  if (options_.is_emulated && !Emulator::is_at(path_)) {
+    throw InvalidArgument("no motors are emulated at " + path_ +
+                          "; start them with 'trifinger emulate' in another terminal");
+  }
+  if (!device) {
     throw SystemError("open the serial device " + path_ + std::string(remedy_of(error)), error);
   }
+  device_ = std::move(device);
   try {
     set_up();
   } catch (...) {

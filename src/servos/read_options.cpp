@@ -162,17 +162,10 @@ std::vector<dynamixel::EmulatedMotorOptions> emulated_motors(const ServoConfig& 
 }
 
 ConnectedRobot connect(const ServoConfig& config, const std::string& name) {
-  std::string path = config.port;
-  if (path.empty()) {
-    path = emulated_port(name).string();
-    std::error_code ignored;
-    if (!std::filesystem::exists(path, ignored)) {
-      throw InvalidArgument("no motors are emulated for '" + name +
-                            "'; start them with 'trifinger emulate' in another terminal");
-    }
-  }
-  auto port =
-      std::make_unique<dynamixel::SerialPort>(path, dynamixel::SerialOptions{.baud = config.baud});
+  const bool is_emulated = config.port.empty();
+  auto port = std::make_unique<dynamixel::SerialPort>(
+      is_emulated ? emulated_port(name).string() : config.port,
+      dynamixel::SerialOptions{.baud = config.baud, .is_emulated = is_emulated});
   ConnectedRobot connected;
   connected.lacks = port->lacks();
   auto group = std::make_unique<dynamixel::MotorGroup>(

@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/dynamixel/emulator.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <termios.h>
 
+#include <array>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "dynamixel/rig.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/dynamixel/port.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::dynamixel::test {
 namespace {
@@ -137,6 +143,59 @@ TEST(Terminals, HaveALinkAsLongAsTheyLive) {
     EXPECT_TRUE(bus.ping(1, identity));
   }
   EXPECT_FALSE(std::filesystem::is_symlink(link));
+}
+
+std::unique_ptr<Emulator> emulate(Plant& plant, const std::string& link) {
+  return std::make_unique<Emulator>(motors_of({1}, 4'000'000, 0us), plant, EmulatedBusOptions{},
+                                    link);
+}
+
+TEST(Terminals, BelongToOneEmulatorAtATime) {
+  const trifinger::test::Folder folder;
+  const std::string link = folder.path() / "claw";
+  InertiaPlant plant(1);
+  InertiaPlant other(1);
+  auto emulator = emulate(plant, link);
+  const std::string text =
+      trifinger::test::message_of<InvalidArgument>([&] { return emulate(other, link); });
+  EXPECT_NE(text.find(link + " belongs to motors that are emulated already"), std::string::npos)
+      << text;
+  EXPECT_EQ(std::filesystem::read_symlink(link), emulator->path());
+  EXPECT_TRUE(Emulator::is_at(link));
+  emulator.reset();
+  EXPECT_FALSE(Emulator::is_at(link));
+  EXPECT_NO_THROW(emulator = emulate(other, link));
+}
+
+// What a kill leaves: a link to a terminal that has become somebody else's.
+TEST(Terminals, OfSomebodyElseAreNotTouchedThroughAnOldLink) {
+  const trifinger::test::Folder folder;
+  const std::string link = folder.path() / "claw";
+  InertiaPlant plant(1);
+  auto emulator = emulate(plant, link);
+  SerialPort port(link, {.baud = 4'000'000, .is_emulated = true});
+  emulator.reset();
+  const ipc::FileDescriptor somebody([] { return ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC); });
+  ASSERT_EQ(::unlockpt(somebody.get()), 0);
+  std::array<char, 64> name{};
+  ASSERT_EQ(::ptsname_r(somebody.get(), name.data(), name.size()), 0);
+  std::filesystem::create_symlink(name.data(), link);
+  const auto expect_refusal = [](const auto& open) {
+    const std::string text = trifinger::test::message_of<InvalidArgument>(open);
+    EXPECT_NE(text.find("no motors are emulated at"), std::string::npos) << text;
+  };
+  expect_refusal([&] { return SerialPort(link, {.is_emulated = true}).is_open(); });
+  expect_refusal([&] { port.reopen(); });
+  termios settings{};
+  ASSERT_EQ(::tcgetattr(somebody.get(), &settings), 0);
+  EXPECT_NE(settings.c_lflag & ICANON, 0U);
+  // Without the check it becomes raw.
+  EXPECT_NO_THROW(SerialPort{link});
+  ASSERT_EQ(::tcgetattr(somebody.get(), &settings), 0);
+  EXPECT_EQ(settings.c_lflag & ICANON, 0U);
+  // The next emulator replaces the link.
+  emulator = emulate(plant, link);
+  EXPECT_NO_THROW(port.reopen());
 }
 
 TEST(SerialPort, SaysWhatToDoIfThereIsNoDevice) {

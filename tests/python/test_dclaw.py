@@ -148,12 +148,27 @@ def test_motors_stop_by_themselves_when_the_program_is_killed(
 
 
 @pytest.mark.release
+def test_motors_are_not_taken_away_by_a_second_emulator(start_program: StartProgram) -> None:
+    motors = start_program("emulate", *ROBOT)
+    motors.wait_for("10 emulated motors are on")
+    command = [PROGRAM, "emulate", *ROBOT]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "belongs to motors that are emulated already" in done.stderr
+    start_program("run", *ROBOT).wait_for("holds its pose")
+    # One that was killed is no hindrance.
+    motors.end(signal.SIGKILL)
+    start_program("emulate", *ROBOT).wait_for("10 emulated motors are on")
+
+
+@pytest.mark.release
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
         ("dynamixel.baud=1000", "must be 9600 to"),
         ("dynamixel.port=/dev/null", "/dev/null"),
         ("dynamixel.motors.FFJ10.id=21", "motor 21 is named twice"),
+        ("dynamixel.motors.FFJ11.ratio=3", "knows its angle within one turn only"),
         ("dynamixel.mode=pwm", "must be 'torque' or 'position'"),
     ],
 )

@@ -18,8 +18,8 @@ namespace trifinger::dynamixel {
 class Emulator {
  public:
   /// Makes the terminal and starts the thread. `plant` must outlive the emulator; its functions run
-  /// in the thread. If `link` is not empty, a symbolic link of this name leads to the terminal, and
-  /// replaces a link that was there.
+  /// in the thread. If `link` is not empty, a symbolic link of this name leads to the terminal. It
+  /// replaces a link that was there, unless that belongs to an emulator that lives.
   /// @throws InvalidArgument, SystemError
   Emulator(const std::vector<EmulatedMotorOptions>& motors, Plant& plant,
            const EmulatedBusOptions& options = {}, const std::string& link = {});
@@ -27,6 +27,11 @@ class Emulator {
   Emulator& operator=(const Emulator&) = delete;
   /// Ends the thread and closes the terminal: its users see that the line has gone.
   ~Emulator();
+
+  /// True if an emulator that lives has made this link. The link of one that was killed remains,
+  /// and may lead to somebody's terminal.
+  /// @throws SystemError
+  [[nodiscard]] static bool is_at(const std::string& link);
 
   /// The terminal's name, such as "/dev/pts/7".
   [[nodiscard]] const std::string& path() const noexcept;

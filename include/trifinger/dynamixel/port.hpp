@@ -50,8 +50,9 @@ class Port {
 };
 
 struct SerialOptions {
-  int baud{1'000'000};     ///< [bit/s]; any number that the adapter can make.
-  bool low_latency{true};  ///< Asks the adapter to hand bytes over at once: FTDI waits 16 ms else.
+  int baud{1'000'000};      ///< [bit/s]; any number that the adapter can make.
+  bool is_emulated{false};  ///< The device must be the link of an emulator that lives.
+  bool low_latency{true};   ///< Asks the adapter to hand bytes over at once: FTDI waits 16 ms else.
 };
 
 /// A serial device such as /dev/ttyUSB0, or a pseudo-terminal. The line is raw: 8 bits, no parity,
