@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <set>
 
 #include "trifinger/base/error.hpp"
@@ -20,6 +21,7 @@ using trifinger::detail::text_of;
 using MotorPhase = dynamixel::MotorSnapshot::Phase;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::array<double, 2> kNoRange{-detail::kNoLimit, detail::kNoLimit};
 
 constexpr std::int32_t with_joint(std::int32_t code, std::size_t joint) noexcept {
   return code + (static_cast<std::int32_t>(joint + 1) << 8);
@@ -33,6 +35,26 @@ void check(const Servo& servo, const std::string& name) {
           text_of("ratio of ", name, " is ", servo.ratio, ", must be above 0"));
   require(std::abs(servo.zero) <= 1e3,
           text_of("zero of ", name, " is ", servo.zero, " rad, must be within 1000 rad"));
+}
+
+// A motor that is switched on, or starts again, knows its angle within one turn only.
+void require_one_turn(const Servo& servo, const std::array<double, 2>& range,
+                      const std::string& name) {
+  for (const double end : range) {
+    const double angle = servo.motor_position(end);
+    // Written so that NaN fails.
+    require(std::abs(angle) <= std::numbers::pi,
+            text_of("the motor of ", name, " is at ", angle, " rad where the joint is at ", end,
+                    ", must be within -pi and pi: a motor that is switched on knows its angle "
+                    "within one turn only, so the joint would seem to be somewhere else; correct "
+                    "ratio and zero, or narrow the hard limits of the joint"));
+  }
+}
+
+// True if a turn of the motor is whole turns of the joint, whose direction is then known.
+bool has_whole_turns(const Servo& servo) noexcept {
+  const double turns = 1.0 / servo.ratio;
+  return turns == std::round(turns);
 }
 
 // The currents of the motors limit the torques, too, and an applied action must say what applies.
@@ -64,11 +86,21 @@ void ServoRobotOptions::validate() const {
   for (std::size_t i = 0; i < count; ++i) {
     check(motors[i], names[i]);
     const JointLimit& limit = limits[i];
+    require_one_turn(motors[i], {limit.hard_lower, limit.hard_upper}, names[i]);
     require(initial_position[i] >= limit.soft_lower && initial_position[i] <= limit.soft_upper,
             text_of(names[i], " begins at ", initial_position[i], ", its soft limits are ",
                     limit.soft_lower, " and ", limit.soft_upper));
   }
-  for (const Servo& sensor : sensors) check(sensor, text_of("sensor ", int{sensor.id}));
+  require(sensor_ranges.empty() || sensor_ranges.size() == sensors.size(),
+          text_of("there are ", sensor_ranges.size(), " ranges for ", sensors.size(),
+                  " sensors, must be one each"));
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const std::string name = text_of("sensor ", int{sensors[i].id});
+    check(sensors[i], name);
+    if (has_whole_turns(sensors[i])) continue;
+    require_one_turn(sensors[i],
+                     sensor_ranges.empty() ? kNoRange : sensor_ranges[i].value_or(kNoRange), name);
+  }
   std::set<dynamixel::MotorId> ids;
   for (const auto* const servos : {&motors, &sensors}) {
     for (const Servo& servo : *servos) {

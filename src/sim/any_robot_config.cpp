@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/sim/any_robot_config.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -118,6 +120,14 @@ servos::ServoConfig read_servos(const Node& root, const FileRobotOptions& robot,
   robot.put_at_start(*data);
   for (std::size_t i = 0; i < joints.size(); ++i) {
     config.robot.initial_position.push_back(model.position(i, *data));
+  }
+  for (const std::string& name : config.sensor_names) {
+    const mjModel& mujoco = *model.mujoco();
+    const int joint = mj_name2id(&mujoco, mjOBJ_JOINT, name.c_str());
+    auto& range = config.robot.sensor_ranges.emplace_back();
+    if (mujoco.jnt_limited[joint]) {
+      range = {mujoco.jnt_range[2 * joint], mujoco.jnt_range[2 * joint + 1]};
+    }
   }
   if (!model.drives_all()) {
     std::vector<std::string> measured = joints;

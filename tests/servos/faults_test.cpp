@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numbers>
 #include <span>
 #include <string>
 #include <thread>
@@ -92,6 +93,27 @@ TEST(ServoFaults, AMotorThatHasRestartedIsNamed) {
   rig.motor(3).set_power(true);
   run_to_the_end(rig);
   EXPECT_THAT(rig.fault(), StartsWith("J20: motor 20 has switched its torque off"));
+}
+
+// Wherever the motors were turned to without supply: the joints are where they are.
+TEST(ServoFaults, MotorsThatWereTurnedWithoutSupplyKnowTheirJoints) {
+  Rig rig;
+  rig.begin();
+  for (std::size_t i = 0; i < kJoints; ++i) rig.motor(i).set_power(false);
+  run_to_the_end(rig);
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    const double turns = static_cast<double>(i) - 4.0;
+    const double position = rig.options.robot.initial_position[i] + 0.01;
+    rig.motors.plant.set_position(
+        i, rig.options.robot.motors[i].motor_position(position) + 2.0 * std::numbers::pi * turns);
+  }
+  rig.motors.port->sleep_until(rig.motors.now() + 10ms);
+  for (std::size_t i = 0; i < kJoints; ++i) rig.motor(i).set_power(true);
+  rig.begin();
+  ASSERT_EQ(rig.observe().state, DriverReport::State::kReady);
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(rig.observation.position[i], rig.options.robot.initial_position[i] + 0.01, 2e-3);
+  }
 }
 
 TEST(ServoFaults, AnUnpluggedAdapterEndsTheSessionUntilItIsPluggedInAgain) {
@@ -241,6 +263,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Line{"Lost", {.lost = 0.02}, false}, Line{"LostFast", {.lost = 0.1}, true},
                     Line{"Damaged", {.damaged = 0.02}, false},
                     Line{"DamagedFast", {.damaged = 0.1}, true},
+                    Line{"Misheard", {.misheard = 0.01}, false},
+                    Line{"MisheardFast", {.misheard = 0.01}, true},
                     Line{"Late", {.late = 0.005}, true}, Line{"Unheard", {.unheard = 0.01}, false},
                     Line{"Bytes", {.byte_lost = 0.02, .byte_added = 0.02}, true}),
     [](const auto& line) { return std::string(line.param.name); });

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "servos/rig.hpp"
@@ -19,6 +20,7 @@ namespace {
 
 namespace registers = dynamixel::registers;
 using namespace std::chrono_literals;
+using testing::AllOf;
 using testing::HasSubstr;
 using trifinger::test::message_of;
 
@@ -283,6 +285,13 @@ TEST(ServoRobotOptions, AreRefusedByName) {
   EXPECT_THAT(message([](auto& o) { o.motors[1].direction = 0.5; }),
               HasSubstr("direction of J11 is 0.5, must be 1 or -1"));
   EXPECT_THAT(message([](auto& o) { o.motors[2].ratio = 0.0; }), HasSubstr("ratio of J12 is 0"));
+  // Joints between -1.4 and 1.4 rad; three of the motors have a zero of -1.5 rad.
+  EXPECT_THAT(message([](auto& o) { o.motors[1].ratio = 3.0; }),
+              AllOf(HasSubstr("the motor of J11 is at -4.2 rad where the joint is at -1.4"),
+                    HasSubstr("knows its angle within one turn only")));
+  EXPECT_THAT(message([](auto& o) { o.motors[0].zero = 1.8; }),
+              HasSubstr("the motor of J10 is at 3.2 rad where the joint is at 1.4"));
+  EXPECT_EQ(message([](auto& o) { o.motors[1].ratio = 2.2; }), "nothing");
   EXPECT_THAT(message([](auto& o) { o.initial_position[3] = 1.3; }),
               HasSubstr("J20 begins at 1.3, its soft limits are -1.2 and 1.2"));
   EXPECT_THAT(message([](auto& o) { o.torque_constant = std::nan(""); }),
@@ -291,6 +300,23 @@ TEST(ServoRobotOptions, AreRefusedByName) {
   EXPECT_THAT(message([](auto& o) { o.reset.untangle = {{0, 2.0}}; }),
               HasSubstr("reset.untangle of J10 is 2"));
   EXPECT_THAT(message([](auto& o) { o.all_joints = {12}; }), HasSubstr("not there"));
+}
+
+TEST(ServoRobotOptions, HaveSensorsWhoseJointsAreKnownAfterTheyAreSwitchedOn) {
+  const auto message = [](double ratio, std::optional<std::array<double, 2>> range) {
+    ServoRobotOptions options = claw_options();
+    options.sensors = {{.id = 50, .ratio = ratio, .zero = 0.1}};
+    options.sensor_ranges = {range};
+    return message_of<InvalidArgument>([&] { options.validate(); });
+  };
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(message(1.0, std::nullopt), "nothing");
+  EXPECT_EQ(message(1.0, {{-kInfinity, kInfinity}}), "nothing");
+  EXPECT_EQ(message(0.5, std::nullopt), "nothing");
+  EXPECT_EQ(message(3.0, {{-1.0, 1.0}}), "nothing");
+  EXPECT_THAT(message(3.0, {{-1.0, 1.1}}), HasSubstr("the motor of sensor 50 is at 3.4 rad"));
+  EXPECT_THAT(message(3.0, std::nullopt), HasSubstr("the motor of sensor 50 is at -inf rad"));
+  EXPECT_THAT(message(0.4, std::nullopt), HasSubstr("the motor of sensor 50"));
 }
 
 TEST(Servo, TurnsAnglesAndTorquesBothWays) {

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -34,6 +35,7 @@ namespace trifinger::test {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr std::size_t kJoints = 9;
@@ -227,6 +229,11 @@ TEST(DClawOnMotors, RefusesAConfigurationThatMakesNoSense) {
   EXPECT_THAT(message("dynamixel.motors.FFJ10.id=11"), HasSubstr("motor 11 is named twice"));
   EXPECT_THAT(message("dynamixel.motors.FFJ10.direction=2"), HasSubstr("'1' or '-1'"));
   EXPECT_THAT(message("dynamixel.motors.FFJ10.idd=1"), HasSubstr("idd"));
+  EXPECT_THAT(message("dynamixel.motors.FFJ11.ratio=3"),
+              AllOf(HasSubstr("makes no sense: the motor of FFJ11 is at -6"),
+                    HasSubstr("knows its angle within one turn only")));
+  EXPECT_THAT(message("dynamixel.sensors={valve: {id: 50, ratio: 3}}"),
+              HasSubstr("the motor of sensor 50 is at -18.84 rad where the joint is at -6.28"));
   EXPECT_THAT(message("dynamixel.mode=velocity"), HasSubstr("'torque' or 'position'"));
   EXPECT_THAT(message("dynamixel.watchdog=0.03"), HasSubstr("must be a multiple of 20 ms"));
   EXPECT_THAT(message("dynamixel.reset.first=[FFJ1]"), HasSubstr("'FFJ1', which is no driven"));
@@ -271,7 +278,12 @@ class DClawAtATerminal : public testing::Test {
 
 TEST_F(DClawAtATerminal, SaysHowToStartTheMotorsIfThereAreNone) {
   EXPECT_THAT(message_of<InvalidArgument>([&] { (void)connect(*config_.servos, "claw"); }),
-              HasSubstr("no motors are emulated for 'claw'; start them with 'trifinger emulate'"));
+              AllOf(HasSubstr("no motors are emulated at"),
+                    HasSubstr("start them with 'trifinger emulate'")));
+  // An emulator that was killed leaves its link, which may lead anywhere.
+  std::filesystem::create_symlink("/dev/null", servos::emulated_port("claw"));
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)connect(*config_.servos, "claw"); }),
+              HasSubstr("no motors are emulated at"));
 }
 
 TEST_F(DClawAtATerminal, MovesAndNoticesWhenItsMotorsHaveGone) {

@@ -83,6 +83,8 @@ struct ServoRobotOptions {
   std::vector<Servo> motors{};  ///< The motor of each joint.
   /// Motors without torque that measure angles of other joints.
   std::vector<Servo> sensors{};
+  /// Where the stops of these joints are [rad], [m]; empty, or nothing: a joint has none.
+  std::vector<std::optional<std::array<double, 2>>> sensor_ranges{};
   /// If the observation also has "joint_position" and "joint_velocity": which of `motors`, followed
   /// by `sensors`, measures each of these; nothing: nobody does, and it is not a number.
   std::vector<std::optional<std::size_t>> all_joints{};
@@ -108,6 +110,11 @@ struct ServoRobotOptions {
 
 /// Any robot on Dynamixel motors, with as many joints as it has, and with the same safety chain and
 /// the same elements as the robot from its file in simulation.
+///
+/// Each motor must stay within one turn, -π to π, between the hard limits of its joint: a motor
+/// that is switched on knows no more. So must a sensor between the stops of its joint, unless each
+/// turn of it is whole turns of the joint, as at a valve; its angle is then known except for whole
+/// turns.
 ///
 /// `prepare` sets up the motors and goes to the initial position, unless the robot is there. After
 /// a session torque is switched off. In between the loop uses the newest values of the bus, which
