@@ -101,6 +101,42 @@ def output_of(
     return done.stdout
 
 
+def patient(configuration: Path, period: float, folder: Path) -> Path:
+    """The same robot, in real time, for a machine that may stall for as long as it likes."""
+    path = folder / f"patient_{configuration.name}"
+    path.write_text(f"""extends: {configuration}
+backend:
+  mode: real_time
+  period: {period}
+  history: 16384
+  access: owner
+  late_action: {{policy: repeat, max_repeats: 1000000}}
+  max_skipped_ticks: 1000000
+  max_late_steps: 1000000
+  max_measurement_age: .inf
+  max_rejected_actions: 10
+  first_action_timeout: .inf
+""")
+    return path
+
+
+def assert_steady(session: trifinger.LoggedSession) -> None:
+    """No step of a session in real time is missing, and each keeps the phase of its period."""
+    assert session.is_real_time
+    assert session.gaps == []
+    assert session.time_index.tolist() == list(range(len(session.time_index)))
+    statuses = session.statuses
+    # The last status says that the session has ended; it may have no tick of its own.
+    ticks, skipped = statuses["tick"][:-1], statuses["skipped_ticks"][:-1]
+    np.testing.assert_array_equal(np.diff(ticks), 1 + skipped[1:])
+    # A step may be late by as much as the machine likes. Whatever its lateness, the deadlines of
+    # the first half and of the second half of the session have one phase.
+    period = round(session.period * 1e9)
+    begins = statuses["time"][:-1] - statuses["lateness"][:-1] - ticks * period
+    half = len(begins) // 2
+    assert abs(begins[:half].min() - begins[half:].min()) < period
+
+
 class Child:
     """A process that has printed "ready"; it ends when its input ends."""
 

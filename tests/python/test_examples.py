@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import BUILD, PROGRAM, Running, StartProgram
+from conftest import BUILD, PROGRAM, Running, StartProgram, assert_steady, patient
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -115,27 +115,10 @@ def test_the_control_loop_says_how_to_start_a_robot(command: list[str]) -> None:
 # ---- two robots ----
 
 
-# As PATIENT, for a robot whose configuration leaves the section out.
-PATIENT_BACKEND = """
-backend:
-  mode: real_time
-  period: 0.001
-  history: 16384
-  access: owner
-  late_action: {policy: repeat, max_repeats: 1000000}
-  max_skipped_ticks: 1000000
-  max_late_steps: 1000000
-  max_measurement_age: .inf
-  max_rejected_actions: 10
-  first_action_timeout: .inf
-"""
-
-
 @pytest.fixture
 def two_robots(start_program: StartProgram, tmp_path: Path) -> dict[str, Running]:
     """A TriFinger and the arm in processes of their own, in real time and recorded."""
-    arm = tmp_path / "patient_arm.yml"
-    arm.write_text(f"extends: {EXAMPLES / 'arm.yml'}\n{PATIENT_BACKEND}")
+    arm = patient(EXAMPLES / "arm.yml", 0.001, tmp_path)
     robots = {"sim": ("sim", *PATIENT), "arm": (str(arm),)}
     started = {}
     for name, words in robots.items():
@@ -147,10 +130,9 @@ def two_robots(start_program: StartProgram, tmp_path: Path) -> dict[str, Running
 def whole_session(folder: Path) -> trifinger.LoggedSession:
     """What the only robot in these logs did; nothing is missing."""
     session = trifinger.Log(folder).session()
-    assert session.is_real_time
     assert session.steps is not None
     assert session.steps >= 2000
-    assert session.gaps == []
+    assert_steady(session)
     return session
 
 

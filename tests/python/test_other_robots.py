@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartProgram, output_of
+from conftest import PROGRAM, StartProgram, assert_steady, output_of, patient
 from trifinger.commands import export, film, plot, view
 from trifinger.log.film import Scene
 from trifinger.view.live import LiveRun
@@ -146,6 +146,25 @@ def test_a_robot_of_others_repeats_its_log(run: Run, start_program: StartProgram
         recorded = trifinger.Log(run.log).session(run.name).observations
         for field in recorded.dtype.names or ():
             np.testing.assert_array_equal(user.get_observation(t)[field], recorded[t][field])
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_robot_of_others_keeps_its_rate(
+    name: str, start_program: StartProgram, tmp_path: Path
+) -> None:
+    configuration = patient(configuration_of(name), OTHERS[name].period, tmp_path)
+    robot = start_program("run", str(configuration), "--record", str(tmp_path / "log"))
+    robot.wait_for("waits for a user")
+    with trifinger.connect(name) as user:
+        for _ in range(STEPS):
+            user.get_observation(user.append_desired_action(user.new_action()))
+        user.finish()
+    assert robot.end()[0] == 0
+    session = trifinger.Log(tmp_path / "log").session(name)
+    assert session.steps is not None
+    assert session.steps >= STEPS
+    assert session.period == pytest.approx(OTHERS[name].period)
+    assert_steady(session)
 
 
 @pytest.mark.parametrize(
