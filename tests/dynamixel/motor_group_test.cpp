@@ -544,7 +544,7 @@ TEST(MotorGroup, SaysWhichMotorDoesNotConfirmThatItsTorqueIsOff) {
 TEST(MotorGroup, TakesNoLateAnswerForTheConfirmation) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();
-  rig.line.set_faults({.late = 1.0, .delay = 10ms});
+  rig.line.set_faults({.late = 1.0, .delay = 6ms});
   std::int32_t torque = 0;
   rig.line.motor(0).set_value(regs::kTorqueEnable, 0);
   EXPECT_EQ(rig.group->bus().read(10, regs::kTorqueEnable, torque).outcome, Outcome::kNoAnswer);
