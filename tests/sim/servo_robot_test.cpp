@@ -232,13 +232,15 @@ TEST(DClawOnMotors, RefusesAConfigurationThatMakesNoSense) {
   EXPECT_THAT(message("dynamixel.motors.FFJ11.ratio=3"),
               AllOf(HasSubstr("makes no sense: the motor of FFJ11 is at -6"),
                     HasSubstr("knows its angle within one turn only")));
-  EXPECT_THAT(message("dynamixel.sensors={valve: {id: 50, ratio: 3}}"),
-              HasSubstr("the motor of sensor 50 is at -18.84 rad where the joint is at -6.28"));
   EXPECT_THAT(message("dynamixel.mode=velocity"), HasSubstr("'torque' or 'position'"));
   EXPECT_THAT(message("dynamixel.watchdog=0.03"), HasSubstr("must be a multiple of 20 ms"));
   EXPECT_THAT(message("dynamixel.reset.first=[FFJ1]"), HasSubstr("'FFJ1', which is no driven"));
   EXPECT_THAT(message("dynamixel.reset.untangle.FFJ10=2"), HasSubstr("its soft limits are"));
   EXPECT_THAT(message("dynamixel.max_current=0"), HasSubstr("must be more than 0"));
+  // The stops of the joint of a sensor are those of the model.
+  EXPECT_THAT(
+      message_of<Error>([] { (void)load("dclaw_emulated", {"dynamixel.sensors.valve.ratio=3"}); }),
+      HasSubstr("the motor of sensor 50 is at -18.84 rad where the joint is at -6.28"));
 }
 
 // ---- in real time, at a pseudo-terminal ----
