@@ -57,6 +57,7 @@ std::vector<SkillRow> all_skill_rows() {
   add(stand_rows());
   add(turn_rows());
   add(repose_rows());
+  add(draw_rows());
   add(catch_rows());
   add(throw_rows());
   add(taught_rows(rows));
