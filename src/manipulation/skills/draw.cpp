@@ -47,6 +47,7 @@ constexpr double kMostLean = 0.35;      // Of a pen in its holder [rad].
 constexpr double kMostNibError = 0.02;  // Of a pen that is held [m].
 constexpr double kMostTiltError = 0.5;  // [rad]
 constexpr double kMostShift = 0.02;     // That the feedback makes up for [m].
+constexpr double kForget = 3.0;         // Of the turn about the direction of the grip [1/s].
 constexpr double kMostTilt = 0.35;      // [rad]
 constexpr double kSafePress = 5.0;      // Largest force of a tip on the pen [N].
 const Vector3d kDown = -Vector3d::UnitZ();
@@ -386,7 +387,11 @@ void Draw::make_up(Seconds elapsed) noexcept {
   if (phase_ == Phase::kDraw) error.z() = 0.0;  // There a force acts.
   shift_ += config_.nib_gain * elapsed.count() * error;
   shift_ = shift_.cwiseMax(-kMostShift).cwiseMin(kMostShift);
-  correction_ += config_.tilt_gain * elapsed.count() * felt_.up.cross(turn_ * Vector3d::UnitZ());
+  const Vector3d turn = felt_.up.cross(turn_ * Vector3d::UnitZ());
+  // Turned about the direction of the grip, the two tips lie beside the pen and push it over all
+  // the more: what turns them there is forgotten soon.
+  const Vector3d aside = correction_.dot(inward_) * inward_;
+  correction_ += elapsed.count() * (config_.tilt_gain * turn - kForget * aside);
   if (correction_.norm() > kMostTilt) correction_ *= kMostTilt / correction_.norm();
 }
 
