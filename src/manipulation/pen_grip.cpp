@@ -74,7 +74,8 @@ class GripCheck {
           jacobian.transpose() * ((i == 0 ? 1.0 : 0.5) * config_.force * inward) +
           gravity.segment<3>(first);
       for (int j = 0; j < kJointsPerFinger; ++j) {
-        const auto joint = static_cast<std::size_t>(first + j);
+        const int index = first + j;
+        const auto joint = static_cast<std::size_t>(index);
         most = std::max(most, std::abs(torque[j]) / limits_.max_torque[joint]);
       }
     }

@@ -274,7 +274,7 @@ class Draw final : public Skill {
   }
   // From a tip to the axis of the pen, as it is felt.
   [[nodiscard]] Vector3d normal_at(std::size_t k) const noexcept {
-    const Vector3d expected = k == 0 ? inward_ : Vector3d(-inward_);
+    Vector3d expected = k == 0 ? inward_ : Vector3d(-inward_);
     if (!leads()) return expected;
     const Vector3d from = felt_.nib - servo_.tip(grip_.fingers[k]);
     const Vector3d across = (from - from.dot(felt_.up) * felt_.up).normalized();
