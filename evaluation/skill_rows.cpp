@@ -30,7 +30,7 @@ SkillRow taught(SkillRow row, bool varies) {
 }
 
 // The skills whose motions are in config/skills/taught.
-constexpr std::array<std::string_view, 4> kTaught{"flip", "stand", "throw", "turn"};
+constexpr std::array<std::string_view, 5> kTaught{"draw", "flip", "stand", "throw", "turn"};
 
 // Each of them as it was taught, and with what its first row varies. A flip that varies is to
 // another face, of which no one motion can know.
@@ -58,6 +58,7 @@ std::vector<SkillRow> all_skill_rows() {
   add(turn_rows());
   add(repose_rows());
   add(carry_rows());
+  add(draw_rows());
   add(catch_rows());
   add(throw_rows());
   add(taught_rows(rows));

@@ -16,6 +16,8 @@ namespace trifinger::evaluation {
 [[nodiscard]] std::vector<SkillRow> repose_rows();  // Of flip and place.
 
 [[nodiscard]] std::vector<SkillRow> carry_rows();
+[[nodiscard]] std::vector<SkillRow> draw_rows();
+
 [[nodiscard]] std::vector<SkillRow> catch_rows();
 [[nodiscard]] std::vector<SkillRow> throw_rows();
 

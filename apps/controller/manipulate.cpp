@@ -266,6 +266,10 @@ int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
     fmt::print("  {:<26}{:.4g} {}  {}\n", figure.name, figure.value, figure.unit, figure.meaning);
   }
   write_report(options, robot.session(), trace.period, std::move(json), table_of(trace));
+  for (const manipulation::ReportFile& file : skill->report_files(trace, trace.seen)) {
+    write_text(options.output / file.name, file.text);
+    fmt::print("        {}\n", (options.output / file.name).string());
+  }
   if (stop.load()) return kInterrupted;
   return trace.failure.empty() ? kDone : kFailed;
 }

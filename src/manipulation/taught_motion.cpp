@@ -115,6 +115,10 @@ class TaughtSkill final : public Skill {
                                             std::span<const SeenPose> poses) const override {
     return skill_->figures(trace, poses);
   }
+  [[nodiscard]] std::vector<ReportFile> report_files(
+      const SkillTrace& trace, std::span<const SeenPose> poses) const override {
+    return skill_->report_files(trace, poses);
+  }
 
  private:
   static constexpr Seconds kGoTime{1.0};     // To where the motion begins.

@@ -74,6 +74,12 @@ struct Figure {
   std::string meaning;  ///< A few words for a person: "from the axis to where it lands".
 };
 
+/// A file of a report beside the ones that all skills have.
+struct ReportFile {
+  std::string name;  ///< "drawing.svg"
+  std::string text;
+};
+
 /// A motion with an object that a controller carries out by itself: to throw, to turn, to draw.
 ///
 /// A skill does not use a session. Once per step it gets the measurements of joints and cameras,
@@ -113,6 +119,11 @@ class Skill {
   /// The figures of its report, from the poses that were seen or, in an evaluation, the true ones.
   [[nodiscard]] virtual std::vector<Figure> figures(const SkillTrace& trace,
                                                     std::span<const SeenPose> poses) const = 0;
+  /// What else belongs to its report: a picture, a table.
+  [[nodiscard]] virtual std::vector<ReportFile> report_files(
+      const SkillTrace& /*trace*/, std::span<const SeenPose> /*poses*/) const {
+    return {};
+  }
 };
 
 }  // namespace trifinger::manipulation

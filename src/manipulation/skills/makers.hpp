@@ -18,6 +18,8 @@ using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                                 const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_catch(const SkillContext& context,
                                                 const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_draw(const SkillContext& context,
+                                               const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_flip(const SkillContext& context,
                                                const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_place(const SkillContext& context,
