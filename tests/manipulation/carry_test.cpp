@@ -114,7 +114,7 @@ TEST(CarryPlanner, FindsNothingOutOfReach) {
 
 TEST(CarryTask, NeverTouchesTheTableOnItsWayAndComesBack) {
   const ObjectDescription cube{.name = "cube", .size = {0.065, 0.065, 0.065}};
-  const double radius = 0.0325 * std::sqrt(3.0);
+  const double radius = 0.0325 * std::numbers::sqrt3;
   TrialRandom random(4);
   for (int i = 0; i < 10; ++i) {
     const Pose start = lying(0.02, -0.01, random.between(-kPi, kPi));

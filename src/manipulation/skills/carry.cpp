@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <ranges>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -250,11 +251,12 @@ std::vector<Figure> Carry::figures(const SkillTrace& trace, std::span<const Seen
       {"torque_share", share, "1", "largest requested torque, as a share of its limit"}};
   // The last time that it was held.
   const auto is_hold = [](const SkillStep& step) { return step.phase == name_of(Phase::kHold); };
-  const auto last = std::find_if(trace.steps.rbegin(), trace.steps.rend(), is_hold);
-  if (last == trace.steps.rend()) return all;
-  const auto before = std::find_if_not(last, trace.steps.rend(), is_hold);
+  const auto backwards = std::views::reverse(trace.steps);
+  const auto last = std::ranges::find_if(backwards, is_hold);
+  if (last == backwards.end()) return all;
+  const auto before = std::ranges::find_if_not(last, backwards.end(), is_hold);
   const TimeIndex end = last->step;
-  const TimeIndex begin = (before == trace.steps.rend() ? trace.steps.front() : *before).step +
+  const TimeIndex begin = (before == backwards.end() ? trace.steps.front() : *before).step +
                           static_cast<TimeIndex>(kSettle / trace.period);
   PoseAverage held;
   for (const SeenPose& seen : poses)
