@@ -34,15 +34,17 @@ class Carrier {
   // Throws InvalidArgument.
   Carrier(const SkillContext& context, CarryConfig config);
 
-  // Finds a grasp and a way for a box that rests at `object`. False if no grasp reaches the whole way.
-  // Another thread than that of the other functions may call it, as long as they are not called
-  // with what it has found before. Allocates memory. May throw.
+  // Finds a grasp and a way for a box that rests at `object`. False if no grasp reaches the whole
+  // way. Another thread than that of the other functions may call it, as long as they are not
+  // called with what it has found before. Allocates memory. May throw.
   [[nodiscard]] bool plan(const Pose& object, const Pose& goal);
   // Carries the box as planned. `step` is the present one.
   void begin(TimeIndex step) noexcept;
 
   void see(TimeIndex captured, const Pose& pose) noexcept;
   const TriFinger::Action& update(TimeIndex step, const control::JointState& joints) noexcept;
+  // The action of the last step.
+  [[nodiscard]] const TriFinger::Action& action() const noexcept { return action_; }
   // Puts the box down where it is.
   void stop() noexcept;
   [[nodiscard]] bool has_ended() const noexcept { return has_ended_; }
