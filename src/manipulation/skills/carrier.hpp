@@ -48,6 +48,10 @@ class Carrier {
   // Puts the box down where it is.
   void stop() noexcept;
   [[nodiscard]] bool has_ended() const noexcept { return has_ended_; }
+  // The object is held: tips feel where it is.
+  [[nodiscard]] bool is_holding() const noexcept {
+    return !is_rising_ && carry_->grasp().phase == control::GraspPhase::kHold;
+  }
   [[nodiscard]] double torque_share() const noexcept { return torque_share_; }
   [[nodiscard]] const Motion& object() const noexcept { return carry_->object(); }
 

@@ -16,6 +16,8 @@ constexpr Seconds kPatience{2.0};  // Without a pose, the object is not seen.
 constexpr std::string_view kNotSeen = "the object was not seen";
 // The tips have left the object if they are almost as far away as they should be.
 constexpr double kAlmost = 0.95;
+// The mean of noisy poses deviates by up to a tenth of the tolerances.
+constexpr double kSure = 0.9;
 // Progress is that a tenth less is missing.
 constexpr double kProgress = 0.9;
 
@@ -176,13 +178,23 @@ void Repose::look_again() noexcept {
     end(next_failure_);
 }
 
-void Repose::take_goal(int number, const Pose& rest) noexcept {
-  if (const std::optional<Goal> goal = next_goal_(number, rest)) {
+bool Repose::is_at_goal(const Pose& rest) const noexcept {
+  const Deviation deviation = deviation_of(goal_, rest);
+  return deviation.position <= kSure * config_.position_tolerance &&
+         deviation.orientation <= kSure * config_.orientation_tolerance;
+}
+
+// Takes the first goal from `reached_` on at which the object, at rest, is not yet.
+void Repose::take_goal(const Pose& rest) noexcept {
+  while (const std::optional<Goal> goal = next_goal_(reached_, rest)) {
     goal_ = *goal;
-    attempt(rest);
-  } else {
-    end("");
+    if (!is_at_goal(rest)) {
+      attempt(rest);
+      return;
+    }
+    ++reached_;
   }
+  end("");
 }
 
 bool Repose::is_unseen() const noexcept { return clock_.now() - last_seen_ > kPatience; }
@@ -191,7 +203,7 @@ void Repose::follow_phases(const control::JointState& joints) noexcept {
   switch (phase_) {
     case Phase::kLook:
       if (mean_.count() > 0 && clock_.in_phase() >= config_.look_time)
-        take_goal(reached_, upright(mean_.mean()));
+        take_goal(upright(mean_.mean()));
       else if (is_unseen())
         end(kNotSeen);
       break;
@@ -225,6 +237,7 @@ void Repose::follow_phases(const control::JointState& joints) noexcept {
       check();
       break;
     case Phase::kCarry:
+      if (is_unseen() && next_failure_.empty() && !carrier_->is_holding()) give_up(kNotSeen);
       if (carrier_->has_ended()) look_again();
       break;
     case Phase::kPlan:
@@ -239,10 +252,9 @@ void Repose::check() noexcept {
     if (is_unseen()) end(kNotSeen);
     return;
   }
-  const Deviation deviation = deviation_of(goal_, mean_.mean());
-  if (deviation.position <= config_.position_tolerance &&
-      deviation.orientation <= config_.orientation_tolerance) {
-    take_goal(++reached_, upright(mean_.mean()));
+  if (is_at_goal(mean_.mean())) {
+    ++reached_;
+    take_goal(upright(mean_.mean()));
   } else {
     attempt(upright(mean_.mean()));
   }

@@ -91,7 +91,8 @@ class Repose final : public Skill {
   void push(bool is_rough) noexcept;
   void leave() noexcept;
   void look_again() noexcept;
-  void take_goal(int number, const Pose& rest) noexcept;
+  void take_goal(const Pose& rest) noexcept;
+  [[nodiscard]] bool is_at_goal(const Pose& rest) const noexcept;
   void follow_phases(const control::JointState& joints) noexcept;
   void follow_push() noexcept;
   [[nodiscard]] bool is_close() const noexcept;
