@@ -179,8 +179,8 @@ class Carried {
   std::size_t allocated_{0};
 };
 
-CarryConfig carrying() {
-  CarryConfig config;
+CarrierConfig carrying() {
+  CarrierConfig config;
   config.grasp = load_config("edu", "lift");
   return config;
 }

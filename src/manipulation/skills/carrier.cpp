@@ -13,7 +13,7 @@ constexpr double kRaised = 0.11;
 constexpr int kPoints = 8;
 
 // One grasp at a time, within the robot's own limits.
-CarryConfig adapted(CarryConfig config, const SkillContext& context) {
+CarrierConfig adapted(CarrierConfig config, const SkillContext& context) {
   config.grasp.max_grasps = 1;
   config.grasp.planner.limits = context.limits;
   config.grasp.controller.limits = context.limits;
@@ -22,7 +22,7 @@ CarryConfig adapted(CarryConfig config, const SkillContext& context) {
 
 }  // namespace
 
-Carrier::Carrier(const SkillContext& context, CarryConfig config)
+Carrier::Carrier(const SkillContext& context, CarrierConfig config)
     : description_(context.description),
       config_(adapted(std::move(config), context)),
       period_(context.period),

@@ -15,7 +15,7 @@
 namespace trifinger::manipulation {
 
 // Settings of a `Carrier`.
-struct CarryConfig {
+struct CarrierConfig {
   ManipulationConfig grasp{};  // How the object is grasped; its task counts for nothing.
   double middle{0.04};     // Where the object is flipped and turned: distance from the middle [m].
   double near_angle{0.5};  // Until it is so near its goal [rad]. Then it is carried.
@@ -32,7 +32,7 @@ struct CarryConfig {
 class Carrier {
  public:
   // Throws InvalidArgument.
-  Carrier(const SkillContext& context, CarryConfig config);
+  Carrier(const SkillContext& context, CarrierConfig config);
 
   // Finds a grasp and a way for a box that rests at `object`. False if no grasp reaches the whole
   // way. Another thread than that of the other functions may call it, as long as they are not
@@ -59,7 +59,7 @@ class Carrier {
   const JointValues& rise(Seconds elapsed, const control::JointState& joints) noexcept;
 
   RobotDescription description_;
-  CarryConfig config_;
+  CarrierConfig config_;
   Seconds period_;
   control::GraspPlanner planner_;
   std::unique_ptr<Manipulation> next_;  // Made by `plan`.

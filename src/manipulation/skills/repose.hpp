@@ -34,13 +34,13 @@ struct ReposeConfig {
   double fetch_distance{0.06};  // [m]
   PushConfig push{};
   // How the object is carried for the last part of the way; without it, it is only pushed.
-  std::optional<CarryConfig> carry{};
+  std::optional<CarrierConfig> carry{};
 };
 
 // Reads what these skills share. Throws config::ConfigError.
 [[nodiscard]] ReposeConfig read_repose(const config::Node& root);
 // Reads how an object is carried. Throws config::ConfigError, and what `load_config` throws.
-[[nodiscard]] CarryConfig read_carry(const config::Node& section, const std::string& object);
+[[nodiscard]] CarrierConfig read_carrier(const config::Node& section, const std::string& object);
 // Reads the name of a face: its normal in the object's frame. Throws config::ConfigError.
 [[nodiscard]] Eigen::Vector3d read_face(const config::Node& section, std::string_view key);
 // The orientation of a box with the face of this normal up, then turned about the vertical.

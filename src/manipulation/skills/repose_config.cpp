@@ -95,9 +95,9 @@ ReposeConfig read_repose(const Node& root) {
   return config;
 }
 
-CarryConfig read_carry(const Node& section, const std::string& object) {
+CarrierConfig read_carrier(const Node& section, const std::string& object) {
   const Range speed{.unit = "m/s", .min = 0, .max = 1, .above_min = true};
-  CarryConfig carry;
+  CarrierConfig carry;
   carry.grasp = load_config(section.required<std::string>("grasp"), "lift");
   carry.grasp.object = object;
   carry.grasp.controller.approach_speed = section.required<double>("approach_speed", speed);
