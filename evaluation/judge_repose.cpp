@@ -185,6 +185,11 @@ Judgement judge_place(const SkillTrial& trial, const SkillTrialResult& result, d
       last_second(result, [&](const TrueStep& step) { return wrong_at(goals.back(), step); });
   if (judgement.why.empty() && judgement.figure > longest) judgement.why = "it took too long";
   judgement.succeeds = judgement.why.empty();
+  if (result.timing) {
+    judgement.note =
+        fmt::format("lateness {}; {} of {} steps late", describe(result.timing->lateness()),
+                    result.timing->late_steps(), result.timing->steps());
+  }
   return judgement;
 }
 
@@ -253,6 +258,17 @@ std::vector<SkillRow> repose_rows() {
        .vary = [](SkillTrial& trial, std::uint64_t seed) { vary_goals(trial, seed, 10); },
        .judge = [](const SkillTrial& trial,
                    const SkillTrialResult& result) { return judge_place(trial, result, kTen); },
+       .figure = "time",
+       .unit = "s"});
+  rows.push_back(
+      {.what = "place, in real time: a cube at any pose on the table, within 60 s",
+       .reach = "14 of 20; 10 mm, 0.1 rad",
+       .needed = 0.7,
+       .trial =
+           in_real_time(make_skill_trial("pushing", "place", {}, {"max_duration=58"}), "pushing"),
+       .vary = [](SkillTrial& trial, std::uint64_t seed) { vary_goals(trial, seed, 1); },
+       .judge = [](const SkillTrial& trial,
+                   const SkillTrialResult& result) { return judge_place(trial, result, kOne); },
        .figure = "time",
        .unit = "s"});
   return rows;

@@ -2,7 +2,9 @@
 #include "evaluation/skill_trial.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -10,8 +12,11 @@
 
 #include "evaluation/contact.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/core/session.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/model/kinematics.hpp"
+#include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -27,9 +32,9 @@ control::Pose pose_of(const ObjectPose& object) {
 // Notes what is true in a simulation.
 class Witness {
  public:
-  Witness(const SkillTrial& trial, const Simulation<TriFinger>& simulation,
+  Witness(const SkillTrial& trial, const SimulatedRobot<TriFinger>& robot,
           const std::string& object)
-      : simulation_(simulation),
+      : robot_(robot),
         kinematics_(trial.simulation.description),
         tip_radius_(variant_figures(trial.simulation.description.variant).tip_radius) {
     const auto& objects = trial.simulation.description.objects;
@@ -45,22 +50,146 @@ class Witness {
       truth.tips[i] = tips.segment<3>(static_cast<Eigen::Index>(3 * i));
     if (!object_) return truth;
     // Tips and object at the same instant: that of the observation.
-    const control::Pose observed = pose_of(simulation_.robot().observed_object_pose(object_->name));
+    const control::Pose observed = pose_of(robot_.observed_object_pose(object_->name));
     for (std::size_t i = 0; i < truth.tips.size(); ++i)
       truth.tip_distances[i] = distance_to_surface(*object_, observed, truth.tips[i]) - tip_radius_;
-    truth.object = pose_of(simulation_.robot().object_pose(object_->name));
-    const ObjectVelocity velocity = simulation_.robot().object_velocity(object_->name);
+    truth.object = pose_of(robot_.object_pose(object_->name));
+    const ObjectVelocity velocity = robot_.object_velocity(object_->name);
     truth.twist = {.linear = Eigen::Vector3d::Map(velocity.linear.data()),
                    .angular = Eigen::Vector3d::Map(velocity.angular.data())};
     return truth;
   }
 
  private:
-  const Simulation<TriFinger>& simulation_;
+  const SimulatedRobot<TriFinger>& robot_;
   Kinematics kinematics_;
   double tip_radius_;
   std::optional<ObjectDescription> object_;
 };
+
+// A robot and a witness of each of its steps, in the thread of the back-end.
+class WitnessedRobot final : public Driver<TriFinger> {
+ public:
+  WitnessedRobot(SimulatedRobot<TriFinger>& robot, Witness& witness, std::size_t most_steps)
+      : robot_(robot), witness_(witness) {
+    truth_.reserve(most_steps);
+  }
+  // What was true at each step. Call it when the back-end has ended.
+  [[nodiscard]] std::vector<TrueStep>& truth() noexcept { return truth_; }
+  [[nodiscard]] std::size_t steps() const noexcept {
+    // Relaxed: it is only a number, and the step itself is read later.
+    return steps_.load(std::memory_order_relaxed);
+  }
+
+  using Driver::apply_action;
+  using Driver::get_latest_observation;
+  using Driver::hold;
+
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override {
+    return robot_.prepare(step);
+  }
+  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
+    const DriverReport report = robot_.get_latest_observation(observation);
+    observation_ = observation;
+    return report;
+  }
+  [[nodiscard]] DriverReport apply_action(const Action& desired,
+                                          AppliedAction& applied) noexcept override {
+    const DriverReport report = robot_.apply_action(desired, applied);
+    if (truth_.size() < truth_.capacity())
+      truth_.push_back(witness_.look(static_cast<TimeIndex>(truth_.size()) - 1, observation_));
+    steps_.store(truth_.size(), std::memory_order_relaxed);
+    return report;
+  }
+  [[nodiscard]] DriverReport hold(const Observation& observation,
+                                  Action& action) noexcept override {
+    return robot_.hold(observation, action);
+  }
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override { return robot_.stop(step); }
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
+    return robot_.companions();
+  }
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override {
+    return robot_.get_companion_element(index, time_index, element);
+  }
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override {
+    return robot_.fault_text(fault_code);
+  }
+  [[nodiscard]] std::string_view rejection_text() const noexcept override {
+    return robot_.rejection_text();
+  }
+
+ private:
+  SimulatedRobot<TriFinger>& robot_;
+  Witness& witness_;
+  Observation observation_{};
+  std::vector<TrueStep> truth_;
+  std::atomic<std::size_t> steps_{0};
+};
+
+std::unique_ptr<manipulation::Skill> make(const SkillTrial& trial) {
+  const manipulation::SkillContext context{
+      .description = trial.believed,
+      .limits = manipulation::safety_limits_of(trial.simulation),
+      .period = trial.simulation.period,
+      .is_real_time = trial.real_time.has_value()};
+  return trial.is_taught ? manipulation::make_taught_skill(trial.skill, context, {}, trial.settings)
+                         : manipulation::make_skill(trial.skill, context, {}, trial.settings);
+}
+
+std::vector<manipulation::Figure> figures_of(const manipulation::Skill& skill,
+                                             const SkillTrialResult& result) {
+  std::vector<manipulation::SeenPose> poses;
+  poses.reserve(result.end);
+  for (std::size_t i = 0; i < result.end; ++i)
+    poses.push_back({result.truth[i].step, result.truth[i].object});
+  return skill.figures(result.trace, poses);
+}
+
+// A back-end in a thread of its own, the skill in this one.
+SkillTrialResult run_in_real_time(const SkillTrial& trial) {
+  SimulatedRobot<TriFinger> simulation(trial.simulation);
+  const auto skill = make(trial);
+  Witness witness(trial, simulation, std::string(skill->object()));
+  // The robot holds before the first action and after the last one; these steps count, too.
+  constexpr control::Seconds kSpare{5.0};
+  const auto most = static_cast<std::size_t>((skill->max_duration() + trial.after + kSpare) /
+                                             trial.simulation.period);
+  WitnessedRobot robot(simulation, witness, most);
+  SessionHost host = SessionHost::anonymous(
+      {.documents = model_documents(trial.simulation.description)}, "skill-trial");
+  Backend backend(robot, host, *trial.real_time);
+  // The world goes on from where a session has left it.
+  backend.set_after_session([&](const Fault&) { simulation.restore(simulation.save()); });
+  SkillTrialResult result;
+  {
+    BackendThread thread(backend, {.demand = Demand::kTry});
+    std::optional<Session> session;
+    {
+      Frontend<TriFinger> frontend(host);
+      session.emplace(frontend.session());
+      // One below the back-end, as `trifinger manipulate` runs.
+      result.trace = manipulation::run_skill(frontend, *skill, {.realtime = {.priority = 70}});
+    }
+    leave_realtime();
+    result.timing = session->timing();
+    result.end = robot.steps();
+    Frontend<TriFinger> frontend(host);
+    const auto hold = hold_position(frontend.latest_observation());
+    const auto after = static_cast<TimeIndex>(trial.after / trial.simulation.period);
+    for (TimeIndex i = 0; i < after; ++i) {
+      const TimeIndex t = frontend.append_desired_action(hold);
+      frontend.wait_until_time_index(t);
+    }
+    frontend.finish();
+    thread.stop();
+  }
+  result.truth = std::move(robot.truth());
+  result.end = std::min(result.end, result.truth.size());
+  result.figures = figures_of(*skill, result);
+  return result;
+}
 
 }  // namespace
 
@@ -111,6 +240,11 @@ SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
           .believed = simulation->description};
 }
 
+SkillTrial in_real_time(SkillTrial trial, const std::string& robot) {
+  trial.real_time = load_robot_config(robot).backend;
+  return trial;
+}
+
 const TrueStep& SkillTrialResult::truth_at(TimeIndex step) const {
   const TimeIndex first = truth.front().step;
   const auto last = static_cast<TimeIndex>(truth.size()) - 1;
@@ -118,17 +252,12 @@ const TrueStep& SkillTrialResult::truth_at(TimeIndex step) const {
 }
 
 SkillTrialResult run_skill_trial(const SkillTrial& trial) {
+  if (trial.real_time) return run_in_real_time(trial);
   const Simulation<TriFinger> simulation(trial.simulation);
-  const manipulation::SkillContext context{
-      .description = trial.believed,
-      .limits = manipulation::safety_limits_of(trial.simulation),
-      .period = trial.simulation.period};
-  const auto skill = trial.is_taught
-                         ? manipulation::make_taught_skill(trial.skill, context, {}, trial.settings)
-                         : manipulation::make_skill(trial.skill, context, {}, trial.settings);
-  Witness witness(trial, simulation, std::string(skill->object()));
+  const auto skill = make(trial);
+  Witness witness(trial, simulation.robot(), std::string(skill->object()));
   SkillTrialResult result;
-  const auto after = static_cast<TimeIndex>(trial.after / context.period);
+  const auto after = static_cast<TimeIndex>(trial.after / trial.simulation.period);
   {
     auto robot = simulation.connect();
     result.trace =
@@ -151,11 +280,7 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
     }
     robot.finish();
   }
-  std::vector<manipulation::SeenPose> poses;
-  poses.reserve(result.end);
-  for (std::size_t i = 0; i < result.end; ++i)
-    poses.push_back({result.truth[i].step, result.truth[i].object});
-  result.figures = skill->figures(result.trace, poses);
+  result.figures = figures_of(*skill, result);
   return result;
 }
 

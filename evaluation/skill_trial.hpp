@@ -4,10 +4,13 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/timing.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skill.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -22,6 +25,8 @@ struct SkillTrial {
   bool is_taught{false};                // Plays what was taught instead of controlling.
   SimulationOptions<TriFinger> simulation;
   RobotDescription believed;
+  // How the back-end keeps time; nothing if time stands still while the skill computes.
+  std::optional<BackendOptions> real_time{};
   control::Seconds after{1.0};  // Time to watch when the skill has ended: the robot holds its pose.
   // Does something to the simulation after step `t`, such as setting the object in motion.
   std::function<void(SimulatedRobot<TriFinger>& robot, TimeIndex t)> interfere{};
@@ -31,6 +36,9 @@ struct SkillTrial {
 [[nodiscard]] SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
                                           const std::vector<std::string>& robot_settings = {},
                                           const std::vector<std::string>& skill_settings = {});
+
+// The same trial in real time, as the robot's configuration says: plans take the time they take.
+[[nodiscard]] SkillTrial in_real_time(SkillTrial trial, const std::string& robot);
 
 // Random numbers that are equal with every standard library.
 class TrialRandom {
@@ -73,6 +81,7 @@ struct SkillTrialResult {
   std::vector<TrueStep> truth;                // Of all steps, those after the skill's end included.
   std::size_t end{0};                         // Index in `truth` of the skill's end.
   std::vector<manipulation::Figure> figures;  // From the true poses.
+  std::optional<TimingRecord> timing{};       // Of the skill's session, in real time.
 
   // What was true at `step`; the nearest if it is beyond what is known.
   [[nodiscard]] const TrueStep& truth_at(TimeIndex step) const;
@@ -85,6 +94,7 @@ struct Judgement {
   bool succeeds{false};
   double figure{0.0};  // The row's figure, in SI units.
   std::string why;     // In words, if it does not.
+  std::string note{};  // What else is to be told, such as the lateness of the loop.
 };
 using Judge = std::function<Judgement(const SkillTrial& trial, const SkillTrialResult& result)>;
 

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -42,7 +43,7 @@ struct JudgedRow {
   }
 };
 
-// Runs the trials of a row on all processors.
+// Runs the trials of a row on all processors; those in real time one after the other.
 JudgedRow judged(const Options& options, SkillRow row) {
   std::vector<Judgement> judgements(
       static_cast<std::size_t>(std::min(options.seeds, row.most_trials)));
@@ -60,16 +61,19 @@ JudgedRow judged(const Options& options, SkillRow row) {
   };
   {
     std::vector<std::jthread> threads;
-    for (unsigned i = 0; i < std::max(1U, std::thread::hardware_concurrency()); ++i)
-      threads.emplace_back(work);
+    const unsigned count =
+        row.trial.real_time ? 1U : std::max(1U, std::thread::hardware_concurrency());
+    for (unsigned i = 0; i < count; ++i) threads.emplace_back(work);
   }
   JudgedRow done{std::move(row), std::move(judgements)};
   fmt::print("{:<62} {:>3} of {:<3} {:<14} {}: {}\n", done.row.what, done.successes(),
              done.judgements.size(), done.holds() ? "holds" : "DOES NOT HOLD", done.row.figure,
              done.spread());
   for (std::size_t i = 0; i < done.judgements.size(); ++i) {
-    if (!done.judgements[i].succeeds)
-      fmt::print("  seed {}: {}\n", options.first_seed + i, done.judgements[i].why);
+    const Judgement& judgement = done.judgements[i];
+    if (!judgement.succeeds) fmt::print("  seed {}: {}\n", options.first_seed + i, judgement.why);
+    if (!judgement.note.empty())
+      fmt::print("  seed {}: {}\n", options.first_seed + i, judgement.note);
   }
   std::fflush(stdout);
   return done;
@@ -95,8 +99,10 @@ std::string page(const Options& options, const std::vector<JudgedRow>& rows) {
                         done.row.figure, done.row.unit);
     for (std::size_t i = 0; i < done.judgements.size(); ++i) {
       const Judgement& judgement = done.judgements[i];
-      text += fmt::format("| {} | {:.4g} | {} |\n", options.first_seed + i,
-                          judgement.figure * done.row.scale, judgement.why);
+      const std::string_view between = judgement.why.empty() || judgement.note.empty() ? "" : "; ";
+      text +=
+          fmt::format("| {} | {:.4g} | {}{}{} |\n", options.first_seed + i,
+                      judgement.figure * done.row.scale, judgement.why, between, judgement.note);
     }
   }
   return text;

@@ -141,9 +141,16 @@ void Manipulation::finish_look() noexcept {
     fail(Failure::kNotSeen);
     return;
   }
-  rest_ = upright({position_sum_ / num_seen_, Eigen::Quaterniond(orientation_sum_.normalized())});
-  const Eigen::Vector3d up = rest_.orientation.conjugate() * Eigen::Vector3d::UnitZ();
-  rest_.position.z() = half_size_.dot(up.cwiseAbs());
+  Pose rest =
+      upright({position_sum_ / num_seen_, Eigen::Quaterniond(orientation_sum_.normalized())});
+  const Eigen::Vector3d up = rest.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+  rest.position.z() = half_size_.dot(up.cwiseAbs());
+  rest_at(rest);
+}
+
+void Manipulation::rest_at(const Pose& pose) noexcept {
+  if (phase_ != Phase::kLook) return;
+  rest_ = pose;
   plan_.reset();
   desired_ = {.pose = rest_};
   memory_.assign(kMemory, {.desired = desired_});

@@ -9,8 +9,10 @@
 #include <variant>
 
 #include "../support/allocation_counter.hpp"
+#include "skills/carrier.hpp"
 #include "skills/fetcher.hpp"
 #include "skills/object_observer.hpp"
+#include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -124,6 +126,94 @@ TEST(Fetcher, ReachesBehindACubeOnEverySide) {
           << distance << " m, " << azimuth << " rad";
     }
   }
+}
+
+// A cube in a simulation, and what the carrier is told of it.
+class Carried {
+ public:
+  explicit Carried(const Pose& start)
+      : simulation_(with_cube(start)), robot_(simulation_.connect()) {
+    y_ = robot_.latest_observation();
+  }
+
+  [[nodiscard]] Pose cube() const {
+    const ObjectPose pose = simulation_.robot().object_pose("cube");
+    return {Vector3d::Map(pose.position.data()),
+            Quaterniond(pose.orientation[0], pose.orientation[1], pose.orientation[2],
+                        pose.orientation[3])};
+  }
+  // Carries out what the carrier has planned. Stops it in this step. Returns the number of steps.
+  int carry(Carrier& carrier, int stop = -1) {
+    carrier.begin(0);
+    int step = 0;
+    for (; step < 15000 && !carrier.has_ended(); ++step) {
+      const control::JointState joints{.position = joint_values(y_.position),
+                                       .velocity = joint_values(y_.velocity),
+                                       .torque = joint_values(y_.torque)};
+      const Pose pose = cube();
+      {
+        const test::AllocationCounter allocations;
+        carrier.see(step, pose);
+        (void)carrier.update(step, joints);
+        if (step == stop) carrier.stop();
+        allocated_ += allocations.count();
+      }
+      y_ = robot_.get_observation(robot_.append_desired_action(carrier.action()));
+    }
+    return step;
+  }
+  [[nodiscard]] std::size_t allocated() const { return allocated_; }
+
+ private:
+  static SimulationOptions<TriFinger> with_cube(const Pose& start) {
+    auto options = pushing();
+    const Quaterniond& q = start.orientation;
+    options.description.objects[0].position = {start.position.x(), start.position.y(), 0.0325};
+    options.description.objects[0].orientation = {q.w(), q.x(), q.y(), q.z()};
+    return options;
+  }
+
+  Simulation<TriFinger> simulation_;
+  Frontend<TriFinger> robot_;
+  TriFinger::Observation y_;
+  std::size_t allocated_{0};
+};
+
+CarrierConfig carrying() {
+  CarrierConfig config;
+  config.grasp = load_config("edu", "lift");
+  return config;
+}
+
+TEST(Carrier, BringsACubeExactlyToItsGoalWithoutAllocating) {
+  const Pose start = lying(-0.03, 0.01, 0.2);
+  const Pose goal = lying(0.05, -0.03, -0.1);
+  Carried world(start);
+  Carrier carrier(context(), carrying());
+  ASSERT_TRUE(carrier.plan(start, goal));
+  world.carry(carrier);
+  EXPECT_TRUE(carrier.has_ended());
+  EXPECT_LT((world.cube().position - goal.position).norm(), 0.002);
+  EXPECT_LT(world.cube().orientation.angularDistance(goal.orientation), 0.02);
+  EXPECT_EQ(world.allocated(), 0U);
+}
+
+TEST(Carrier, PutsTheCubeDownWhenItIsStopped) {
+  const Pose start = lying(0.0, 0.0);
+  // On the way up, on the way to the cube, and while it is carried.
+  for (const int stop : {10, 900, 3500}) {
+    Carried world(start);
+    Carrier carrier(context(), carrying());
+    ASSERT_TRUE(carrier.plan(start, lying(0.08, 0.0)));
+    EXPECT_LT(world.carry(carrier, stop), stop + 2500) << "stopped at " << stop;
+    EXPECT_NEAR(world.cube().position.z(), 0.0325, 1e-3) << "stopped at " << stop;
+    EXPECT_LT(world.cube().position.x(), 0.07) << "stopped at " << stop;
+  }
+}
+
+TEST(Carrier, FindsNoGraspForHalfATurn) {
+  Carrier carrier(context(), carrying());
+  EXPECT_FALSE(carrier.plan(lying(0, 0), lying(0, 0, 3.0)));
 }
 
 TEST(Fetcher, DragsACubeToItsGoal) {

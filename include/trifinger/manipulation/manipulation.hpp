@@ -59,6 +59,9 @@ class Manipulation {
   /// thousand steps old, is ignored.
   void see(TimeIndex captured, const Pose& pose) noexcept;
 
+  /// Says that the upright object rests at `pose`: nobody has to look. Only in the phase kLook.
+  void rest_at(const Pose& pose) noexcept;
+
   /// Returns the torques for the next step [Nm] from the measurements of the joints at `step`.
   [[nodiscard]] const JointValues& update(TimeIndex step,
                                           const control::JointState& joints) noexcept;

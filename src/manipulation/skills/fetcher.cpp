@@ -19,7 +19,7 @@ constexpr double kGap = 0.014;       // Between tip and box where the tip comes 
 constexpr double kAbove = 0.045;     // Of the tip's centre over the box [m].
 constexpr double kSpeed = 0.25;      // Of the tip on its way [m/s].
 constexpr double kDragSpeed = 0.07;  // [m/s]
-constexpr double kClose = 0.012;     // The box is dragged until it is so near [m].
+constexpr double kClose = 0.005;     // The box is dragged until it is so near [m].
 constexpr double kMargin = 0.03;     // Of joints from their soft limits [rad].
 constexpr Seconds kRestTime{1.0};    // In which the other fingers leave.
 

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 
+#include "box_of.hpp"
 #include "skills/makers.hpp"
 #include "skills/repose.hpp"
 

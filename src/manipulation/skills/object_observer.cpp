@@ -54,7 +54,8 @@ void ObjectObserver::restart(Seconds captured, const Pose& pose) {
 
 void ObjectObserver::correct(Seconds captured, const Pose& pose,
                              std::span<const JointSample> history) {
-  if (!is_known_ || history.empty()) {
+  // What the joints did since the previous pose must be known.
+  if (!is_known_ || history.empty() || seen_.time < history.front().time) {
     restart(captured, pose);
     return;
   }

@@ -7,13 +7,15 @@
 #include <utility>
 #include <vector>
 
+#include "box_of.hpp"
 #include "skills/makers.hpp"
 #include "skills/repose.hpp"
 
 namespace trifinger::manipulation {
 
 std::unique_ptr<Skill> make_place(const SkillContext& context, const config::Node& root) {
-  const ReposeConfig config = read_repose(root);
+  ReposeConfig config = read_repose(root);
+  config.carry = read_carrier(root.section("carry"), config.object);
   const Eigen::Vector3d half =
       Eigen::Vector3d::Map(box_of(context.description, config.object).size.data()) / 2;
   std::vector<Goal> goals;

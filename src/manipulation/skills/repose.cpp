@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "box_of.hpp"
 #include "trifinger/manipulation/task.hpp"
 
 namespace trifinger::manipulation {
@@ -15,6 +16,8 @@ constexpr Seconds kPatience{2.0};  // Without a pose, the object is not seen.
 constexpr std::string_view kNotSeen = "the object was not seen";
 // The tips have left the object if they are almost as far away as they should be.
 constexpr double kAlmost = 0.95;
+// The mean of noisy poses deviates by up to a tenth of the tolerances.
+constexpr double kSure = 0.9;
 // Progress is that a tenth less is missing.
 constexpr double kProgress = 0.9;
 
@@ -26,7 +29,8 @@ Repose::Repose(const SkillContext& context, ReposeConfig config, NextGoal next_g
       clock_(context.period),
       pusher_(context, config_.object, config_.push),
       fetcher_(context, box_of(context.description, config_.object),
-               {config_.push.planner.kp, config_.push.planner.kd}) {
+               {config_.push.planner.kp, config_.push.planner.kd}),
+      carrier_(config_.carry ? std::make_unique<Carrier>(context, *config_.carry) : nullptr) {
   enter(Phase::kLook);
 }
 
@@ -36,6 +40,7 @@ void Repose::see(TimeIndex captured, const Pose& pose) noexcept {
   seen_ = pose;
   last_seen_ = clock_.now();
   if (captured >= mean_begin_) mean_.add(pose);
+  if (phase_ == Phase::kCarry) carrier_->see(captured, pose);
 }
 
 const TriFinger::Action& Repose::update(TimeIndex step,
@@ -50,6 +55,11 @@ const TriFinger::Action& Repose::update(TimeIndex step,
     state_.torque_share = fetcher_.torque_share();
   }
   state_.object = pusher_.object();
+  if (phase_ == Phase::kCarry) {
+    action = &carrier_->update(step, joints);
+    state_.torque_share = carrier_->torque_share();
+    state_.object = carrier_->object();
+  }
   state_.desired.pose = goal_.pose;
   return *action;
 }
@@ -60,8 +70,8 @@ void Repose::stop() noexcept {
 }
 
 void Repose::enter(Phase phase) noexcept {
-  constexpr std::array<std::string_view, 7> kNames{"look",  "fetch", "push",  "leave",
-                                                   "check", "done",  "failed"};
+  constexpr std::array<std::string_view, 9> kNames{"look", "fetch", "push", "leave", "check",
+                                                   "plan", "carry", "done", "failed"};
   phase_ = phase;
   state_.phase = kNames[static_cast<std::size_t>(phase)];
   clock_.begin_phase();
@@ -85,32 +95,106 @@ void Repose::give_up(std::string_view failure) noexcept {
     leave();
   else if (phase_ == Phase::kFetch)
     fetcher_.stop();
+  else if (phase_ == Phase::kCarry)
+    carrier_->stop();
   else if (phase_ != Phase::kLeave)
     end(failure);
 }
 
-void Repose::attempt() noexcept {
+// Begins with an object that rests at `rest`, not at its goal.
+void Repose::attempt(const Pose& rest) noexcept {
   ++attempts_;
+  rest_ = rest;
+  constexpr double kUpright = 0.95;  // Least cosine of the tilt of the side that shall look up.
+  if (carrier_ && uprightness(rest) > kUpright)
+    enter(Phase::kPlan);
+  else
+    push(carrier_ != nullptr);
+}
+
+// Cosine of the tilt of the side that shall look up.
+double Repose::uprightness(const Pose& pose) const noexcept {
+  const Eigen::Vector3d up = goal_.pose.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+  return (pose.orientation * up).z();
+}
+
+// Roughly: in the middle of the arena, where the fingers push best, to an orientation from which
+// the object can be carried to its goal.
+void Repose::push(bool is_rough) noexcept {
   close_since_.reset();
   least_ = std::numeric_limits<double>::infinity();
-  pusher_.push(goal_);
+  is_rough_ = is_rough;
+  target_ = goal_;
+  double farthest = config_.fetch_distance;
+  if (is_rough) {
+    target_.pose.position.head<2>().setZero();
+    target_.free_radius = config_.carry->middle;
+    farthest += target_.free_radius;
+  } else if (carrier_) {
+    farthest = config_.carry->drag_distance;
+  }
+  wants_fetch_ =
+      !has_fetched_ && (rest_.position - target_.pose.position).head<2>().norm() > farthest;
+  pusher_.push(target_);
   enter(Phase::kPush);
   progress_ = clock_.now();
 }
 
+void Repose::plan() {
+  // A plan of the pusher may still be under way when the carrier is asked.
+  if (pusher_.wants_plan())
+    pusher_.plan();
+  else
+    can_carry_ = carrier_->plan(rest_, goal_.pose);
+}
+
+void Repose::begin() noexcept {
+  if (pusher_.wants_plan()) {
+    pusher_.begin();
+    return;
+  }
+  if (phase_ != Phase::kPlan) return;  // It was stopped meanwhile.
+  if (!can_carry_) {
+    push(deviation_of(goal_, rest_).orientation > config_.carry->near_angle);
+    return;
+  }
+  ++carries_;
+  carrier_->begin(clock_.step());
+  enter(Phase::kCarry);
+}
+
 void Repose::leave() noexcept {
+  has_fetched_ = false;
   pusher_.retreat();
   enter(Phase::kLeave);
 }
 
-void Repose::take_goal(int number, const Pose& rest) noexcept {
-  if (const std::optional<Goal> goal = next_goal_(number, rest)) {
+// The tips rest where they are, and the object is looked at; or it ends, if it has failed.
+void Repose::look_again() noexcept {
+  pusher_.hold();
+  if (next_failure_.empty())
+    enter(Phase::kCheck);
+  else
+    end(next_failure_);
+}
+
+bool Repose::is_at_goal(const Pose& rest) const noexcept {
+  const Deviation deviation = deviation_of(goal_, rest);
+  return deviation.position <= kSure * config_.position_tolerance &&
+         deviation.orientation <= kSure * config_.orientation_tolerance;
+}
+
+// Takes the first goal from `reached_` on at which the object, at rest, is not yet.
+void Repose::take_goal(const Pose& rest) noexcept {
+  while (const std::optional<Goal> goal = next_goal_(reached_, rest)) {
     goal_ = *goal;
-    wants_fetch_ = deviation_of(goal_, rest).position > config_.fetch_distance;
-    attempt();
-  } else {
-    end("");
+    if (!is_at_goal(rest)) {
+      attempt(rest);
+      return;
+    }
+    ++reached_;
   }
+  end("");
 }
 
 bool Repose::is_unseen() const noexcept { return clock_.now() - last_seen_ > kPatience; }
@@ -119,24 +203,21 @@ void Repose::follow_phases(const control::JointState& joints) noexcept {
   switch (phase_) {
     case Phase::kLook:
       if (mean_.count() > 0 && clock_.in_phase() >= config_.look_time)
-        take_goal(reached_, upright(mean_.mean()));
+        take_goal(upright(mean_.mean()));
       else if (is_unseen())
         end(kNotSeen);
       break;
     case Phase::kFetch:
       if (is_unseen() && next_failure_.empty()) give_up(kNotSeen);
-      if (!fetcher_.has_ended()) break;
-      if (next_failure_.empty())
-        attempt();
-      else
-        end(next_failure_);
+      if (fetcher_.has_ended()) look_again();
       break;
     case Phase::kPush:
       if (is_unseen()) {
         give_up(kNotSeen);
       } else if (std::exchange(wants_fetch_, false) &&
-                 fetcher_.begin(clock_.now(), joints, seen_, goal_.pose.position)) {
+                 fetcher_.begin(clock_.now(), joints, seen_, target_.pose.position)) {
         ++fetches_;
+        has_fetched_ = true;
         pusher_.hold();
         enter(Phase::kFetch);
       } else {
@@ -149,17 +230,17 @@ void Repose::follow_phases(const control::JointState& joints) noexcept {
           clock_.in_phase() > 2 * (config_.push.plan_period + config_.push.plan_delay);
       const bool is_away = pusher_.nearest_tip() > kAlmost * config_.push.retreat_distance;
       if (clock_.in_phase() < config_.leave_time && !(has_planned && is_away)) break;
-      if (!next_failure_.empty()) {
-        end(next_failure_);
-        return;
-      }
-      pusher_.hold();
-      enter(Phase::kCheck);
+      look_again();
       break;
     }
     case Phase::kCheck:
       check();
       break;
+    case Phase::kCarry:
+      if (is_unseen() && next_failure_.empty() && !carrier_->is_holding()) give_up(kNotSeen);
+      if (carrier_->has_ended()) look_again();
+      break;
+    case Phase::kPlan:
     case Phase::kDone:
     case Phase::kFailed:
       break;
@@ -171,22 +252,33 @@ void Repose::check() noexcept {
     if (is_unseen()) end(kNotSeen);
     return;
   }
-  const Deviation deviation = deviation_of(goal_, mean_.mean());
-  if (deviation.position <= config_.position_tolerance &&
-      deviation.orientation <= config_.orientation_tolerance) {
-    take_goal(++reached_, upright(mean_.mean()));
+  if (is_at_goal(mean_.mean())) {
+    ++reached_;
+    take_goal(upright(mean_.mean()));
   } else {
-    wants_fetch_ = deviation.position > config_.fetch_distance;
-    attempt();
+    attempt(upright(mean_.mean()));
   }
+}
+
+// Whether the object is where the tips may leave it.
+bool Repose::is_close() const noexcept {
+  const Pose& pose = pusher_.object().pose;
+  const Deviation deviation = deviation_of(target_, pose);
+  if (!is_rough_) {
+    return deviation.position <= config_.closeness * config_.position_tolerance &&
+           deviation.orientation <= config_.closeness * config_.orientation_tolerance;
+  }
+  constexpr double kFlat = 0.995;  // Least cosine of the tilt of an object that lies.
+  return deviation.position <= config_.position_tolerance &&
+         deviation.orientation <= config_.carry->near_angle && uprightness(pose) > kFlat;
 }
 
 void Repose::follow_push() noexcept {
   if (pusher_.num_plans() == 0) return;
-  const Deviation deviation = deviation_of(goal_, pusher_.object().pose);
+  const Deviation deviation = deviation_of(target_, pusher_.object().pose);
   const double position = deviation.position / config_.position_tolerance;
   const double orientation = deviation.orientation / config_.orientation_tolerance;
-  if (std::max(position, orientation) > config_.closeness)
+  if (!is_close())
     close_since_.reset();
   else if (!close_since_)
     close_since_ = clock_.now();
@@ -221,7 +313,8 @@ std::vector<Figure> Repose::figures(const SkillTrace& trace,
       {"duration", duration, "s", "from the first action to the end"},
       {"goals", static_cast<double>(reached_), "", "that were reached"},
       {"attempts", static_cast<double>(attempts_), "", "times that the tips went to the object"},
-      {"fetches", static_cast<double>(fetches_), "", "times that a finger dragged it"}};
+      {"fetches", static_cast<double>(fetches_), "", "times that a finger dragged it"},
+      {"carries", static_cast<double>(carries_), "", "times that it was grasped and carried"}};
   if (poses.empty()) return all;
   const Deviation last = deviation_of(goal_, poses.back().pose);
   all.push_back({"position_error", last.position, "m", "of the last pose"});

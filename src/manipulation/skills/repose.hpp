@@ -3,12 +3,14 @@
 
 #include <Eigen/Geometry>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "phase_clock.hpp"
+#include "skills/carrier.hpp"
 #include "skills/fetcher.hpp"
 #include "skills/pose_mean.hpp"
 #include "skills/pusher.hpp"
@@ -31,17 +33,18 @@ struct ReposeConfig {
   Seconds stuck_time{8.0};
   double fetch_distance{0.06};  // [m]
   PushConfig push{};
+  // How the object is carried for the last part of the way; without it, it is only pushed.
+  std::optional<CarrierConfig> carry{};
 };
 
 // Reads what these skills share. Throws config::ConfigError.
 [[nodiscard]] ReposeConfig read_repose(const config::Node& root);
+// Reads how an object is carried. Throws config::ConfigError, and what `load_config` throws.
+[[nodiscard]] CarrierConfig read_carrier(const config::Node& section, const std::string& object);
 // Reads the name of a face: its normal in the object's frame. Throws config::ConfigError.
 [[nodiscard]] Eigen::Vector3d read_face(const config::Node& section, std::string_view key);
 // The orientation of a box with the face of this normal up, then turned about the vertical.
 [[nodiscard]] Eigen::Quaterniond lying_on(const Eigen::Vector3d& face, double turn);
-// Throws InvalidArgument if the scene has no box of this name.
-[[nodiscard]] const ObjectDescription& box_of(const RobotDescription& description,
-                                              const std::string& name);
 
 // The goal of this number, from 0, for an object that rests at `pose`; nothing after the last one.
 using NextGoal = std::function<std::optional<Goal>(int number, const Pose& pose)>;
@@ -60,23 +63,40 @@ class Repose final : public Skill {
       TimeIndex step, const control::JointState& joints) noexcept override;
   void stop() noexcept override;
   [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
-  [[nodiscard]] bool wants_plan() const noexcept override { return pusher_.wants_plan(); }
-  void plan() override { pusher_.plan(); }
-  void begin() noexcept override { pusher_.begin(); }
+  [[nodiscard]] bool wants_plan() const noexcept override {
+    return pusher_.wants_plan() || phase_ == Phase::kPlan;
+  }
+  void plan() override;
+  void begin() noexcept override;
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
                                             std::span<const SeenPose> poses) const override;
 
  private:
-  enum class Phase : std::uint8_t { kLook, kFetch, kPush, kLeave, kCheck, kDone, kFailed };
+  enum class Phase : std::uint8_t {
+    kLook,
+    kFetch,
+    kPush,
+    kLeave,
+    kCheck,
+    kPlan,
+    kCarry,
+    kDone,
+    kFailed
+  };
 
   void enter(Phase phase) noexcept;
   void end(std::string_view failure) noexcept;
   void give_up(std::string_view failure) noexcept;
-  void attempt() noexcept;
+  void attempt(const Pose& rest) noexcept;
+  void push(bool is_rough) noexcept;
   void leave() noexcept;
-  void take_goal(int number, const Pose& rest) noexcept;
+  void look_again() noexcept;
+  void take_goal(const Pose& rest) noexcept;
+  [[nodiscard]] bool is_at_goal(const Pose& rest) const noexcept;
   void follow_phases(const control::JointState& joints) noexcept;
   void follow_push() noexcept;
+  [[nodiscard]] bool is_close() const noexcept;
+  [[nodiscard]] double uprightness(const Pose& pose) const noexcept;
   void check() noexcept;
   [[nodiscard]] bool is_unseen() const noexcept;
 
@@ -85,10 +105,15 @@ class Repose final : public Skill {
   PhaseClock clock_;
   Pusher pusher_;
   Fetcher fetcher_;
+  std::unique_ptr<Carrier> carrier_;  // Nothing if the object is only pushed.
   SkillState state_{};
   Phase phase_{Phase::kLook};
   Goal goal_{};
-  Pose seen_{};  // The newest pose.
+  Goal target_{};          // What the object is pushed to.
+  Pose rest_{};            // Of the object before this attempt.
+  bool is_rough_{false};   // It is pushed only to where it can be carried from.
+  bool can_carry_{false};  // What the last plan has found.
+  Pose seen_{};            // The newest pose.
   Seconds last_seen_{0};
   PoseMean mean_;
   TimeIndex mean_begin_{0};
@@ -97,9 +122,11 @@ class Repose final : public Skill {
   double least_{0.0};  // Least deviation so far, in multiples of what is allowed.
   Seconds progress_{0};
   bool wants_fetch_{false};
+  bool has_fetched_{false};  // Since the last push.
   int reached_{0};
   int attempts_{0};
   int fetches_{0};
+  int carries_{0};
 };
 
 }  // namespace trifinger::manipulation

@@ -4,7 +4,7 @@
 #include <array>
 
 #include "skills/repose.hpp"
-#include "trifinger/base/error.hpp"
+#include "trifinger/manipulation/config.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -95,6 +95,26 @@ ReposeConfig read_repose(const Node& root) {
   return config;
 }
 
+CarrierConfig read_carrier(const Node& section, const std::string& object) {
+  const Range speed{.unit = "m/s", .min = 0, .max = 1, .above_min = true};
+  CarrierConfig carry;
+  carry.grasp = load_config(section.required<std::string>("grasp"), "lift");
+  carry.grasp.object = object;
+  carry.grasp.controller.approach_speed = section.required<double>("approach_speed", speed);
+  carry.grasp.controller.closing_speed = section.required<double>("closing_speed", speed);
+  carry.middle = section.required<double>("middle", kLength);
+  carry.near_angle = section.required<double>(
+      "near_angle", {.unit = "rad", .min = 0, .max = 1, .above_min = true});
+  carry.drag_distance = section.required<double>("drag_distance", kLength);
+  carry.height = section.required<double>("height", kLength);
+  carry.speed = section.required<double>("speed", speed);
+  carry.turn_speed = section.required<double>(
+      "turn_speed", {.unit = "rad/s", .min = 0, .max = 10, .above_min = true});
+  carry.least_time = read_time(section, "least_time", kShort);
+  carry.lower_time = read_time(section, "lower_time", kShort);
+  return carry;
+}
+
 Eigen::Vector3d read_face(const Node& section, std::string_view key) {
   using Eigen::Vector3d;
   return section.required_choice<Vector3d>(key, {{"+x", Vector3d::UnitX()},
@@ -112,13 +132,6 @@ Eigen::Quaterniond lying_on(const Eigen::Vector3d& face, double turn) {
   const Eigen::Quaterniond up =
       is_below ? Eigen::Quaterniond(0, 1, 0, 0) : Eigen::Quaterniond::FromTwoVectors(face, z);
   return Eigen::AngleAxisd(turn, z) * up;
-}
-
-const ObjectDescription& box_of(const RobotDescription& description, const std::string& name) {
-  const auto found = std::ranges::find(description.objects, name, &ObjectDescription::name);
-  if (found == description.objects.end() || found->shape != ObjectShape::kBox)
-    throw InvalidArgument("the scene has no box '" + name + "'");
-  return *found;
 }
 
 }  // namespace trifinger::manipulation
