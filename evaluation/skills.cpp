@@ -63,6 +63,7 @@ JudgedRow judged(const Options& options, SkillRow row) {
     std::vector<std::jthread> threads;
     const unsigned count =
         row.trial.real_time ? 1U : std::max(1U, std::thread::hardware_concurrency());
+    threads.reserve(count);
     for (unsigned i = 0; i < count; ++i) threads.emplace_back(work);
   }
   JudgedRow done{std::move(row), std::move(judgements)};

