@@ -22,10 +22,8 @@ using test::kBegin;
 class Runner : public ::testing::Test {
  protected:
   Runner() {
-    auto made = std::make_unique<EmulatedPort>(line_, 4'000'000, kBegin);
-    port_ = made.get();
     runner_ = std::make_unique<MotorRunner>(
-        std::make_unique<MotorGroup>(std::move(made), MotorGroupOptions{.ids = {1, 2, 3}}),
+        std::make_unique<MotorGroup>(std::move(made_), MotorGroupOptions{.ids = {1, 2, 3}}),
         Nanoseconds(0), 50ms, [this](const MotorSnapshot& snapshot) {
           if (snapshot.phase == Phase::kFailed && !failed_) failed_ = port_->now();
         });
@@ -35,7 +33,8 @@ class Runner : public ::testing::Test {
 
   InertiaPlant plant_{3};
   EmulatedBus line_{test::motors_of({1, 2, 3}, 4'000'000, 0us), plant_, kBegin};
-  EmulatedPort* port_{nullptr};  // the group owns it
+  std::unique_ptr<EmulatedPort> made_{std::make_unique<EmulatedPort>(line_, 4'000'000, kBegin)};
+  EmulatedPort* port_{made_.get()};  // the group owns it
   std::optional<Instant> failed_{};
   std::unique_ptr<MotorRunner> runner_;
 };
