@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <memory>
 #include <optional>
-#include <ranges>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -251,13 +251,13 @@ std::vector<Figure> Carry::figures(const SkillTrace& trace, std::span<const Seen
       {"torque_share", share, "1", "largest requested torque, as a share of its limit"}};
   // The last time that it was held.
   const auto is_hold = [](const SkillStep& step) { return step.phase == name_of(Phase::kHold); };
-  const auto backwards = std::views::reverse(trace.steps);
-  const auto last = std::ranges::find_if(backwards, is_hold);
-  if (last == backwards.end()) return all;
-  const auto before = std::ranges::find_if_not(last, backwards.end(), is_hold);
-  const TimeIndex end = last->step;
-  const TimeIndex begin = (before == backwards.end() ? trace.steps.front() : *before).step +
-                          static_cast<TimeIndex>(kSettle / trace.period);
+  std::size_t past = trace.steps.size();
+  while (past > 0 && !is_hold(trace.steps[past - 1])) --past;
+  if (past == 0) return all;
+  std::size_t first = past - 1;
+  while (first > 0 && is_hold(trace.steps[first - 1])) --first;
+  const TimeIndex end = trace.steps[past - 1].step;
+  const TimeIndex begin = trace.steps[first].step + static_cast<TimeIndex>(kSettle / trace.period);
   PoseAverage held;
   for (const SeenPose& seen : poses)
     if (seen.step > begin && seen.step <= end) held.add(seen.pose);
