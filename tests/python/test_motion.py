@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from hypothesis import given, settings, strategies as st
+from hypothesis import assume, example, given, settings, strategies as st
 from trifinger.motion import JointFacts, Motion, MotionFileError, Plan, play
 
 ROBOT = {"joints": ("a", "b"), "robot": "rig"}
@@ -415,8 +415,17 @@ def played(robot: trifinger.Frontend, last: int) -> tuple[np.ndarray, np.ndarray
     return asked, np.diff(asked, axis=0)
 
 
+def stays(robot: trifinger.Frontend, pose: np.ndarray) -> bool:
+    """Whether a simulation keeps this pose for a moment: no finger pushes another one away."""
+    t = 0
+    for _ in range(20):
+        t = robot.append_desired_action(robot.new_action(position=pose))
+    return bool(np.abs(robot.get_observation(t).position - pose).max() < 0.01)
+
+
 @given(seed=seeds, feedforward=st.booleans())
 @settings(max_examples=25)
+@example(seed=926, feedforward=False)  # fingers that are in each other
 def test_fault_67_a_motion_is_played_from_any_pose_without_a_jump(
     seed: int, feedforward: bool
 ) -> None:
@@ -424,9 +433,9 @@ def test_fault_67_a_motion_is_played_from_any_pose_without_a_jump(
     # High enough above the table, so that nothing but the motion acts on the robot.
     pose = HOME + rng.uniform(-0.6, 0.3, 9)
     motion = finger_motion(seed, 1.5, 0.2)
-    robot = trifinger.simulate(
-        "trifinger_edu", {"fingers.initial_position": pose.tolist(), "fingers.height": 0.5}
-    )
+    changes = {"fingers.initial_position": pose.tolist(), "fingers.height": 0.5}
+    assume(stays(trifinger.simulate("trifinger_edu", changes), pose))
+    robot = trifinger.simulate("trifinger_edu", changes)
     plans: list[Plan] = []
     facts = JointFacts.of_session(robot)
     last = play(robot, motion, facts=facts, feedforward=feedforward, on_plan=plans.append)
