@@ -20,9 +20,9 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr double kSpace = 0.28;     // Between letters, as a share of their height.
-constexpr int kChords = 24;         // Of one curve.
-constexpr double kApart = 1e-4;     // Of drawn points [m].
-constexpr double kSample = 2.5e-4;  // Of the wanted line [m].
+constexpr int kChords = 24;         // Straight pieces of one curve.
+constexpr double kApart = 1e-4;     // Distance of drawn points [m].
+constexpr double kSample = 2.5e-4;  // Distance of points of the wanted line [m].
 constexpr double kNear = 1.5e-3;    // What is drawn so near counts as drawn [m].
 
 // A number with so many digits after the point.

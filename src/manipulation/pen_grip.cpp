@@ -8,6 +8,8 @@
 #include <limits>
 #include <numbers>
 
+#include "soft_limits.hpp"
+
 namespace trifinger::manipulation {
 namespace {
 
@@ -17,7 +19,7 @@ constexpr double kLimitMargin = 0.05;  // Distance that joints keep from their s
 constexpr double kLeastLean = 0.16;    // Sine of the least angle of a link and the pen's surface.
 constexpr double kLinksApart = 0.026;  // Distance of the middles of two lower links [m].
 constexpr double kLinkFromPen = 0.018;
-constexpr double kPartOfTip = 0.03;  // Of a link: so much of it may be near the pen [m].
+constexpr double kPartOfTip = 0.03;  // So much of a link may be near the pen [m].
 
 struct Segment {
   Vector3d from;
@@ -86,15 +88,8 @@ class GripCheck {
 
   [[nodiscard]] bool place(int finger, const Vector3d& point) {
     const FingerPose pose = kinematics_.inverse_kinematics(finger, point);
-    if (!pose) return false;
-    for (int j = 0; j < kJointsPerFinger; ++j) {
-      const int index = kJointsPerFinger * finger + j;
-      const auto joint = static_cast<std::size_t>(index);
-      if (pose.position[j] < limits_.soft_lower[joint] + kLimitMargin ||
-          pose.position[j] > limits_.soft_upper[joint] - kLimitMargin)
-        return false;
-      joints_[index] = pose.position[j];
-    }
+    if (!pose || !is_within_soft_limits(pose, finger, limits_, kLimitMargin)) return false;
+    joints_.segment<kJointsPerFinger>(kJointsPerFinger * finger) = pose.position;
     return true;
   }
 

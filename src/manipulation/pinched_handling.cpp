@@ -8,6 +8,10 @@
 #include <utility>
 
 #include "box_of.hpp"
+#include "soft_limits.hpp"
+#include "torque_action.hpp"
+#include "torque_figure.hpp"
+#include "towards.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {
@@ -34,10 +38,6 @@ constexpr double kMostSum = 0.5;       // Of the integral of the angle's error [
 constexpr int kMostCorrections = 4;
 constexpr int kPosesForAngle = 20;
 constexpr Seconds kCorrectionTime{0.5};
-
-double towards(double value, double target, double most) noexcept {
-  return value + std::clamp(target - value, -most, most);
-}
 
 Vector3d flat(const Vector3d& vector) noexcept {
   return Vector3d(vector.x(), vector.y(), 0.0).normalized();
@@ -77,16 +77,7 @@ class ReachCheck {
 
   [[nodiscard]] bool reaches(int finger, const Vector3d& point) const noexcept {
     const FingerPose pose = kinematics_.inverse_kinematics(finger, point);
-    if (!pose) return false;
-    const int first = kJointsPerFinger * finger;
-    for (int j = 0; j < kJointsPerFinger; ++j) {
-      const int index = first + j;
-      const auto joint = static_cast<std::size_t>(index);
-      if (pose.position[j] < limits_.soft_lower[joint] + kLimitMargin ||
-          pose.position[j] > limits_.soft_upper[joint] - kLimitMargin)
-        return false;
-    }
-    return true;
+    return pose && is_within_soft_limits(pose, finger, limits_, kLimitMargin);
   }
 
  private:
@@ -618,9 +609,7 @@ const TriFinger::Action& PinchedHandling::update(TimeIndex step,
   TipVectors forces;
   TipVectors accelerations;
   press(forces, accelerations, elapsed);
-  const JointValues& torques = servo_.torques(forces, accelerations);
-  for (std::size_t i = 0; i < action_.torque.size(); ++i)
-    action_.torque[i] = torques[static_cast<Eigen::Index>(i)];
+  set_torques(action_, servo_.torques(forces, accelerations));
   set_state();
   return action_;
 }
@@ -629,14 +618,9 @@ std::vector<Figure> PinchedHandling::figures(const SkillTrace& trace,
                                              std::span<const SeenPose> poses) const {
   const double time =
       trace.steps.empty() ? 0.0 : trace.period.count() * static_cast<double>(trace.steps.size());
-  double share = 0.0;
-  for (const SkillStep& step : trace.steps) share = std::max(share, step.torque_share);
   std::vector<Figure> all{
       {.name = "time", .value = time, .unit = "s", .meaning = "from the first step to the end"},
-      {.name = "torque_share",
-       .value = share,
-       .unit = "1",
-       .meaning = "largest requested torque, as a share of its limit"},
+      torque_share_figure(trace),
       {.name = "attempts",
        .value = static_cast<double>(attempt_),
        .unit = "",

@@ -73,6 +73,11 @@ const Entry& entry_of(const std::string& name) {
 
 }  // namespace
 
+config::File load_skill_file(const std::string& config, const std::vector<std::string>& overrides) {
+  constexpr const char* kFolder = "skills";
+  return config::File::load(find_config(config, kFolder), overrides, config_folders(kFolder));
+}
+
 std::span<const SkillInfo> all_skills() noexcept {
   static const std::vector<SkillInfo> all = [] {
     std::vector<SkillInfo> infos;
@@ -85,10 +90,8 @@ std::span<const SkillInfo> all_skills() noexcept {
 std::unique_ptr<Skill> make_skill(const std::string& name, const SkillContext& context,
                                   const std::string& config,
                                   const std::vector<std::string>& overrides) {
-  constexpr const char* kFolder = "skills";
   const Entry& entry = entry_of(name);
-  const config::File file = config::File::load(find_config(config.empty() ? name : config, kFolder),
-                                               overrides, config_folders(kFolder));
+  const config::File file = load_skill_file(config.empty() ? name : config, overrides);
   const config::Node root = file.root();
   if (const auto made_for = root.required<std::string>("skill"); made_for != name) {
     throw config::ConfigError(root.at("skill").location(),

@@ -16,6 +16,7 @@
 #include "tilt_observer.hpp"
 #include "tip_servo.hpp"
 #include "tip_way.hpp"
+#include "torque_action.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {
@@ -338,9 +339,7 @@ const TriFinger::Action& Balance::update(TimeIndex step,
                                        {.stiffness = 300.0, .damping = 6.0});
     accelerations[k].setZero();
   }
-  const JointValues& torques = servo_.torques(forces, accelerations);
-  for (std::size_t i = 0; i < action_.torque.size(); ++i)
-    action_.torque[i] = torques[static_cast<Eigen::Index>(i)];
+  set_torques(action_, servo_.torques(forces, accelerations));
   share_ = servo_.torque_share();
   if (phase_ == Phase::kBalance) balance();
 

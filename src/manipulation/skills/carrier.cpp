@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "torque_action.hpp"
+
 namespace trifinger::manipulation {
 namespace {
 
@@ -29,12 +31,7 @@ Carrier::Carrier(const SkillContext& context, CarrierConfig config)
       planner_(context.description, config_.grasp.object, config_.grasp.planner),
       drive_(context.description, context.limits, config_.grasp.controller.tips),
       home_() {
-  Kinematics at_home(context.description);
-  const FingerJoints& initial = figures(context.description).initial_position;
-  JointValues joints(at_home.num_joints());
-  for (int i = 0; i < joints.size(); ++i)
-    joints[i] = initial[static_cast<std::size_t>(i % kJointsPerFinger)];
-  at_home.update(joints);
+  const Kinematics at_home(context.description);  // It starts in the initial pose.
   for (std::size_t k = 0; k < home_.size(); ++k) {
     home_[k] = at_home.tip_position(static_cast<int>(k));
     home_[k].z() = std::max(home_[k].z(), control::kApproachHeight);
@@ -85,7 +82,7 @@ const TriFinger::Action& Carrier::update(TimeIndex step,
   step_ = step;
   const JointValues& torques =
       is_rising_ ? rise(elapsed, joints) : carry_->update(step - first_, joints);
-  JointValues::Map(action_.torque.data(), torques.size()) = torques;
+  set_torques(action_, torques);
   if (is_rising_) {
     torque_share_ = drive_.torque_share();
     is_rising_ = !std::ranges::all_of(ways_, &TipWay::is_complete);

@@ -23,7 +23,7 @@ struct CarrierConfig {
   double height{0.004};         // Above the table, on the way [m].
   double speed{0.08};           // Mean speed of the object [m/s].
   double turn_speed{0.6};       // [rad/s]
-  Seconds least_time{0.6};      // Of the way.
+  Seconds least_time{0.6};      // Least time of the way.
   Seconds lower_time{0.4};
 };
 

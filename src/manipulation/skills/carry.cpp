@@ -16,6 +16,8 @@
 #include "pose_average.hpp"
 #include "skills/makers.hpp"
 #include "skills/repose.hpp"
+#include "torque_action.hpp"
+#include "torque_figure.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/manipulation/carry_planner.hpp"
 #include "trifinger/manipulation/manipulation.hpp"
@@ -34,7 +36,7 @@ struct CarryConfig {
   ReposeConfig pushing;
   Seconds push_time{40.0};
   int attempts{5};
-  double position_tolerance{0.01};     // Of what was held [m].
+  double position_tolerance{0.01};     // For the mean pose while it was held [m].
   double orientation_tolerance{0.26};  // [rad]
 };
 
@@ -146,9 +148,7 @@ class Carry final : public Skill {
   const TriFinger::Action& handle(TimeIndex step, const control::JointState& joints) noexcept {
     const Phase before = handling_.phase();
     const JointValues& torques = handling_.update(step, joints);
-    action_ = {};
-    for (std::size_t i = 0; i < action_.torque.size(); ++i)
-      action_.torque[i] = torques[static_cast<Eigen::Index>(i)];
+    set_torques(action_, torques);
     const Phase phase = handling_.phase();
     if (phase == Phase::kHold && before != Phase::kHold) {
       held_.reset();
@@ -241,14 +241,12 @@ std::vector<Figure> Carry::figures(const SkillTrace& trace, std::span<const Seen
   const double time = trace.steps.empty()
                           ? 0.0
                           : trace.period.count() * static_cast<double>(trace.steps.back().step + 1);
-  double share = 0.0;
-  for (const SkillStep& step : trace.steps) share = std::max(share, step.torque_share);
   std::vector<Figure> all{
       {"time", time, "s", "from the first step to the end"},
       {"attempts", static_cast<double>(attempts_), "", "how often it was grasped"},
       {"pushes", static_cast<double>(pushes_), "",
        "how often it was pushed to where a grasp reaches the goal"},
-      {"torque_share", share, "1", "largest requested torque, as a share of its limit"}};
+      torque_share_figure(trace)};
   // The last time that it was held.
   const auto is_hold = [](const SkillStep& step) { return step.phase == name_of(Phase::kHold); };
   std::size_t past = trace.steps.size();
@@ -340,9 +338,7 @@ std::unique_ptr<Skill> make_carry(const SkillContext& context, const config::Nod
 
 CarryPlanner load_carry_planner(const SkillContext& context,
                                 const std::vector<std::string>& overrides) {
-  constexpr const char* kFolder = "skills";
-  const config::File file =
-      config::File::load(find_config("carry", kFolder), overrides, config_folders(kFolder));
+  const config::File file = load_skill_file("carry", overrides);
   const CarryConfig config = read_carry(context, file.root());
   return {context.description, config.handling, config.rests};
 }

@@ -16,6 +16,9 @@
 #include "skills/makers.hpp"
 #include "tip_servo.hpp"
 #include "tip_way.hpp"
+#include "torque_action.hpp"
+#include "torque_figure.hpp"
+#include "towards.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
@@ -40,16 +43,17 @@ constexpr double kStillTilt = 0.01;   // [rad]
 constexpr Seconds kNumbTime{0.1};
 constexpr Seconds kRollTime{0.3};     // In which the tips' places in the grip follow rolling tips.
 constexpr double kSqueezeRate = 2.0;  // [N/s]
-constexpr double kStillSpeed = 5e-3;  // Of tips that have closed [m/s].
+constexpr double kStillSpeed = 5e-3;  // Tips that have closed are slower [m/s].
 constexpr Seconds kStillTime{0.1};
 constexpr double kFit = 6e-3;           // Largest error of the distance of tips that hold [m].
-constexpr double kMostLean = 0.35;      // Of a pen in its holder [rad].
-constexpr double kMostNibError = 0.02;  // Of a pen that is held [m].
+constexpr double kMostLean = 0.35;      // A pen in its holder leans less [rad].
+constexpr double kMostNibError = 0.02;  // A pen that is held is nearer to where it should be [m].
 constexpr double kMostTiltError = 0.5;  // [rad]
 constexpr double kMostShift = 0.02;     // That the feedback makes up for [m].
-constexpr double kForget = 3.0;         // Of the turn about the direction of the grip [1/s].
-constexpr double kMostTilt = 0.35;      // [rad]
-constexpr double kSafePress = 5.0;      // Largest force of a tip on the pen [N].
+constexpr double kForget =
+    3.0;  // How fast the turn about the direction of the grip is forgotten [1/s].
+constexpr double kMostTilt = 0.35;  // [rad]
+constexpr double kSafePress = 5.0;  // Largest force of a tip on the pen [N].
 const Vector3d kDown = -Vector3d::UnitZ();
 
 struct DrawConfig {
@@ -272,6 +276,10 @@ class Draw final : public Skill {
     return {servo_.velocity(grip_.fingers[0]), servo_.velocity(grip_.fingers[1]),
             servo_.velocity(grip_.fingers[2])};
   }
+  // The turn of the pen from upright that the tips ask for.
+  [[nodiscard]] Quaterniond corrected_turn() const noexcept {
+    return control::rotation_from_vector(correction_) * turn_;
+  }
   // From a tip to the axis of the pen, as it is felt.
   [[nodiscard]] Vector3d normal_at(std::size_t k) const noexcept {
     Vector3d expected = k == 0 ? inward_ : Vector3d(-inward_);
@@ -293,7 +301,7 @@ class Draw final : public Skill {
   control::ForceOptimizer optimizer_;
   double pen_radius_;
   double reach_;  // From the centre of the pen to that of its nib.
-  double radii_;  // Of the pen and a tip together.
+  double radii_;  // The radii of the pen and a tip together.
   std::vector<std::vector<LinePart>> strokes_;
 
   Phase phase_{Phase::kLook};
@@ -305,7 +313,7 @@ class Draw final : public Skill {
   TimeIndex average_from_{0};
   bool has_sensed_{false};
 
-  Pose rest_;  // Of the pen before it is gripped.
+  Pose rest_;  // Where the pen is before it is gripped.
   Seconds looked_{0};
   Eigen::Vector2d hole_{0, 0};  // Middle of the holder.
   std::array<Vector3d, 3> tips_at_plan_;
@@ -321,11 +329,11 @@ class Draw final : public Skill {
   Quaterniond upright_{Quaterniond::Identity()};  // Orientation of the upright stick.
   TipWay nib_way_;
   PointMotion nib_;                            // Where the nib should be.
-  Quaterniond turn_{Quaterniond::Identity()};  // Of the pen from upright, as it should be.
+  Quaterniond turn_{Quaterniond::Identity()};  // How the pen should be turned from upright.
   Vector3d shift_{Vector3d::Zero()};           // Makes up for errors of the nib.
   Vector3d correction_{Vector3d::Zero()};      // Makes up for errors of the direction.
   double squeeze_{0.0};                        // [N]
-  double press_{0.0};                          // Of the nib on the paper [N].
+  double press_{0.0};                          // The nib presses on the paper with it [N].
   Seconds still_{0};
   Seconds numb_{0};
   bool is_lost_{false};
@@ -496,7 +504,7 @@ void Draw::hold() noexcept {
   upright_ = turn.conjugate() * rest_.orientation;
   const auto now = tips();
   for (std::size_t k = 0; k < 3; ++k) arms_[k] = turn.conjugate() * (now[k] - pen.nib);
-  grip_.inward = turn.conjugate() * grip_.inward;  // Of the upright pen.
+  grip_.inward = turn.conjugate() * grip_.inward;  // As it is with the upright pen.
   shift_.setZero();
   correction_.setZero();
   nib_way_.rest_at(pen.nib);
@@ -702,7 +710,7 @@ void Draw::add_grip(TipVectors& forces) noexcept {
                 .max_normal_force = kSafePress};
     centre += grasp[k].position / 3;
   }
-  const Quaterniond turn = control::rotation_from_vector(correction_) * turn_;
+  const Quaterniond turn = corrected_turn();
   const Vector3d nib = nib_.position + shift_;
   const Vector3d middle = nib + reach_ * (turn * Vector3d::UnitZ());
   const Vector3d weight = share * pen_.mass * control::gravity();
@@ -734,7 +742,7 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
   if (leads()) {
     lead(elapsed);
     make_up(elapsed);
-    const Quaterniond turn = control::rotation_from_vector(correction_) * turn_;
+    const Quaterniond turn = corrected_turn();
     inward_ = turn * grip_.inward;
     for (std::size_t k = 0; k < 3; ++k) {
       motions[k] = nib_;
@@ -751,11 +759,9 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
   }
   const double wanted_press = phase_ == Phase::kDraw ? config_.press : 0.0;
   constexpr double kPressRate = 2.0;  // [N/s]
-  press_ += std::clamp(wanted_press - press_, -kPressRate * elapsed.count(),
-                       kPressRate * elapsed.count());
+  press_ = towards(press_, wanted_press, kPressRate * elapsed.count());
   const double squeeze = phase_ == Phase::kClose ? config_.closing_force : config_.grip.force;
-  squeeze_ += std::clamp(squeeze - squeeze_, -kSqueezeRate * elapsed.count(),
-                         kSqueezeRate * elapsed.count());
+  squeeze_ = towards(squeeze_, squeeze, kSqueezeRate * elapsed.count());
 
   std::array<Vector3d, 3> errors;
   std::array<Vector3d, 3> rates;
@@ -773,7 +779,7 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
       all.segment<3>(3 * static_cast<Eigen::Index>(k)) = errors[k];
     }
     const control::Twist together = control::twist_of(places, now[0], all);
-    const Quaterniond turn = control::rotation_from_vector(correction_) * turn_;
+    const Quaterniond turn = corrected_turn();
     const double share = std::min(elapsed / kRollTime, 1.0);
     for (std::size_t k = 0; k < 3; ++k) {
       const Vector3d rest = errors[k] - together.linear - together.angular.cross(now[k] - now[0]);
@@ -823,9 +829,7 @@ const TriFinger::Action& Draw::update(TimeIndex step, const control::JointState&
   TipVectors forces;
   TipVectors accelerations;
   press(forces, accelerations, elapsed);
-  const JointValues& torques = servo_.torques(forces, accelerations);
-  for (std::size_t i = 0; i < action_.torque.size(); ++i)
-    action_.torque[i] = torques[static_cast<Eigen::Index>(i)];
+  set_torques(action_, servo_.torques(forces, accelerations));
   set_state();
   return action_;
 }
@@ -851,15 +855,10 @@ Drawing Draw::smoothed(std::span<const SeenPose> poses) const {
 
 std::vector<Figure> Draw::figures(const SkillTrace& trace, std::span<const SeenPose> poses) const {
   const double time = trace.period.count() * static_cast<double>(trace.steps.size());
-  double share = 0.0;
-  for (const SkillStep& step : trace.steps) share = std::max(share, step.torque_share);
   const Drawing drawn = smoothed(poses);
   const DrawingError error = compare(config_.lines, drawn);
   return {{.name = "time", .value = time, .unit = "s", .meaning = "from the first step to the end"},
-          {.name = "torque_share",
-           .value = share,
-           .unit = "1",
-           .meaning = "largest requested torque, as a share of its limit"},
+          torque_share_figure(trace),
           {.name = "line_rms",
            .value = error.rms,
            .unit = "m",
@@ -894,10 +893,7 @@ std::unique_ptr<Skill> make_draw(const SkillContext& context, const config::Node
 
 WantedDrawing load_wanted_drawing(const std::string& config,
                                   const std::vector<std::string>& overrides) {
-  constexpr const char* kFolder = "skills";
-  const config::File file = config::File::load(
-      find_config(config.empty() ? "draw" : config, kFolder), overrides, config_folders(kFolder));
-  return read_drawing(file.root());
+  return read_drawing(load_skill_file(config.empty() ? "draw" : config, overrides).root());
 }
 
 }  // namespace trifinger::manipulation

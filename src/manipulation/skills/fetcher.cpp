@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "soft_limits.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/trajectories.hpp"
 
@@ -44,13 +45,7 @@ double Fetcher::half_width(const Pose& object, const Vector3d& direction) const 
 
 FingerPose Fetcher::pose_for(int finger, const Vector3d& tip, const Vector3d& near) const noexcept {
   FingerPose pose = kinematics_.inverse_kinematics(finger, tip, near);
-  for (int i = 0; i < kJointsPerFinger; ++i) {
-    const auto joint =
-        static_cast<std::size_t>(finger) * kJointsPerFinger + static_cast<std::size_t>(i);
-    if (pose.position[i] < limits_.soft_lower[joint] + kMargin ||
-        pose.position[i] > limits_.soft_upper[joint] - kMargin)
-      pose.reach = Reach::kOutsideLimits;
-  }
+  if (!is_within_soft_limits(pose, finger, limits_, kMargin)) pose.reach = Reach::kOutsideLimits;
   return pose;
 }
 

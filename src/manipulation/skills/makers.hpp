@@ -2,12 +2,20 @@
 #pragma once
 
 #include <memory>
+#include <string>
+#include <vector>
 
+#include "trifinger/config/file.hpp"
 #include "trifinger/config/node.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 // One function for each skill: reads its configuration and makes it.
 namespace trifinger::manipulation {
+
+// The configuration of a skill: the file of this name in config/skills, or this path.
+// Throws config::ConfigError, InvalidArgument, SystemError.
+[[nodiscard]] config::File load_skill_file(const std::string& config,
+                                           const std::vector<std::string>& overrides);
 
 using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                               const config::Node& root);

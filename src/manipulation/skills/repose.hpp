@@ -110,7 +110,7 @@ class Repose final : public Skill {
   Phase phase_{Phase::kLook};
   Goal goal_{};
   Goal target_{};          // What the object is pushed to.
-  Pose rest_{};            // Of the object before this attempt.
+  Pose rest_{};            // Where the object was before this attempt.
   bool is_rough_{false};   // It is pushed only to where it can be carried from.
   bool can_carry_{false};  // What the last plan has found.
   Pose seen_{};            // The newest pose.
