@@ -7,12 +7,8 @@
 #include <string_view>
 
 #include "evaluation/skill_rows.hpp"
-#include "meddled_skill.hpp"
+#include "skill_trials.hpp"
 #include "tilt_observer.hpp"
-#include "trifinger/core/frontend.hpp"
-#include "trifinger/manipulation/run_skill.hpp"
-#include "trifinger/manipulation/skills.hpp"
-#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -24,20 +20,6 @@ SkillTrial short_trial() {
   SkillTrial trial = evaluation::balance_rows().front().trial;
   trial.settings.emplace_back("duration=1");
   return trial;
-}
-
-MeddledSkill skill_of(const SkillTrial& trial) {
-  return MeddledSkill(make_skill(trial.skill,
-                                 {.description = trial.believed,
-                                  .limits = safety_limits_of(trial.simulation),
-                                  .period = trial.simulation.period},
-                                 {}, trial.settings));
-}
-
-SkillTrace run(const Simulation<TriFinger>& simulation, MeddledSkill& skill,
-               const SkillRunOptions& options = {}) {
-  auto robot = simulation.connect();
-  return run_skill(robot, skill, options);
 }
 
 double tilt_of(const Simulation<TriFinger>& simulation) {

@@ -8,13 +8,8 @@
 #include <utility>
 
 #include "evaluation/carry_goals.hpp"
-#include "evaluation/contact.hpp"
 #include "evaluation/skill_rows.hpp"
-#include "meddled_skill.hpp"
-#include "trifinger/core/frontend.hpp"
-#include "trifinger/manipulation/run_skill.hpp"
-#include "trifinger/manipulation/skills.hpp"
-#include "trifinger/sim/simulation.hpp"
+#include "skill_trials.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -28,29 +23,6 @@ SkillTrial near_goal() {
       trial, {{0.01, -0.01, 0.08},
               Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 1, 0).normalized()))});
   return trial;
-}
-
-MeddledSkill skill_of(const SkillTrial& trial) {
-  return MeddledSkill(make_skill(trial.skill,
-                                 {.description = trial.believed,
-                                  .limits = safety_limits_of(trial.simulation),
-                                  .period = trial.simulation.period},
-                                 {}, trial.settings));
-}
-
-SkillTrace run(const Simulation<TriFinger>& simulation, MeddledSkill& skill,
-               const SkillRunOptions& options = {}) {
-  auto robot = simulation.connect();
-  return run_skill(robot, skill, options);
-}
-
-double gap(const Simulation<TriFinger>& simulation) {
-  const ObjectDescription& object = simulation.robot().options().description.objects.front();
-  const ObjectPose pose = simulation.robot().object_pose(object.name);
-  const auto& q = pose.orientation;
-  return evaluation::lowest_point(object,
-                                  {.position = Eigen::Vector3d::Map(pose.position.data()),
-                                   .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
 }
 
 TEST(Carry, HoldsTheCubeAtItsGoalAndBringsItBack) {
@@ -69,26 +41,7 @@ TEST(Carry, HoldsTheCubeAtItsGoalAndBringsItBack) {
 
 TEST(Carry, PutsTheCubeDownWhenItIsStopped) {
   for (const std::string_view phase : {"look", "grasp", "follow", "hold", "lower", "release"}) {
-    const SkillTrial trial = near_goal();
-    const Simulation<TriFinger> simulation(trial.simulation);
-    MeddledSkill skill = skill_of(trial);
-    std::atomic<bool> stop{false};
-    TimeIndex in_phase = 0;
-    double fastest = 0.0;
-    double before = gap(simulation);
-    SkillRunOptions options{.stop = &stop};
-    options.on_step = [&](TimeIndex) {
-      constexpr TimeIndex kSteps = 250;
-      if (skill.state().phase == phase && ++in_phase == kSteps) stop = true;
-      const double now = gap(simulation);
-      fastest = std::max(fastest, (before - now) / 1e-3);
-      before = now;
-    };
-    const SkillTrace trace = run(simulation, skill, options);
-    EXPECT_TRUE(stop) << phase;
-    EXPECT_EQ(trace.failure, "it was stopped") << phase;
-    EXPECT_LT(gap(simulation), 2e-3) << phase;
-    EXPECT_LT(fastest, 0.3) << "it fell in " << phase;
+    expect_put_down_when_stopped(near_goal(), phase, 250);
   }
 }
 

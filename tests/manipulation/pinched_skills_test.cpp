@@ -9,13 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "evaluation/contact.hpp"
 #include "evaluation/skill_rows.hpp"
-#include "meddled_skill.hpp"
-#include "trifinger/core/frontend.hpp"
-#include "trifinger/manipulation/run_skill.hpp"
-#include "trifinger/manipulation/skills.hpp"
-#include "trifinger/sim/simulation.hpp"
+#include "skill_trials.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -31,27 +26,6 @@ class PinchedSkill : public ::testing::TestWithParam<const char*> {
                                                   : evaluation::stand_rows().front();
   }
   [[nodiscard]] static SkillTrial trial() { return row().trial; }
-  [[nodiscard]] static MeddledSkill skill_of(const SkillTrial& trial) {
-    return MeddledSkill(make_skill(trial.skill,
-                                   {.description = trial.believed,
-                                    .limits = safety_limits_of(trial.simulation),
-                                    .period = trial.simulation.period},
-                                   {}, trial.settings));
-  }
-  static SkillTrace run(const Simulation<TriFinger>& simulation, MeddledSkill& skill,
-                        const SkillRunOptions& options = {}) {
-    auto robot = simulation.connect();
-    return run_skill(robot, skill, options);
-  }
-  // Height of the lowest point of the object above the table.
-  [[nodiscard]] static double gap(const Simulation<TriFinger>& simulation) {
-    const ObjectDescription& object = simulation.robot().options().description.objects.front();
-    const ObjectPose pose = simulation.robot().object_pose(object.name);
-    const auto& q = pose.orientation;
-    return evaluation::lowest_point(object,
-                                    {.position = Eigen::Vector3d::Map(pose.position.data()),
-                                     .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
-  }
 };
 
 TEST_P(PinchedSkill, DoesWhatItShouldFromAStartThatVaries) {
@@ -74,26 +48,7 @@ TEST_P(PinchedSkill, IsNotSaidToSucceedIfItDidNothing) {
 TEST_P(PinchedSkill, PutsTheObjectDownWhenItIsStopped) {
   for (const std::string_view phase : {"look", "approach", "pinch", "lift", "reach", "turn",
                                        "withdraw", "lower", "loosen", "release", "check"}) {
-    const SkillTrial the_trial = trial();
-    const Simulation<TriFinger> simulation(the_trial.simulation);
-    MeddledSkill skill = skill_of(the_trial);
-    std::atomic<bool> stop{false};
-    TimeIndex in_phase = 0;
-    double fastest = 0.0;
-    double before = gap(simulation);
-    SkillRunOptions options{.stop = &stop};
-    options.on_step = [&](TimeIndex) {
-      constexpr TimeIndex kSteps = 100;
-      if (skill.state().phase == phase && ++in_phase == kSteps) stop = true;
-      const double now = gap(simulation);
-      fastest = std::max(fastest, (before - now) / 1e-3);
-      before = now;
-    };
-    const SkillTrace trace = run(simulation, skill, options);
-    EXPECT_TRUE(stop) << phase;
-    EXPECT_EQ(trace.failure, "it was stopped") << phase;
-    EXPECT_LT(gap(simulation), 2e-3) << phase;
-    EXPECT_LT(fastest, 0.3) << "it fell in " << phase;
+    expect_put_down_when_stopped(trial(), phase, 100);
   }
 }
 
