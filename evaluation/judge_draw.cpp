@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 constexpr double kInk = 1e-4;  // A nib so near to the paper draws [m].
 
 constexpr double kHole = 0.014;   // Width of the hole of the holder [m].
-constexpr double kHeight = 0.03;  // Of the holder [m].
+constexpr double kHeight = 0.03;  // Height of the holder [m].
 
 // Where the pen stands: the middle between the blocks of the holder, at half its height.
 Vector3d middle_of_holder(const SkillTrial& trial) {
@@ -31,7 +31,7 @@ Vector3d middle_of_holder(const SkillTrial& trial) {
 // Moves the holder within a circle, turns it, and lets the pen lean in it in any direction.
 void vary_start(SkillTrial& trial, TrialRandom& random) {
   constexpr double kRadius = 0.01;   // [m]
-  constexpr double kMostLean = 0.1;  // As far as the hole lets it [rad].
+  constexpr double kMostLean = 0.1;  // Largest lean that the hole lets it have [rad].
   auto& objects = trial.simulation.description.objects;
   const double distance = kRadius * std::sqrt(random.between(0, 1));
   const double azimuth = random.between(-std::numbers::pi, std::numbers::pi);

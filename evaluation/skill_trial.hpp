@@ -37,7 +37,7 @@ struct SkillTrial {
                                           const std::vector<std::string>& robot_settings = {},
                                           const std::vector<std::string>& skill_settings = {});
 
-// The same trial in real time, as the robot's configuration says: plans take the time they take.
+// Runs the trial in real time, as the robot's configuration says: the robot waits for no plan.
 [[nodiscard]] SkillTrial in_real_time(SkillTrial trial, const std::string& robot);
 
 // Random numbers that are equal with every standard library.
@@ -81,7 +81,7 @@ struct SkillTrialResult {
   std::vector<TrueStep> truth;                // Of all steps, those after the skill's end included.
   std::size_t end{0};                         // Index in `truth` of the skill's end.
   std::vector<manipulation::Figure> figures;  // From the true poses.
-  std::optional<TimingRecord> timing{};       // Of the skill's session, in real time.
+  std::optional<TimingRecord> timing{};  // How the skill's session kept its time, in real time.
 
   // What was true at `step`; the nearest if it is beyond what is known.
   [[nodiscard]] const TrueStep& truth_at(TimeIndex step) const;

@@ -26,7 +26,7 @@ constexpr double kAside = 0.3;
 // The places of the way back are so far apart [rad], and this near to home a joint is at home.
 constexpr double kApart = 0.08;
 constexpr double kAtHome = 0.25;
-// Of so many reaches one goes home, so that the way back stays short.
+// This share of the reaches goes home, so that the way back stays short.
 constexpr double kHomecomings = 0.05;
 // Rests within a slow pass [s], until nothing swings any more.
 constexpr double kSettling = 0.3;

@@ -14,7 +14,7 @@ namespace trifinger::manipulation {
 /// Where on the table an object may be brought before it is carried to a goal in the air.
 /// config/skills/carry.yml documents them as a file.
 struct RestConfig {
-  double largest_tilt{1.0};  ///< Of the goal from the resting object [rad].
+  double largest_tilt{1.0};  ///< Largest tilt of the goal from the resting object [rad].
   std::vector<double> turns{
       0.0};  ///< From the resting object to the goal, about the vertical [rad].
   std::vector<double> places{1.0};  ///< Distances from the arena's centre, as shares of the goal's.

@@ -21,7 +21,7 @@ using Drawing = std::vector<Stroke>;
 struct Paper {
   Eigen::Vector2d centre{Eigen::Vector2d::Zero()};  ///< [m]
   Eigen::Vector2d size{0.1, 0.05};                  ///< Along the lines of writing, and across [m].
-  double turn{0.0};  ///< Of the lines of writing, from x towards y [rad].
+  double turn{0.0};  ///< Direction of the lines of writing, from x towards y [rad].
 
   [[nodiscard]] bool contains(const Eigen::Vector2d& point) const noexcept;
 };
@@ -57,7 +57,8 @@ struct WantedDrawing {
 
 /// How far what was drawn is from what was wanted.
 struct DrawingError {
-  double rms{0.0};      ///< Of the distances of what was drawn from the wanted line [m].
+  double rms{
+      0.0};  ///< Root mean square of the distances of what was drawn from the wanted line [m].
   double largest{0.0};  ///< [m]
   /// Share of the wanted line along which something was drawn not more than 1.5 mm away.
   double share{0.0};

@@ -124,7 +124,7 @@ class Manipulation {
   Seconds period_;
   Seconds look_time_;
   int max_grasps_;
-  Eigen::Vector3d half_size_;  // Of the object [m].
+  Eigen::Vector3d half_size_;  // Half of the object's edges [m].
   control::GraspController controller_;
   control::PoseEstimator estimator_;
 

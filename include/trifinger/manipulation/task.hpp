@@ -37,7 +37,7 @@ struct CarryTask {
   Pose goal{};
   double speed{0.1};        ///< Mean speed on the way [m/s].
   double turn_speed{0.6};   ///< Mean angular speed, if that takes longer [rad/s].
-  double clearance{0.004};  ///< Of the object from the table while it is turned [m].
+  double clearance{0.004};  ///< Distance of the object from the table while it is turned [m].
   Seconds hold_time{3.0};   ///< Time at the goal.
 };
 
@@ -103,7 +103,7 @@ class ObjectWay {
   Pose begin_;
   double weight_share_{1.0};  // Share of the weight that the tips carry.
   std::optional<CarryTask> carry_;
-  double safe_height_{0.0};  // Of a carried object's centre where it is turned [m].
+  double safe_height_{0.0};  // Height of a carried object's centre where it is turned [m].
   std::optional<control::PoseTrajectory> lead_;
   std::variant<control::PoseSequence, control::CircleTrajectory> follow_;
   std::optional<control::PoseSequence> lower_;
@@ -145,7 +145,7 @@ class TaskPlanner {
   [[nodiscard]] std::vector<Place> places(const Pose& start) const;
 
   ManipulationConfig config_;
-  double radius_;  // Of the sphere around the object [m].
+  double radius_;  // Radius of the sphere around the object [m].
   control::GraspPlanner planner_;
 };
 

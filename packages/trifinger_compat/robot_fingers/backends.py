@@ -139,7 +139,7 @@ create_real_finger_backend = create_trifinger_backend
 def _no_such_robot(*_: Any, **__: Any) -> RobotBackend:
     raise NotImplementedError(
         "this project has no driver for this robot; a driver of your own is a file of C++, see "
-        "examples/05 and docs/drivers.md"
+        "examples/05 and `trifinger new robot`"
     )
 
 

@@ -239,9 +239,9 @@ def test_what_cannot_be_served_says_what_to_use() -> None:
         (trifinger_cameras.tricamera.TriCameraDriver, "docs/cameras.md"),
         (tracked.TriCameraObjectTrackerDriver, "docs/cameras.md"),
         (trifinger_object_tracking.py_object_tracker.CubeDetector, "trifinger.tracking.Tracker"),
-        (robot_fingers.create_one_joint_backend, "docs/drivers.md"),
-        (robot_fingers.create_two_joint_backend, "docs/drivers.md"),
-        (robot_fingers.create_solo_eight_backend, "docs/drivers.md"),
+        (robot_fingers.create_one_joint_backend, "trifinger new robot"),
+        (robot_fingers.create_two_joint_backend, "trifinger new robot"),
+        (robot_fingers.create_solo_eight_backend, "trifinger new robot"),
     ):
         with pytest.raises(NotImplementedError, match=text):
             refused(1, 2)

@@ -2,12 +2,14 @@
 """Front-ends of robots in other processes, and back-ends that a program starts."""
 
 import copy
+import os
 import pickle
+import select
 import signal
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -442,13 +444,14 @@ def children_of(process: int) -> list[int]:
     ]
 
 
-def is_running(process: int) -> bool:
-    """False also if it has ended, and nobody has asked how."""
-    try:
-        text = Path(f"/proc/{process}/stat").read_text()
-    except OSError:
-        return False
-    return text.rpartition(")")[2].split()[0] != "Z"
+def wait_for_end(process: int) -> None:
+    """Waits until a process has ended, also one that is not our child."""
+    with suppress(ProcessLookupError):  # it has ended already
+        descriptor = os.pidfd_open(process)
+        try:
+            select.select([descriptor], [], [])
+        finally:
+            os.close(descriptor)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -459,8 +462,8 @@ def test_a_signal_during_the_start_leaves_no_robot_behind(number: int) -> None:
         process.send_signal(number)
         process.communicate()
     # A child that is just being made ends a moment later than its parent.
-    while any(map(is_running, children)):
-        time.sleep(0.01)
+    for child in children:
+        wait_for_end(child)
 
 
 def test_a_robot_ends_with_the_program_that_has_started_it() -> None:
