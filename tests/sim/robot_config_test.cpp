@@ -106,7 +106,8 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
-  EXPECT_EQ(count, 21);
+  EXPECT_EQ(count, static_cast<int>(config_names().size()));
+  EXPECT_GT(count, 0);
 }
 
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
