@@ -4,9 +4,9 @@
     tools/make_wheel.py FOLDER PYTHON [NAME=VALUE ...]    variables of CMake
 
 The wheel is for this Python, which needs the packages that pyproject.toml requires for building.
-auditwheel puts the libraries of Debian that the package uses into the wheel, and fails if the wheel
-needs newer systems than it should. MuJoCo is not put into the wheel: the wheel requires MuJoCo's own
-package. The same commit gives the same bytes in every folder.
+auditwheel puts the libraries of Debian that the package uses into the wheel, and fails if the
+wheel needs newer systems than it should. MuJoCo is not put into the wheel: the wheel requires
+MuJoCo's own package. The same commit gives the same bytes in every folder.
 """
 
 import os
@@ -21,8 +21,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 # Our package finds this library in the package of MuJoCo, which is always installed beside it.
 OUTSIDE = "libmujoco.so.*"
-# The oldest systems for which Debian 12 compiles: glibc 2.34 and the libstdc++ of that time, such as
-# those of RHEL 9. cmake/older_glibc.cpp replaces what is newer.
+# The oldest systems for which Debian 12 compiles, such as RHEL 9: glibc 2.34 and the libstdc++ of
+# that time. cmake/older_glibc.cpp replaces what is newer.
 PLATFORM = f"manylinux_2_34_{platform.machine()}"
 
 
