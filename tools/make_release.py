@@ -40,7 +40,8 @@ def pythons() -> dict[str, Path]:
         pyenv = sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python{version}"))
         on_path = shutil.which(f"python{version}")
         for python in [*pyenv, *([Path(on_path)] if on_path else [])]:
-            command = [python, "-c", "import ensurepip, sysconfig; print(sysconfig.__name__)"]
+            # pyenv's PATH has programs that only say that they are not chosen.
+            command: list[str | Path] = [python, "-c", "import ensurepip"]
             if subprocess.run(command, capture_output=True).returncode == 0:
                 found[version] = python
                 break
@@ -54,8 +55,15 @@ def builder(version: str, python: Path) -> Path:
     environment = ROOT / "build" / f"python{version}"
     if not (environment / "bin" / "pip").exists():
         run(python, "-m", "venv", environment)
-    pip = [environment / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "--quiet"]
-    run(*pip, "install", *PYPROJECT["build-system"]["requires"])
+    pip: list[str | Path] = [
+        environment / "bin" / "python",
+        "-m",
+        "pip",
+        "--disable-pip-version-check",
+        "--quiet",
+    ]
+    requires: list[str] = PYPROJECT["build-system"]["requires"]
+    run(*pip, "install", *requires)
     return environment / "bin" / "python"
 
 

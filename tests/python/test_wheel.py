@@ -104,7 +104,7 @@ def test_holds_the_package_alone(installation: Installation) -> None:
 def test_says_for_which_systems_it_is(wheel: Path) -> None:
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert re.fullmatch(
-        rf"trifinger-{VERSION}-{python}-{python}-manylinux_2_\d+_\w+\.whl", wheel.name
+        rf"trifinger-{VERSION}-{python}-{python}-manylinux_2_34_\w+\.whl", wheel.name
     )
 
 

@@ -16,6 +16,7 @@ from .build import build, jobs, presets
 from .counting import Count
 from .lint import lint
 from .machine import machine
+from .release import release
 from .setup import setup
 from .soak import PARTS, soak
 from .steps import ROOT, StepFailed, Steps
@@ -30,6 +31,8 @@ usage: ./run VERB [ARGUMENT ...]
   setup            install missing system packages and Python packages
   build [PRESET]   compile into build/PRESET: {", ".join(presets())}; dev if none is given
   wheel            make a Python wheel in build/wheels that needs no compiler
+  release          make wheels, packages of Debian, sources and checksums in build/packages, from a
+                   clean tree; --check makes them twice and tries them on a bare Debian
   lint             check format, names, types, layers and documents
   bench [MEASURE]  measure speed and latency and compare with references; --help lists the measures
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
@@ -90,6 +93,12 @@ def soak_verb(*parts: str) -> int:
     return soak(parts)
 
 
+def release_verb(*options: str) -> int:
+    """Makes all files of a release."""
+    check_names("option", options, ["--check"])
+    return release(*options)
+
+
 def clean() -> None:
     """Removes all builds."""
     shutil.rmtree(ROOT / "build", ignore_errors=True)
@@ -107,6 +116,7 @@ VERBS: dict[str, Callable[..., int | None]] = {
     "setup": setup,
     "build": build_verb,
     "wheel": product.wheel,
+    "release": release_verb,
     "lint": lint_verb,
     "bench": product.bench,
     "evaluate": evaluate_verb,

@@ -36,7 +36,9 @@ def wheel() -> None:
     setup()
     # This option is that of build/release, so that ccache has all objects.
     option = "TRIFINGER_WARNINGS_AS_ERRORS=ON"
-    step = Steps("release").run("wheel", [PYTHON, "tools/make_wheel.py", "build/wheels", option])
+    step = Steps("release").run(
+        "wheel", [PYTHON, "tools/make_wheel.py", "build/wheels", PYTHON, option]
+    )
     path = step.last_line()
     print(f"    {path}, {(ROOT / path).stat().st_size / 2**20:.1f} MiB")
     print(f"To install it with all that the demo needs: pip install '{path}[demo]'")

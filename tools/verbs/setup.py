@@ -31,14 +31,16 @@ DEBIAN_PACKAGES = (
 )
 
 
-def setup() -> None:
+def setup(*more: str) -> None:
     """Installs what is missing, which takes no time if nothing is.
+
+    `more` are packages of Debian that one verb alone needs.
 
     Raises:
         StepFailed: if a package cannot be installed
     """
     steps = Steps("setup")
-    _install_debian_packages(steps)
+    _install_debian_packages(steps, [*DEBIAN_PACKAGES, *more])
     if shutil.which("ccache"):  # the build folders share objects: paths are relative to this one
         os.environ["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
         os.environ.update(CCACHE_BASEDIR=str(ROOT), CCACHE_DEPEND="1")
@@ -59,8 +61,8 @@ def _is_installed(package: str) -> bool:
     return answer.stdout.endswith("ok installed")
 
 
-def _install_debian_packages(steps: Steps) -> None:
-    missing = [package for package in DEBIAN_PACKAGES if not _is_installed(package)]
+def _install_debian_packages(steps: Steps, packages: list[str]) -> None:
+    missing = [package for package in packages if not _is_installed(package)]
     if not missing:
         return
     install = ["apt-get", "install", "--yes", "--no-install-recommends", *missing]
