@@ -59,7 +59,7 @@ done
 quietly apt-get remove --yes trifinger libtrifinger libtrifinger-dev
 [[ -e /etc/security/limits.d/99-trifinger.conf ]] || fail "removing took the settings away, too"
 [[ ! -e /usr/bin/trifinger ]] || fail "the program is still there"
-quietly apt-get purge --yes trifinger libtrifinger libtrifinger-dev
+quietly apt-get purge --yes trifinger
 quietly apt-get autoremove --yes --purge
 find / -xdev -not -path "$place*" | sort >"$place/after"
 left=$(comm -13 "$place/before" "$place/after" | grep -i trifinger | grep -v "^/root/\|^/var/lib/dpkg/" || true)
