@@ -123,6 +123,7 @@ def checksums(folder: Path) -> str:
 
 def make_release(folder: Path) -> None:
     """Makes a folder with all files of a release."""
+    os.umask(0o022)  # packages keep the modes of files
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     make_wheels(folder)
