@@ -75,8 +75,12 @@ def same_bytes(steps: Steps) -> bool:
     """Makes everything again from a clone in another folder and compares."""
     shutil.rmtree(AGAIN, ignore_errors=True)
     steps.run("clone", ["git", "clone", "--quiet", str(ROOT), str(AGAIN)])
-    (AGAIN / ".venv").symlink_to(VENV)
+    (AGAIN / "build").mkdir()
+    for environment in (VENV, *(ROOT / "build").glob("python3.*")):
+        (AGAIN / environment.relative_to(ROOT)).symlink_to(environment)
     made = AGAIN / "build" / "packages"
-    steps.run("the same again", [PYTHON, str(AGAIN / "tools" / "make_release.py"), str(made)])
+    # Its own Python lets paths begin with its folder, as ccache wants them.
+    python = str(AGAIN / ".venv" / "bin" / "python")
+    steps.run("the same again", [python, str(AGAIN / "tools" / "make_release.py"), str(made)])
     sums = [PACKAGES / "SHA256SUMS", made / "SHA256SUMS"]
     return steps.check("the same bytes", ["diff", *map(str, sums)]).succeeded
