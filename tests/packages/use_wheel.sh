@@ -8,23 +8,21 @@ folder=$1
 python=${2:-python3}
 place=$(mktemp -d)
 trap 'rm -rf "$place"' EXIT
+export TRIFINGER_SESSION_DIR=$place  # other demos may run
 
 fail() { echo "failed: $*" >&2; exit 1; }
 
-# Fails if none of 30 runs ends within a limit [ms]: other programs may be busy, too.
+# Fails if a command takes more than a limit [ms] of a processor, in the best of five runs. On a quiet machine this is also
+# the time that passes; on a busy one it says what the command itself needs.
 within() {
-  local limit=$1 begin took
+  local limit=$1 least=1000000 took TIMEFORMAT='%U %S'
   shift
-  for _ in $(seq 30); do
-    begin=$(date +%s%N)
-    "$@" >/dev/null
-    took=$((($(date +%s%N) - begin) / 1000000))
-    if ((took <= limit)); then
-      echo "$took ms, at most $limit: $*"
-      return
-    fi
+  for _ in 1 2 3 4 5; do
+    took=$({ time "$@" >/dev/null; } 2>&1 | awk 'END {printf "%.0f", ($1 + $2) * 1000}')
+    ((took < least)) && least=$took
   done
-  fail "$* takes $took ms, more than $limit"
+  echo "$least ms, at most $limit: $*"
+  ((least <= limit)) || fail "too slow"
 }
 
 begin=$(date +%s)
