@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The reference of C++: a page for each public header, whose comments Doxygen reads."""
+
+import re
+from pathlib import Path
+
+from tracked_files import ROOT, tracked_files
+
+from .pages import ORPHAN, Pages, list_of
+
+FILE = re.compile(r'(<compound refid="(\w+)" kind="file"><name>)[^<]*')
+LOCATION = re.compile(r'<location file="([^"]+)"/>\s*</compounddef>')
+LAYER = re.compile(r"^\| `(\w+)` \| (.*?) \|", re.MULTILINE)
+
+
+def pages() -> Pages:
+    """Returns a page for each public header, and the lists of the layers."""
+    headers: dict[str, list[str]] = {}
+    for path in tracked_files(".hpp"):
+        if path.parts[:2] == ("include", "trifinger"):
+            headers.setdefault(path.parts[2], []).append(path.stem)
+    result: Pages = {}
+    layers: list[str] = []
+    for layer, what in LAYER.findall((ROOT / "ARCHITECTURE.md").read_text()):
+        if layer not in headers:
+            continue
+        names = {f"{stem}.hpp": f"reference/cpp/{layer}/{stem}" for stem in headers[layer]}
+        result |= {name: page(f"{layer}/{header}") for header, name in names.items()}
+        layers.append(f"## `{layer}`\n\n{what}.\n\n{list_of(names)}")
+    text = "A header has a page; a folder of headers is a [layer](/architecture.md#layers)."
+    result["reference/cpp/index"] = "\n\n".join(["# C++", text, *layers])
+    return result
+
+
+def page(header: str) -> str:
+    """Returns the page of a header."""
+    include = f'```cpp\n#include "trifinger/{header}"\n```'
+    return f"{ORPHAN}# {header}\n\n{include}\n\n```{{doxygenfile}} include/trifinger/{header}\n```\n"
+
+
+def name_files_by_path(xml: Path) -> None:
+    """Lets Doxygen's index name files by their paths, because several headers share a name."""
+
+    def with_path(entry: re.Match[str]) -> str:
+        location = LOCATION.search((xml / f"{entry[2]}.xml").read_text())
+        return f"{entry[1]}{location[1]}" if location else entry[0]
+
+    index = xml / "index.xml"
+    index.write_text(FILE.sub(with_path, index.read_text()))
