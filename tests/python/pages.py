@@ -6,6 +6,8 @@ What stands after the language of a block says what a reader does with it:
     ```bash               types its lines into one terminal, one after the other
     ```bash stays         types its line into a terminal of its own, where the program keeps running
     ```text output        finds it in what the block before has printed; ... is anything
+    ```text typed 1       types it into the first terminal whose program keeps running
+    ```text output 2      waits until the second of these programs has printed it
     ```python NAME        saves it as the file NAME; so for every language
     ```bash tests/NAME    nothing here: the test of this name does it
 """
@@ -20,7 +22,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(
-    r"^```(?P<language>\w+)(?: (?P<use>[\w./-]+))?\n(?P<code>.*?)^```$", re.DOTALL | re.MULTILINE
+    r"^```(?P<language>\w+)(?: (?P<use>[^\n]+))?\n(?P<code>.*?)^```$", re.DOTALL | re.MULTILINE
 )
 PICTURE = re.compile(r"!\[[^]]*\]\((?P<path>[^)]+)\)")
 LONGEST = 240.0
@@ -39,7 +41,7 @@ class Block:
     @property
     def is_file(self) -> bool:
         """Whether a reader saves it as a file."""
-        return self.use not in ("", "output", "stays") and not self.use.startswith("tests/")
+        return bool(self.use) and not self.use.startswith(("output", "stays", "typed", "tests/"))
 
 
 def blocks(text: str) -> list[Block]:
@@ -98,6 +100,12 @@ class Terminal:
             self._changed.wait_for(lambda: contains(self.output, text) or self._ended(), LONGEST)
         assert contains(self.output, text), f"'{self.command}' has only said:\n{self.output}"
 
+    def type(self, text: str) -> None:
+        """Types a line."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(text)
+        self._process.stdin.flush()
+
     def end(self) -> None:
         """Presses Ctrl-C, as the page says at its end."""
         with self._process:
@@ -154,7 +162,9 @@ class Page:
 
     def _do(self, block: Block) -> None:
         where = f"{self.path.name}:{block.line}"
-        if block.use == "output":
+        if block.use.startswith("output "):
+            self._terminals[int(block.use.split()[1]) - 1].wait_for(block.code)
+        elif block.use == "output":
             if isinstance(self._said, Terminal):
                 self._said.wait_for(block.code)
             else:
@@ -163,6 +173,8 @@ class Page:
             (command,) = commands(block.code)
             self._said = Terminal(command, self.folder, self._variables)
             self._terminals.append(self._said)
+        elif block.use.startswith("typed"):
+            self._terminals[int(block.use.split()[1]) - 1].type(block.code)
         elif block.use.startswith("tests/"):
             assert (ROOT / block.use).exists(), f"{where}: there is no {block.use}"
         elif block.is_file:

@@ -14,6 +14,7 @@ from types import FrameType
 from . import product
 from .build import build, jobs, presets
 from .counting import Count
+from .docs import docs
 from .lint import lint
 from .machine import machine
 from .setup import setup
@@ -31,6 +32,7 @@ usage: ./run VERB [ARGUMENT ...]
   build [PRESET]   compile into build/PRESET: {", ".join(presets())}; dev if none is given
   wheel            make a Python wheel in build/wheels that needs no compiler
   lint             check format, names, types, layers and documents
+  docs             build the documentation site into build/docs/html and test it
   bench [MEASURE]  measure speed and latency and compare with references; --help lists the measures
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
                    skills: throw, turn, draw and so on;
@@ -109,6 +111,7 @@ VERBS: dict[str, Callable[..., int | None]] = {
     "wheel": product.wheel,
     "lint": lint_verb,
     "bench": product.bench,
+    "docs": docs,
     "evaluate": evaluate_verb,
     "soak": soak_verb,
     "machine": machine,

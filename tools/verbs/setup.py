@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterable
 
 from .steps import ROOT, StepFailed, Steps
 
@@ -38,7 +39,7 @@ def setup() -> None:
         StepFailed: if a package cannot be installed
     """
     steps = Steps("setup")
-    _install_debian_packages(steps)
+    install_debian_packages(steps, DEBIAN_PACKAGES)
     if shutil.which("ccache"):  # the build folders share objects: paths are relative to this one
         os.environ["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
         os.environ.update(CCACHE_BASEDIR=str(ROOT), CCACHE_DEPEND="1")
@@ -59,8 +60,9 @@ def _is_installed(package: str) -> bool:
     return answer.stdout.endswith("ok installed")
 
 
-def _install_debian_packages(steps: Steps) -> None:
-    missing = [package for package in DEBIAN_PACKAGES if not _is_installed(package)]
+def install_debian_packages(steps: Steps, packages: Iterable[str]) -> None:
+    """Installs those of `packages` that are missing, through sudo if need be."""
+    missing = [package for package in packages if not _is_installed(package)]
     if not missing:
         return
     install = ["apt-get", "install", "--yes", "--no-install-recommends", *missing]

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Builds the documentation site into build/docs/html and tests it."""
+
+import os
+import tomllib
+
+from .build import build
+from .counting import Count
+from .setup import PYTHON, install_debian_packages, setup
+from .steps import ROOT, Steps
+
+FOLDER = ROOT / "build" / "docs"
+PACKAGES = FOLDER / "packages"
+PINS = PACKAGES / "pins"
+DEBIAN_PACKAGES = ("doxygen", "graphviz")
+
+
+def docs() -> int:
+    """Builds the site, carries out its pages, and tests it in a browser."""
+    setup()
+    build("release", "apps/all", "bindings/all")
+    count = Count()
+    pages = carry_out_pages(count)
+    build_site()
+    page = FOLDER / "html" / "index.html"
+    print(f"    {page.relative_to(ROOT)}")
+    return 0 if look_at_site(count) and pages else 1
+
+
+def carry_out_pages(count: Count) -> bool:
+    """Carries out tutorials and how-to pages, whose pictures the site then shows."""
+    pytest = [PYTHON, "-m", "pytest", "tests/python/test_pages.py"]
+    return count.pytest(Steps("docs"), "pages are carried out", pytest).succeeded
+
+
+def build_site() -> None:
+    """Builds the site; a warning is an error.
+
+    Raises:
+        StepFailed: if a package cannot be installed, a link leads nowhere, or anything else is
+            wrong with a page
+    """
+    steps = Steps("docs")
+    install_debian_packages(steps, DEBIAN_PACKAGES)
+    install_python_packages(steps)
+    steps.run("comments of C++", ["doxygen", "docs/Doxyfile"])
+    path = os.pathsep.join([str(PACKAGES), str(ROOT / "tools")])
+    steps.run("pages", [PYTHON, "-m", "website", "build/docs/source"], PYTHONPATH=path)
+    sphinx = [PYTHON, "-m", "sphinx", "--fail-on-warning", "--keep-going", "-c", "docs"]
+    folders = ["-d", "build/docs/doctrees", "build/docs/source", "build/docs/html"]
+    steps.run("site", [*sphinx, *folders], PYTHONPATH=path)
+
+
+def look_at_site(count: Count) -> bool:
+    """Follows all links, and searches in a browser."""
+    pytest = [PYTHON, "-m", "pytest", "tests/site"]
+    return count.pytest(Steps("docs"), "links and search", pytest).succeeded
+
+
+def install_python_packages(steps: Steps) -> None:
+    """Installs Sphinx beside .venv, which stays as it is for everything else."""
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    packages = pyproject["dependency-groups"]["docs"]
+    wanted = "\n".join([*packages, ""])
+    if not PINS.exists() or PINS.read_text() != wanted:
+        pip = [PYTHON, "-m", "pip", "install", "--disable-pip-version-check", "--upgrade"]
+        steps.run("Python packages of the site", [*pip, "--target", str(PACKAGES), *packages])
+        PINS.write_text(wanted)
