@@ -14,6 +14,7 @@ html_theme = "furo"
 html_title = "TriFinger"
 html_static_path = [str(ROOT / "docs/static")]
 html_css_files = ["site.css"]
+html_search_scorer = str(ROOT / "docs/static/scorer.js")
 html_copy_source = False
 html_show_sphinx = False
 html_permalinks_icon = "#"

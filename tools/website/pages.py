@@ -15,6 +15,7 @@ from tracked_files import ROOT, tracked_files
 LINK = re.compile(r"\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 LICENCE = "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n"
 IMAGES = (".png", ".jpg", ".svg")
+TUTORIALS = ("docs", "images", "tutorials")
 LANGUAGES = {
     ".cpp": "cpp",
     ".hpp": "cpp",
@@ -129,13 +130,19 @@ def contents_of(folder: str, title: str, text: str, pages: Iterable[str]) -> Pag
     return {f"{folder}/index": f"# {title}\n\n{text}\n\n{tree}\n"}
 
 
+def newest(image: Path) -> Path:
+    """Returns the picture that a tutorial has just made, or the one that is kept."""
+    made = ROOT / "build/docs/pictures" / image.name
+    return made if image.parts[:3] == TUTORIALS and made.exists() else ROOT / image
+
+
 def write(pages: Pages, images: Iterable[Path], folder: Path) -> None:
     """Writes pages and images below `folder`, and removes what is no longer there.
 
     A file that stays the same keeps its time, so Sphinx does not read it again.
     """
     texts = {folder / f"{name}.md": text for name, text in pages.items()}
-    copies = {folder / image_name(path): ROOT / path for path in images}
+    copies = {folder / image_name(path): newest(path) for path in images}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path not in texts and path not in copies:
             path.unlink()
