@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Settings of Sphinx for the documentation site. tools/website writes its sources: `./run docs`."""
 
-from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,6 +24,11 @@ maximum_signature_line_length = 80
 add_module_names = False
 toc_object_entries_show_parents = "hide"
 graphviz_output_format = "svg"
+GREY = "#7f7f7f"  # to be read on white and on black
+graphviz_dot_args = [
+    *("-Gbgcolor=transparent", "-Nfontname=sans-serif", "-Efontname=sans-serif"),
+    *(f"-{what}{colour}={GREY}" for what in "NE" for colour in ("color", "fontcolor")),
+]
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4

@@ -23,7 +23,9 @@ def patient_configurations(folder: Path) -> Path:
     """The program's configurations, for a machine that may stall for as long as it likes."""
     shutil.copytree(ROOT / "config", folder)
     for path in folder.rglob("*.yml"):
-        text = re.sub(r"(max_repeats|max_skipped_ticks|max_late_steps): \d+", r"\1: 1000000", path.read_text())
+        text = re.sub(
+            r"(max_repeats|max_skipped_ticks|max_late_steps): \d+", r"\1: 1000000", path.read_text()
+        )
         path.write_text(re.sub(r"(silent_after|receive_timeout): [\d.]+", r"\1: 10", text))
     return folder
 

@@ -55,9 +55,8 @@ def test_every_link_leads_somewhere(pages: dict[Path, References]) -> None:
             name = f"{page.relative_to(SITE)}: {link}"
             if not target.exists():
                 wrong.append(name)
-            elif parts.fragment and target in pages:
-                if unquote(parts.fragment) not in {"", *pages[target].anchors}:
-                    wrong.append(name)
+            elif target in pages and unquote(parts.fragment) not in {"", *pages[target].anchors}:
+                wrong.append(name)
     assert wrong == []
 
 
@@ -80,7 +79,9 @@ def found(browser: Browser, words: str) -> list[str]:
     context.set_default_timeout(60_000)
     page = context.new_page()
     page.goto(f"file://{SITE}/search.html?q={words.replace(' ', '+')}")
-    page.wait_for_function("document.querySelector('#search-results .search-summary, p.search-summary')?.innerText.match(/found|match/i)")
+    page.wait_for_function(
+        "document.querySelector('p.search-summary')?.innerText.match(/found|match/i)"
+    )
     links = page.locator("ul.search > li > a")
     links.first.wait_for()
     targets = [str(links.nth(i).get_attribute("href")) for i in range(min(5, links.count()))]

@@ -8,7 +8,16 @@ from tracked_files import ROOT
 
 from . import configuration, cpp_reference, faults, programs, python_reference
 from .contents import CONTENTS
-from .pages import IMAGES, Pages, contents_of, documents, linked_sources, pages_of, shown_files, write
+from .pages import (
+    IMAGES,
+    Pages,
+    contents_of,
+    documents,
+    linked_sources,
+    pages_of,
+    shown_files,
+    write,
+)
 
 
 def reference() -> Pages:
@@ -24,7 +33,7 @@ def reference() -> Pages:
 def home(text: str) -> str:
     """Returns the first page with the side bar's lists behind it."""
     for caption, names in CONTENTS.items():
-        entries = "\n".join(f"/{name}" for name in names)
+        entries = "\n".join(name if "<" in name else f"/{name}" for name in names)
         text += f"\n```{{toctree}}\n:hidden:\n:caption: '{caption}'\n\n{entries}\n```\n"
     return text
 
@@ -50,5 +59,5 @@ def site() -> tuple[Pages, list[Path]]:
 
 
 if __name__ == "__main__":
-    cpp_reference.name_files_by_path(ROOT / "build/docs/doxygen/xml")
+    cpp_reference.tidy(ROOT / "build/docs/doxygen/xml")
     write(*site(), ROOT / sys.argv[1])

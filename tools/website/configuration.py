@@ -8,7 +8,6 @@ import json
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import yaml
 from tracked_files import ROOT
@@ -81,7 +80,8 @@ def skill_pages() -> Pages:
     for folder in ("manipulate", "skills"):
         for file in sorted((ROOT / "config" / folder).glob("*.yml")):
             name = f"{folder}/{file.name}"
-            text = f"`trifinger manipulate` reads it. The file is [config/{name}](/source/config/{name}.md)."
+            file_page = f"[config/{name}](/source/config/{name}.md)"
+            text = f"`trifinger manipulate` reads it. The file is {file_page}."
             rows = values(yaml.safe_load(file.read_text()))
             result[f"{FOLDER}/{folder}_{file.stem}"] = table(name, text, explained(rows, name))
     return result
@@ -118,7 +118,9 @@ def pages() -> Pages:
         "`trifinger config ROBOT` prints these keys with the values of a robot."
         " [Configurations](/configuration.md) says how files extend each other."
     )
-    links = {re.split(r"\n", shown.removeprefix(ORPHAN))[0][2:]: name for name, shown in result.items()}
+    links = {
+        re.split(r"\n", shown.removeprefix(ORPHAN))[0][2:]: name for name, shown in result.items()
+    }
     skills = {f"{name.rpartition('/')[2].replace('_', '/', 1)}.yml": name for name in of_skills}
     lists = f"{list_of(links)}\n\n## Motions with objects\n\n{list_of(skills)}"
     index = f"# Configuration keys\n\n{text}\n\n{lists}\n"

@@ -2,7 +2,7 @@
 """The map of the site: every page by its name, in the order of the side bar."""
 
 CONTENTS = {
-    "Start here": ["start", "readme", "installing"],
+    "Start here": ["start", "What it is </readme>", "installing"],
     "Tutorials": [
         "tutorials/first_loop",
         "tutorials/own_controller",

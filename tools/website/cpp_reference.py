@@ -10,6 +10,12 @@ from .pages import ORPHAN, Pages, list_of
 
 FILE = re.compile(r'(<compound refid="(\w+)" kind="file"><name>)[^<]*')
 LOCATION = re.compile(r'<location file="([^"]+)"/>\s*</compounddef>')
+PRIVATE = re.compile(r'<sectiondef kind="private-[\w-]+">.*?</sectiondef>', re.DOTALL)
+GROUP = re.compile(
+    r'<sectiondef kind="user-defined">\s*<header>[^<]*</header>'
+    r"(\s*<description>.*?</description>)?",
+    re.DOTALL,
+)
 LAYER = re.compile(r"^\| `(\w+)` \| (.*?) \|", re.MULTILINE)
 
 
@@ -35,15 +41,26 @@ def pages() -> Pages:
 def page(header: str) -> str:
     """Returns the page of a header."""
     include = f'```cpp\n#include "trifinger/{header}"\n```'
-    return f"{ORPHAN}# {header}\n\n{include}\n\n```{{doxygenfile}} include/trifinger/{header}\n```\n"
+    return (
+        f"{ORPHAN}# {header}\n\n{include}\n\n```{{doxygenfile}} include/trifinger/{header}\n```\n"
+    )
 
 
-def name_files_by_path(xml: Path) -> None:
-    """Lets Doxygen's index name files by their paths, because several headers share a name."""
+def tidy(xml: Path) -> None:
+    """Changes what Doxygen wrote into what Breathe can show header by header.
+
+    Files are named by their paths, because several headers share a name. Private members go. So do
+    titles of groups in namespaces, which Breathe would show for every header of the namespace.
+    """
 
     def with_path(entry: re.Match[str]) -> str:
         location = LOCATION.search((xml / f"{entry[2]}.xml").read_text())
         return f"{entry[1]}{location[1]}" if location else entry[0]
 
-    index = xml / "index.xml"
-    index.write_text(FILE.sub(with_path, index.read_text()))
+    for path in sorted(xml.glob("*.xml")):
+        text = PRIVATE.sub("", path.read_text())
+        if path.name.startswith("namespace"):
+            text = GROUP.sub(r'<sectiondef kind="func">', text)
+        if path.name == "index.xml":
+            text = FILE.sub(with_path, text)
+        path.write_text(text)

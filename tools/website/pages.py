@@ -13,7 +13,8 @@ from pathlib import Path
 from tracked_files import ROOT, tracked_files
 
 LINK = re.compile(r"\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
-LICENCE = "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n"
+# What tests/python/pages.py does with a block: a file to be saved, an output, and so on.
+FENCE = re.compile(r"^```(\w+) ([^\n]+)$", re.MULTILINE)
 IMAGES = (".png", ".jpg", ".svg")
 TUTORIALS = ("docs", "images", "tutorials")
 LANGUAGES = {
@@ -67,7 +68,19 @@ def with_links_of_the_site(text: str, document: Path, linked: set[Path]) -> str:
         place = f"/{image_name(path)}" if path.suffix in IMAGES else f"/{name_of(path)}.md"
         return f"]({place}{link['anchor'] or ''})"
 
-    return LINK.sub(rewritten, text)
+    return LINK.sub(rewritten, FENCE.sub(with_caption, text))
+
+
+def with_caption(fence: re.Match[str]) -> str:
+    """Returns the beginning of a block that shows what a reader does with it."""
+    language, use = fence[1], fence[2]
+    if use.startswith("output"):
+        return f"```{{code-block}} {language}\n:class: output\n"
+    if use == "stays":
+        return f"```{{code-block}} {language}\n:caption: keeps running in a terminal of its own\n"
+    if use.startswith(("typed", "tests/")):
+        return f"```{language}"
+    return f"```{{code-block}} {language}\n:caption: {use}\n"
 
 
 def linked_sources(text: str) -> set[Path]:

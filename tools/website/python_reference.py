@@ -20,7 +20,9 @@ PACKAGE = ROOT / "python"
 STUB = "trifinger._trifinger"
 # Modules of the program and of its pages, which nobody imports.
 INTERNAL = re.compile(r"trifinger\.(_|commands|extras|element_text|placement|arrays|progress|view)")
-SECTION = re.compile(r"^(Args|Raises|Returns|Yields|Attributes):\n((?:    .*\n?|\n)+)", re.MULTILINE)
+SECTION = re.compile(
+    r"^(Args|Raises|Returns|Yields|Attributes):\n((?:    .*\n?|\n)+)", re.MULTILINE
+)
 
 Node = ast.ClassDef | ast.FunctionDef | ast.AnnAssign | ast.Assign
 
@@ -60,14 +62,17 @@ def pages(known: dict[str, Module]) -> Pages:
         if names and not INTERNAL.match(name):
             links[name] = f"reference/python/{name}"
             result[links[name]] = page(module, names)
-    text = "Docstrings are the comments of the C++ headers, wherever both languages have the function."
+    text = (
+        "Docstrings are the comments of the C++ headers, wherever both languages have the function."
+    )
     result["reference/python/index"] = f"# Python\n\n{text}\n\n{list_of(links)}\n"
     return result
 
 
 def page(module: Module, names: Iterable[tuple[str, list[Definition]]]) -> str:
     """Returns the page of a module."""
-    text = f"{ORPHAN}# `{module.name}`\n\n```{{py:module}} {module.name}\n```\n\n{markdown(module.text)}\n\n"
+    head = f"{ORPHAN}# `{module.name}`\n\n```{{py:module}} {module.name}\n```"
+    text = f"{head}\n\n{markdown(module.text)}\n\n"
     return text + "\n".join(directive(name, found, 7, module.name) for name, found in names)
 
 
