@@ -52,11 +52,9 @@ def test_every_link_leads_somewhere(pages: dict[Path, References]) -> None:
             if parts.scheme:
                 continue
             target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
-            name = f"{page.relative_to(SITE)}: {link}"
-            if not target.exists():
-                wrong.append(name)
-            elif target in pages and unquote(parts.fragment) not in {"", *pages[target].anchors}:
-                wrong.append(name)
+            anchors = {"", *pages[target].anchors} if target in pages else {parts.fragment}
+            if not target.exists() or unquote(parts.fragment) not in anchors:
+                wrong.append(f"{page.relative_to(SITE)}: {link}")
     assert wrong == []
 
 
