@@ -128,3 +128,17 @@ def test_fits_its_window(browser: Browser, width: int, scheme: str) -> None:
         levels = [int(level) for level in background.strip("rgba()").split(",")[:3]]
         assert (sum(levels) < 3 * 80) == (scheme == "dark")
     context.close()
+
+
+def test_no_page_is_wider_than_a_telephone(browser: Browser, pages: dict[Path, References]) -> None:
+    context = browser.new_context(viewport={"width": 390, "height": 900})
+    context.set_default_timeout(60_000)
+    page = context.new_page()
+    wide = []
+    for path in pages:
+        if "source" not in path.relative_to(SITE).parts and "cpp" not in path.parts:
+            page.goto(f"file://{path}")
+            if overflow(page) > 0:
+                wide.append(str(path.relative_to(SITE)))
+    context.close()
+    assert wide == []

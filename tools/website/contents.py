@@ -35,6 +35,7 @@ CONTENTS = {
     "How to: robots": ["hardware", "any_robot", "dclaw", "dynamixel"],
     "Explanation": [
         "explanation/timing_contract",
+        "explanation/processes",
         "architecture",
         "safety",
         "simulation",

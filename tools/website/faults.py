@@ -6,6 +6,16 @@ from collections.abc import Iterable
 from fault_matrix import LIST, Fault, FaultTest, find_tests, read_faults
 from tracked_files import ROOT, tracked_files
 
+HEAD = """\
+# Faults
+
+What can go wrong, what is promised then, and the tests that show it.
+[When the robot has stopped](/howto/robot_stopped.md) says what to do. In a program, a fault is a
+value with a code, a step and a cause: [C++](/reference/cpp/core/fault.md),
+[Python](/reference/python/trifinger.session_info.md).
+
+"""
+
 
 def page() -> str:
     """Returns the page of all faults."""
@@ -16,8 +26,7 @@ def page() -> str:
         for test in find_tests(path, (ROOT / path).read_text())
     ]
     faults = read_faults((ROOT / LIST).read_text(), tests)
-    text = "# Faults\n\nWhat can go wrong, what is promised then, and the tests that show it.\n\n"
-    return text + "\n".join(map(section, faults))
+    return HEAD + "\n".join(map(section, faults))
 
 
 def section(fault: Fault) -> str:
