@@ -2,12 +2,13 @@
 """Builds the documentation site into build/docs/html and tests it."""
 
 import os
+import shutil
 import tomllib
 
 from .build import build
 from .counting import Count
 from .setup import PYTHON, install_debian_packages, setup
-from .steps import ROOT, Steps
+from .steps import ROOT, StepFailed, Steps
 
 FOLDER = ROOT / "build" / "docs"
 PACKAGES = FOLDER / "packages"
@@ -43,12 +44,24 @@ def build_site() -> None:
     steps = Steps("docs")
     install_debian_packages(steps, DEBIAN_PACKAGES)
     install_python_packages(steps)
-    steps.run("comments of C++", ["doxygen", "docs/Doxyfile"])
+    if comments_have_changed():
+        steps.run("comments of C++", ["doxygen", "docs/Doxyfile"])
     path = os.pathsep.join([str(PACKAGES), str(ROOT / "tools")])
     steps.run("pages", [PYTHON, "-m", "website", "build/docs/source"], PYTHONPATH=path)
     sphinx = [PYTHON, "-m", "sphinx", "--fail-on-warning", "--keep-going", "-c", "docs"]
     folders = ["-d", "build/docs/doctrees", "build/docs/source", "build/docs/html"]
-    steps.run("site", [*sphinx, *folders], PYTHONPATH=path)
+    site = steps.check("site", [*sphinx, *folders], PYTHONPATH=path)
+    if not site.succeeded:  # Sphinx would not say again what is wrong with a page that it has read
+        shutil.rmtree(FOLDER / "doctrees", ignore_errors=True)
+        raise StepFailed
+
+
+def comments_have_changed() -> bool:
+    """Says whether a header is newer than what Doxygen has read; Sphinx reads that anew."""
+    index = FOLDER / "doxygen" / "xml" / "index.xml"
+    sources = [ROOT / "docs" / "Doxyfile", *(ROOT / "include").rglob("*")]
+    newest = max(source.stat().st_mtime for source in sources)
+    return not index.exists() or index.stat().st_mtime < newest
 
 
 def look_at_site(count: Count) -> bool:

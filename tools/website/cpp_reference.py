@@ -58,9 +58,11 @@ def tidy(xml: Path) -> None:
         return f"{entry[1]}{location[1]}" if location else entry[0]
 
     for path in sorted(xml.glob("*.xml")):
-        text = PRIVATE.sub("", path.read_text())
+        written = path.read_text()
+        text = PRIVATE.sub("", written)
         if path.name.startswith("namespace"):
             text = GROUP.sub(r'<sectiondef kind="func">', text)
         if path.name == "index.xml":
             text = FILE.sub(with_path, text)
-        path.write_text(text)
+        if text != written:
+            path.write_text(text)
