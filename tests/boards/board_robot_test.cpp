@@ -218,6 +218,25 @@ TEST(BoardRobot, ASecondSessionNeedsNoHoming) {
   expect_true_positions(rig);
 }
 
+// A joint falls further in a pause than a motor could turn from one message to the next, while the
+// other joint of its board stays.
+TEST(BoardRobot, AfterAPauseItWaitsForTheNewPositionOfEveryMotor) {
+  Rig<TwoJoints> rig;
+  rig.joints.weight = 0.0;
+  rig.joints.friction = 0.02;
+  ASSERT_TRUE(is_prepared(rig));
+  for (TimeIndex i = 0; rig.robot->stop(i).state == State::kBusy; ++i) rig.pass();
+  rig.joints.push[1] = 0.05;
+  while (rig.joints.position()[1] < 1.0) rig.pass();
+  rig.joints.push[1] = 0.0;
+  for (int i = 0; i < 500; ++i) rig.pass();
+  ASSERT_TRUE(is_prepared(rig));
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_EQ(rig.step(hold_at<TwoJoints>(kNotGiven)).state, State::kReady);
+    expect_true_positions(rig);
+  }
+}
+
 // ---- faults ----
 
 TEST(BoardRobot, fault_42_ASilentBoardIsFoundWithin5msAndNamed) {
