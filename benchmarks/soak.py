@@ -50,10 +50,13 @@ class Usage:
 
 
 def resident(pid: int) -> float:
-    """Returns the memory that a process has to itself and uses [MiB]."""
+    """Returns the memory that a process has made and uses [MiB].
+
+    Pages of its program do not count: they are private or shared, as others run it or not.
+    """
     lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     values = {words[0]: int(words[1]) for words in map(str.split, lines[1:])}
-    return (values["Private_Clean:"] + values["Private_Dirty:"]) / 1024
+    return (values["Anonymous:"] + values["Swap:"]) / 1024
 
 
 def descriptors(pid: int) -> float:

@@ -239,9 +239,12 @@ std::optional<Drive::Ended> Drive::drive_session() {
     if (!is_connected && stopped.fault().code == Fault::Code::kBackendDied) {
       return Ended{.trouble = Trouble::kAbsent, .text = stopped.what()};
     }
-    // It has moved and not come through its self-test: something may hold its joints.
-    if (is_connected && !is_tested_ && next_ > 0) ++failed_tests_;
-    return Ended{.trouble = trouble_of(stopped.fault(), stopped.what()),
+    const Trouble trouble = trouble_of(stopped.fault(), stopped.what());
+    // It has moved and not come through its self-test, or was pushed beyond a limit: something may
+    // hold its joints.
+    const bool may_be_held = !is_tested_ || trouble == Trouble::kHardLimit;
+    if (is_connected && may_be_held && next_ > 0) ++failed_tests_;
+    return Ended{.trouble = trouble,
                  .text = stopped.what(),
                  .needs_recovery = stopped.fault().needs_recovery() &&
                                    stopped.fault().code != Fault::Code::kBackendDied};
@@ -301,10 +304,8 @@ void Drive::read(const UntypedFrontend& robot, Part& part) {
     throw;
   }
   judge(part, count);
-  if (is_tested_) {
-    const std::size_t last = (count - 1) * layout_.types_.observation.size();
-    motion_.remember(numbers(observations_.data() + last, layout_.position_, layout_.joints()));
-  }
+  const std::size_t last = (count - 1) * layout_.types_.observation.size();
+  motion_.remember(numbers(observations_.data() + last, layout_.position_, layout_.joints()));
 }
 
 void Drive::read_rests(const UntypedFrontend& robot) noexcept {

@@ -38,6 +38,12 @@ double upper(const JointLimit& limit) noexcept {
   return limit.soft_upper - kMargin * (limit.soft_upper - limit.soft_lower);
 }
 
+bool is_within(std::span<const double> one, std::span<const double> other, double distance) {
+  return std::ranges::equal(one, other, [distance](double left, double right) {
+    return std::abs(left - right) < distance;
+  });
+}
+
 // Soft limits may be absent: then the motion has bounds of its own, so that it has a range.
 std::vector<JointLimit> with_range(std::vector<JointLimit> limits) {
   for (JointLimit& limit : limits) {
@@ -109,7 +115,8 @@ void RandomMotion::begin(std::span<const double> position, std::span<const doubl
   gives_way_ = false;
   retreats_ = 0;
   is_pass_due_ = free_time <= Seconds(0);
-  to_return_ = is_pass_due_ ? 0 : num_places_;
+  if (is_within(position, home_, kAtHome)) num_places_ = 0;
+  returns_ = !is_pass_due_;
   since_pass_ = steps_in((options_.pass_every - free_time).count());
 }
 
@@ -125,13 +132,9 @@ std::span<double> RandomMotion::place(std::size_t number) noexcept {
 }
 
 void RandomMotion::remember(std::span<const double> measured) noexcept {
-  const auto is_within = [&](std::span<const double> other, double distance) {
-    return std::ranges::equal(measured, other, [distance](double one, double two) {
-      return std::abs(one - two) < distance;
-    });
-  };
-  if (is_within(home_, kAtHome)) num_places_ = 0;
-  if (num_places_ > 0 && is_within(place(num_places_ - 1), kApart)) return;
+  if (is_within(measured, home_, kAtHome)) num_places_ = 0;
+  if (returns_) return;  // Each place was forgotten when the joints set out for it.
+  if (num_places_ > 0 && is_within(measured, place(num_places_ - 1), kApart)) return;
   if (num_places_ == kMostPlaces) {
     oldest_place_ = (oldest_place_ + 1) % kMostPlaces;
     --num_places_;
@@ -190,10 +193,11 @@ void RandomMotion::begin_move() noexcept {
     return;
   }
   if (move_ != Move::kRetreat) retreats_ = 0;
-  if (to_return_ > 0) {
+  if (returns_ && num_places_ > 0) {
     begin_return();
     return;
   }
+  returns_ = false;
   if (is_pass_due_) {
     begin_pass();
     return;
@@ -269,8 +273,8 @@ void RandomMotion::begin_retreat() noexcept {
 // find no way.
 void RandomMotion::begin_return() noexcept {
   move_ = Move::kRetreat;
-  --to_return_;
-  const std::span<const double> there = place(to_return_);
+  --num_places_;
+  const std::span<const double> there = place(num_places_);
   for (std::size_t i = 0; i < joints(); ++i) {
     target_[i] = std::clamp(there[i], limits_[i].soft_lower, limits_[i].soft_upper);
   }

@@ -75,8 +75,8 @@ class RandomMotion {
   // Something holds a joint up, and all of them are where they were measured: the move is given up,
   // and the next step begins a retreat. Slow passes go on, because their judgement needs all of it.
   void give_way(std::span<const double> measured) noexcept;
-  // The joints were measured there, and nothing was wrong: this is part of the way back. The way is
-  // forgotten when they come home. Of a way longer than `kMostPlaces` only the end is kept.
+  // The joints were measured there: this is part of the way back. The way is forgotten when they
+  // are at home. Of a way longer than `kMostPlaces` only the end is kept.
   void remember(std::span<const double> measured) noexcept;
   // Makes the next step.
   MotionStep next() noexcept;
@@ -127,7 +127,7 @@ class RandomMotion {
   std::vector<double> way_;  // from home to here: a ring of `kMostPlaces` places
   std::size_t oldest_place_{0};
   std::size_t num_places_{0};
-  std::size_t to_return_{0};              // so many of them are still to be gone back
+  bool returns_{false};                   // goes back to them, the newest first
   std::array<TimeIndex, 6> pass_ends_{};  // of the parts of a slow pass
 };
 

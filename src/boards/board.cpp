@@ -62,7 +62,7 @@ void Board::start(Instant now) noexcept {
   has_lost_motors_ = false;
   keeps_positions_ = false;
   is_driven_ = false;
-  is_fresh_ = false;
+  is_fresh_.fill(false);
   refusals_ = 0;
   foreign_ = 0;
   started_ = now;
@@ -72,7 +72,7 @@ void Board::start(Instant now) noexcept {
 void Board::resume(Instant now) noexcept {
   // A bus keeps some hundred frames, the oldest ones.
   for (int i = 0; i < kMostTicksOfABacklog && (i == 0 || has_more_); ++i) read_all();
-  is_fresh_ = false;
+  is_fresh_.fill(false);
   for (MotorReading& motor : motors_) {
     motor.position_time = std::max(motor.position_time, now);
     motor.velocity_time = std::max(motor.velocity_time, now);
@@ -206,7 +206,7 @@ void Board::take(const can::BoardStatus& status, Instant time) noexcept {
   if (phase_ != Phase::kStarting || time - start_sent_ < kAnswerTime) return;
   error_ = status.error;
   if (!is_fully_enabled(status) && error_ == can::BoardError::kNone) was_start_sent_ = false;
-  if (is_whole && status.motors[0].ready && status.motors[1].ready && is_fresh_) {
+  if (is_whole && status.motors[0].ready && status.motors[1].ready && is_fresh()) {
     phase_ = Phase::kReady;
     current_seen_.fill(time);
   }
@@ -253,7 +253,7 @@ void Board::take(const can::MotorPositions& positions, Instant time) noexcept {
     implausible_in_a_row_[i] = 0;
     unwrappers_[i] = unwrapper;
     motor.revolutions = revolutions;
-    is_fresh_ = true;
+    is_fresh_[i] = true;
   }
 }
 

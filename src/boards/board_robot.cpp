@@ -269,6 +269,11 @@ DriverReport BoardRobot<R>::apply_action(const Action& desired, AppliedAction& a
     note_fault();
     // The zero of its encoder may have moved.
     if (report.fault == SafetyFault::kPositionJumped) is_homed_ = false;
+    // It counts from a wrong place, or something holds it: the way to the end stops, with small
+    // torques, leads out of both.
+    if (report.fault == SafetyFault::kHardLimit && homes_at_end_stop(options_.homing.method)) {
+      is_homed_ = false;
+    }
     fault_text_ = report.fault == SafetyFault::kOwnCheck
                       ? thrown
                       : FixedText(fault_text_of(fault_code_of(report)));

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "fault_texts.hpp"
 #include "trifinger/boards/board_robot.hpp"
@@ -219,8 +221,23 @@ template <class R>
 void BoardRobot<R>::begin_homing() noexcept {
   is_homed_ = false;
   phase_ = Phase::kHoming;
+  free_pushes_ = std::exchange(must_free_, false) ? 12 : 0;
+  stop_pushes_ = 0;
+  has_stops_ = !homes_at_end_stop(options_.homing.method);
+  begin_push();
+}
+
+template <class R>
+void BoardRobot<R>::begin_push() noexcept {
+  // If two pushes have ended elsewhere, the joints take turns in a random order, and until then go
+  // the other way: a finger that leans on the table, on a wall or on another finger comes free when
+  // its joints do not push at once.
+  constexpr Nanoseconds kTurn = std::chrono::milliseconds(1500);
+  constexpr std::int64_t kTurns = 3;
   part_steps_ = 0;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
+    turn_[i] = stop_pushes_ < 2 ? 0 : pushes_.integer(0, kTurns) * (kTurn / options_.period);
+    push_[i] = -pushes_.uniform(0.0, 1.0) * options_.homing.torque[i];
     homing_[i].begin(options_.homing.method, options_.homing.torque[i], angle_per_revolution(),
                      measure(i));
   }
@@ -231,19 +248,22 @@ void BoardRobot<R>::begin_homing() noexcept {
 template <class R>
 DriverReport BoardRobot<R>::free_joints() noexcept {
   constexpr Nanoseconds kPush = std::chrono::milliseconds(400);
-  constexpr TimeIndex kPushes = 12;
   const TimeIndex steps = std::max<TimeIndex>(1, kPush / options_.period);
-  if (part_steps_ == steps * kPushes) {
-    must_free_ = false;
-    begin_homing();
+  if (part_steps_ == steps * free_pushes_) {
+    free_pushes_ = 0;
+    begin_push();
     return home();
   }
   Joints torque{};
   for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const HomingGains gain = gains(i);
-    const double most = std::min(std::abs(options_.homing.torque[i]), gain.max_torque);
-    if (part_steps_ % steps == 0) push_[i] = pushes_.uniform(-most, most);
-    torque[i] = std::clamp(push_[i] - gain.kd * measure(i).velocity, -most, most);
+    const double towards_stop = options_.homing.torque[i];
+    // The first push leads away from what the joint leans on.
+    if (part_steps_ == 0) {
+      push_[i] = -pushes_.uniform(0.5, 1.0) * towards_stop;
+    } else if (part_steps_ % steps == 0) {
+      push_[i] = pushes_.uniform(-1.0, 1.0) * towards_stop;
+    }
+    torque[i] = free_torque(i, measure(i));
   }
   ++part_steps_;
   drive(torque);
@@ -251,13 +271,47 @@ DriverReport BoardRobot<R>::free_joints() noexcept {
 }
 
 template <class R>
+double BoardRobot<R>::free_torque(std::size_t joint,
+                                  const HomingMeasurement& measured) const noexcept {
+  const HomingGains gain = gains(joint);
+  const double most = std::min(std::abs(options_.homing.torque[joint]), gain.max_torque);
+  return std::clamp(push_[joint] - gain.kd * measured.velocity, -most, most);
+}
+
+// An end stop is always in the same place. A finger that leans on the table, on a wall or on
+// another finger comes to rest elsewhere when it was pushed to and fro meanwhile.
+template <class R>
+DriverReport BoardRobot<R>::confirm_stops() noexcept {
+  constexpr double kSamePlace = 0.02;  // [rad]
+  constexpr int kFreePushes = 3;
+  constexpr int kMostPushes = 12;
+  std::optional<std::size_t> moved;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const double angle = measure(i).angle;
+    if (std::abs(angle - std::exchange(stops_[i], angle)) > kSamePlace && !moved) moved = i;
+  }
+  has_stops_ = ++stop_pushes_ > 1 && !moved;
+  if (has_stops_) return DriverReport::ready();
+  if (moved && stop_pushes_ == kMostPushes) {
+    return joint_fault(*moved,
+                       "comes to rest at another place whenever it is pushed to its end stop; see "
+                       "what is in its way");
+  }
+  free_pushes_ = kFreePushes;
+  part_steps_ = 0;
+  return DriverReport::busy();
+}
+
+template <class R>
 DriverReport BoardRobot<R>::home() noexcept {
-  if (must_free_) return free_joints();
+  if (free_pushes_ > 0) return free_joints();
   Joints torque{};
   bool is_part_done = true;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const HomingMeasurement measured = measure(i);
-    torque[i] = homing_[i].next(measured, gains(i), seconds(options_.period));
+    torque[i] = part_steps_ < turn_[i]
+                    ? free_torque(i, measured)
+                    : homing_[i].next(measured, gains(i), seconds(options_.period));
     const auto failure = homing_[i].failure(measured, options_.homing.max_travel);
     if (failure != JointHoming::Failure::kNone) return joint_fault(i, boards::text_of(failure));
     is_part_done = is_part_done && homing_[i].is_part_done();
@@ -270,11 +324,16 @@ DriverReport BoardRobot<R>::home() noexcept {
   }
   drive(torque);
   if (!is_part_done) return DriverReport::busy();
+  if (!has_stops_) {
+    const DriverReport report = confirm_stops();
+    if (report.state != DriverReport::State::kReady) return report;
+  }
   bool has_next_part = false;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     has_next_part |= homing_[i].next_part(measure(i));
   }
   part_steps_ = 0;
+  turn_.fill(0);
   if (has_next_part) return DriverReport::busy();
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     if (preparation_.reference) {

@@ -116,6 +116,40 @@ TEST(BoardRobot, TakesTheNextIndexOrThePlaceWhereItStandsAsItsHome) {
   EXPECT_NEAR(next.observation.position[0], next.joints.position()[0], kTolerance);
 }
 
+TEST(BoardRobot, fault_49_TakesNothingForAnEndStopThatAJointLeansOn) {
+  for (const HomingMethod method :
+       {HomingMethod::kEndStop, HomingMethod::kEndStopIndex, HomingMethod::kReleasedEndStop}) {
+    auto options = options_of_tests<TriFinger>();
+    options.homing.method = method;
+    JointVector<9> expected{};
+    for (const bool leans : {false, true}) {
+      Rig<TriFinger> rig(options, {0.7});
+      if (leans) rig.joints.leans_at = 0.7;
+      ASSERT_TRUE(is_prepared(rig));
+      ASSERT_EQ(rig.step(hold_at<TriFinger>(0.3)).state, State::kReady);
+      JointVector<9> errors = rig.observation.position;
+      for (std::size_t i = 0; i < 9; ++i) errors[i] -= rig.joints.position()[i];
+      if (!leans) expected = errors;
+      for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(errors[i], expected[i], kTolerance);
+    }
+  }
+}
+
+TEST(BoardRobot, fault_49_SaysWhichJointRestsElsewhereEachTime) {
+  Rig<OneJoint> rig;
+  DriverReport report = DriverReport::busy();
+  for (TimeIndex step = 0; step < 60'000 && report.state == State::kBusy; ++step) {
+    // What it leans on moves while the joint is away.
+    if (rig.joints.velocity()[0] < -0.3) rig.joints.upper_stop -= 2e-4;
+    rig.pass();
+    report = rig.robot->prepare(step);
+  }
+  ASSERT_EQ(report.state, State::kFault);
+  EXPECT_NE(text_of(rig, report).find("joint 0 comes to rest at another place"), std::string::npos)
+      << text_of(rig, report);
+  EXPECT_FALSE(rig.robot->is_homed());
+}
+
 TEST(BoardRobot, fault_49_SaysWhichJointHasNoEndStopAndLetsGo) {
   auto options = options_of_tests<TwoJoints>();
   options.homing.max_travel = 3.0;
@@ -216,6 +250,42 @@ TEST(BoardRobot, ASecondSessionNeedsNoHoming) {
   EXPECT_EQ(rig.prepare(5).state, State::kReady);
   ASSERT_EQ(rig.step(hold_at<Finger>(0.3)).state, State::kReady);
   expect_true_positions(rig);
+}
+
+// A joint falls further in a pause than a motor could turn from one message to the next, while the
+// other joint of its board stays.
+TEST(BoardRobot, AfterAPauseItWaitsForTheNewPositionOfEveryMotor) {
+  Rig<TwoJoints> rig;
+  rig.joints.weight = 0.0;
+  rig.joints.friction = 0.02;
+  ASSERT_TRUE(is_prepared(rig));
+  for (TimeIndex i = 0; rig.robot->stop(i).state == State::kBusy; ++i) rig.pass();
+  rig.joints.push[1] = 0.05;
+  while (rig.joints.position()[1] < 1.0) rig.pass();
+  rig.joints.push[1] = 0.0;
+  for (int i = 0; i < 500; ++i) rig.pass();
+  ASSERT_TRUE(is_prepared(rig));
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_EQ(rig.step(hold_at<TwoJoints>(kNotGiven)).state, State::kReady);
+    expect_true_positions(rig);
+  }
+}
+
+TEST(BoardRobot, fault_12_BeyondAHardLimitItHomesAgainWhereThatLeadsToAnEndStop) {
+  for (const HomingMethod method : {HomingMethod::kEndStop, HomingMethod::kHere}) {
+    auto options = options_of_tests<Finger>();
+    options.homing.method = method;
+    if (method == HomingMethod::kHere) options.homing.home_position.fill(0.0);
+    Rig<Finger> rig(options);
+    ASSERT_TRUE(is_prepared(rig));
+    rig.joints.push[1] = 1.0;
+    std::string text;
+    ASSERT_GT(time_to_fault(rig, hold_at<Finger>(0.3), text), 0);
+    EXPECT_NE(text.find("joint 1 is beyond its hard limit"), std::string::npos) << text;
+    EXPECT_EQ(rig.robot->is_homed(), method == HomingMethod::kHere);
+    rig.joints.push[1] = 0.0;
+    ASSERT_TRUE(is_prepared(rig));
+  }
 }
 
 // ---- faults ----

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "trifinger/boards/board_robot.hpp"
@@ -46,7 +47,12 @@ class Joints final : public Plant<R> {
       double total =
           driven[i] + push[i] - kDamping * velocity_[i] + weight * std::sin(position_[i]);
       total -= friction * std::tanh(velocity_[i] / 0.003);
-      const double beyond = position_[i] - std::clamp(position_[i], lower_stop, upper_stop);
+      double upper = upper_stop;
+      if (i == 0 && leans_at) {
+        if (position_[i] < *leans_at - 0.1) leans_at.reset();
+        upper = leans_at.value_or(upper_stop);
+      }
+      const double beyond = position_[i] - std::clamp(position_[i], lower_stop, upper);
       if (beyond != 0.0) total -= kStopStiffness * beyond + kStopDamping * velocity_[i];
       velocity_[i] += kStep * total / kInertia;
       if (is_blocked) velocity_[i] = 0.0;
@@ -59,6 +65,8 @@ class Joints final : public Plant<R> {
   double weight{0.05};   // [Nm]
   double friction{0.0};  // [Nm]
   bool is_blocked{false};
+  // Something that joint 0 leans on, as on an end stop, until it has moved away [rad].
+  std::optional<double> leans_at{};
   Vector push{};  // from outside [Nm]
   // Where the cables of the motors lead, and how they are connected.
   std::array<std::size_t, R::kJoints> joint_of_motor{};

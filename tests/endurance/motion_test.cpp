@@ -106,6 +106,7 @@ std::vector<std::vector<double>> arrivals(RandomMotion& motion) {
     const MotionStep step = motion.next();
     if (step.move != Move::kRetreat) break;
     if (step.ends) all.emplace_back(motion.position().begin(), motion.position().end());
+    motion.remember(motion.position());  // This is no new way.
   }
   return all;
 }
@@ -136,10 +137,36 @@ TEST(RandomMotion, ForgetsTheWayWhenItComesHome) {
   motion.begin(kHome, kHome, 0);
   motion.remember(std::vector{0.5, 0.4, -0.9});
   motion.remember(kHome);
-  motion.begin(kHome, kHome, 1, Seconds(3));
+  motion.remember(std::vector{0.4, 0.8, -0.9});
+  motion.begin(std::vector{0.4, 0.8, -0.9}, kHome, 1, Seconds(3));
   const auto gone = arrivals(motion);
-  ASSERT_EQ(gone.size(), 1U);
-  for (std::size_t joint = 0; joint < 3; ++joint) EXPECT_NEAR(gone[0][joint], kHome[joint], 1e-9);
+  ASSERT_EQ(gone.size(), 2U);
+  for (std::size_t joint = 0; joint < 3; ++joint) EXPECT_NEAR(gone[1][joint], kHome[joint], 1e-9);
+}
+
+TEST(RandomMotion, GoesBackNoWayIfItBeginsAtHome) {
+  RandomMotion motion(test::limits_of_joints(3), {.seed = 6});
+  motion.begin(kHome, kHome, 0);
+  motion.remember(std::vector{0.5, 0.4, -0.9});
+  motion.begin(kHome, kHome, 1, Seconds(3));  // It was homed meanwhile.
+  EXPECT_TRUE(arrivals(motion).empty());
+}
+
+TEST(RandomMotion, GoesOnBackFromWhereItsReturnWasCutOff) {
+  RandomMotion motion(test::limits_of_joints(3), {.seed = 6});
+  motion.begin(kHome, kHome, 0);
+  const auto place = [](int i) { return std::vector{0.3 + 0.1 * i, 0.4, -0.9}; };
+  for (int i = 0; i < 5; ++i) motion.remember(place(i));
+  motion.begin(place(4), kHome, 1, Seconds(3));
+  for (int i = 4; i >= 3; --i) {
+    while (!motion.next().ends) motion.remember(motion.position());
+  }
+  motion.begin(place(3), kHome, 2, Seconds(3));
+  const auto gone = arrivals(motion);
+  ASSERT_EQ(gone.size(), 3U);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(gone[static_cast<std::size_t>(i)][0], place(2 - i)[0], 1e-9);
+  }
 }
 
 TEST(RandomMotion, KeepsTheEndOfAWayThatIsTooLong) {

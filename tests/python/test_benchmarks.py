@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from typing import Any
 import measuring
 import pytest
 import run_benchmarks
+import soak
 from rows import Row, markdown
 
 ROOT = Path(__file__).parents[2]
@@ -241,6 +243,18 @@ def test_the_page_has_a_place_for_every_table() -> None:
     for table in tables:
         assert f"| {table} | 99.1 k steps/s" in page
     assert run_benchmarks.with_figures(page, tables) == page
+
+
+def test_files_that_a_process_reads_are_none_of_its_memory(tmp_path: Path) -> None:
+    file = tmp_path / "program"
+    file.write_bytes(bytes(2**24))
+    before = soak.resident(os.getpid())
+    with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, mmap.MAP_PRIVATE) as pages:
+        assert not any(pages[:: mmap.PAGESIZE])
+        assert soak.resident(os.getpid()) < before + 4
+    made = bytearray(b"1" * 2**24)
+    assert soak.resident(os.getpid()) > before + 12
+    del made
 
 
 @pytest.mark.release

@@ -60,23 +60,42 @@ class Fingers final : public boards::Plant<TriFinger> {
   SimulatedPlant<TriFinger> plant_;
 };
 
+RobotConfig config_of_tests() {
+  // Without any friction, fingers that were let go fling about until they hook into each other.
+  return load_robot_config(TRIFINGER_CONFIG_DIR "/trifinger_edu_emulated.yml",
+                           {"joints.friction=0.01"});
+}
+
+boards::BoardRobotOptions<TriFinger> boards_of(const RobotConfig& config) {
+  return std::get<boards::BoardRobotOptions<TriFinger>>(config.boards.value().options);
+}
+
+// Where the fingers are, and for how long they fall before the motors are switched on [ms].
+struct Start {
+  JointVector<kJoints> pose{};
+  int fall{0};
+};
+
+// The pose is the initial one, changed by at most `spread` [rad].
+Start any_start(std::mt19937& random, double spread) {
+  const auto options = boards_of(config_of_tests());
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  Start start{.pose = options.initial_position};
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    const JointLimit& limit = options.limits[i];
+    start.pose[i] =
+        std::clamp(start.pose[i] + spread * uniform(random), limit.soft_lower, limit.soft_upper);
+  }
+  start.fall = static_cast<int>(1000.0 * (1.0 + uniform(random)));
+  return start;
+}
+
 struct Robot {
-  // The pose is the initial one, changed by at most `spread` [rad]. Before the motors are switched
-  // on, the fingers fall for a while.
-  Robot(std::mt19937& random, double spread, bool self_test,
-        const JointVector<kJoints>& home_correction = {}) {
-    // Without any friction, fingers that were let go fling about until they hook into each other.
-    RobotConfig config = load_robot_config(TRIFINGER_CONFIG_DIR "/trifinger_edu_emulated.yml",
-                                           {"joints.friction=0.01"});
-    auto& simulation = std::get<SimulationOptions<TriFinger>>(config.simulation);
-    auto options = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards.value().options);
-    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-    JointVector<kJoints> pose = simulation.initial_position.value();
-    for (std::size_t i = 0; i < kJoints; ++i) {
-      const JointLimit& limit = options.limits[i];
-      pose[i] = std::clamp(pose[i] + spread * uniform(random), limit.soft_lower, limit.soft_upper);
-    }
-    simulation.initial_position = pose;
+  Robot(const Start& start, bool self_test, const JointVector<kJoints>& home_correction = {}) {
+    const RobotConfig config = config_of_tests();
+    auto simulation = std::get<SimulationOptions<TriFinger>>(config.simulation);
+    auto options = boards_of(config);
+    simulation.initial_position = start.pose;
     plant.emplace(simulation);
     std::vector<std::unique_ptr<can::Bus>> of_robot;
     std::vector<std::unique_ptr<can::Bus>> of_boards;
@@ -87,8 +106,7 @@ struct Robot {
     }
     emulator.emplace(options, std::move(of_boards), *plant, clock.now(),
                      boards::EmulatedBoardOptions{.alignment_time = 100ms});
-    const int fall = static_cast<int>(1000.0 * (1.0 + uniform(random)));
-    for (int i = 0; i < fall; ++i) pass();
+    for (int i = 0; i < start.fall; ++i) pass();
     options.self_test = self_test;
     for (std::size_t i = 0; i < kJoints; ++i) {
       options.homing.home_position[i] += home_correction[i];
@@ -128,20 +146,35 @@ JointVector<kJoints> errors_of(Robot& robot) {
   return errors;
 }
 
-TEST(EmulatedRobot, HomesFromAnyPoseWithAndWithoutItsTest) {
-  // The calibration: one homing tells where the homes are.
-  JointVector<kJoints> correction{};
-  {
-    std::mt19937 random(1);
-    Robot robot(random, 0.0, false);
-    ASSERT_EQ(robot.prepare().state, State::kReady);
-    correction = errors_of(robot);
-    for (double& error : correction) error = -error;
+// The calibration: one homing tells where the homes are.
+JointVector<kJoints> calibrated() {
+  std::mt19937 random(1);
+  Robot robot(any_start(random, 0.0), false);
+  EXPECT_EQ(robot.prepare().state, State::kReady);
+  JointVector<kJoints> correction = errors_of(robot);
+  for (double& error : correction) error = -error;
+  return correction;
+}
+
+// A finger whose lower link leans on the table or on the wall does not move when it is pushed.
+TEST(EmulatedRobot, TakesNeitherTableNorWallForEndStops) {
+  const JointVector<kJoints> correction = calibrated();
+  for (const JointVector<kJoints>& pose :
+       {JointVector<kJoints>{-0.278, -0.096, 0.924, -0.214, 0.293, -1.073, -0.181, 0.393, -1.122},
+        JointVector<kJoints>{-0.65, 0.78, -1.62, -0.06, 0.92, 1.55, -0.07, 0.95, -1.4}}) {
+    Robot robot({.pose = pose}, false, correction);
+    const DriverReport report = robot.prepare();
+    ASSERT_EQ(report.state, State::kReady) << robot.driver->fault_text(report.fault_code);
+    for (const double error : errors_of(robot)) EXPECT_NEAR(error, 0.0, 0.005);
   }
+}
+
+TEST(EmulatedRobot, HomesFromAnyPoseWithAndWithoutItsTest) {
+  const JointVector<kJoints> correction = calibrated();
   for (trifinger::test::Rounds rounds(2, 10min); rounds.next();) {
     SCOPED_TRACE(rounds.index());
     std::mt19937 random(static_cast<unsigned>(rounds.index()));
-    Robot robot(random, 0.3, rounds.index() % 2 == 0, correction);
+    Robot robot(any_start(random, 0.3), rounds.index() % 2 == 0, correction);
     const DriverReport report = robot.prepare();
     ASSERT_EQ(report.state, State::kReady) << robot.driver->fault_text(report.fault_code);
     for (const double error : errors_of(robot)) EXPECT_NEAR(error, 0.0, 0.005);
@@ -152,7 +185,7 @@ TEST(EmulatedRobot, fault_50_FindsExchangedAndReversedMotorsInAnyPose) {
   for (trifinger::test::Rounds rounds(3, 10min); rounds.next();) {
     SCOPED_TRACE(rounds.index());
     std::mt19937 random(static_cast<unsigned>(rounds.index()));
-    Robot robot(random, 0.3, true);
+    Robot robot(any_start(random, 0.3), true);
     std::uniform_int_distribution<std::size_t> any_joint(0, kJoints - 1);
     const std::size_t one = any_joint(random);
     std::size_t other = any_joint(random);

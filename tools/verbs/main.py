@@ -14,6 +14,7 @@ from types import FrameType
 from . import product
 from .build import build, jobs, presets
 from .counting import Count
+from .docs import docs
 from .lint import lint
 from .machine import machine
 from .release import release
@@ -34,6 +35,7 @@ usage: ./run VERB [ARGUMENT ...]
   release          make wheels, packages of Debian, sources and checksums in build/packages, from a
                    clean tree; --check makes them twice and tries them on a bare Debian
   lint             check format, names, types, layers and documents
+  docs             build the documentation site into build/docs/html and test it
   bench [MEASURE]  measure speed and latency and compare with references; --help lists the measures
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
                    skills: throw, turn, draw and so on;
@@ -119,6 +121,7 @@ VERBS: dict[str, Callable[..., int | None]] = {
     "release": release_verb,
     "lint": lint_verb,
     "bench": product.bench,
+    "docs": docs,
     "evaluate": evaluate_verb,
     "soak": soak_verb,
     "machine": machine,

@@ -8,7 +8,7 @@ import sys
 
 from make_release import VERSION, pythons
 
-from .setup import PYTHON, VENV, setup
+from .setup import PYTHON, VENV, install_debian_packages, setup
 from .steps import ROOT, StepFailed, Steps
 
 PACKAGES = ROOT / "build" / "packages"
@@ -22,8 +22,9 @@ def release(*options: str) -> int:
         StepFailed: if something cannot be made
     """
     require_clean_tree()
-    setup("dpkg-dev", "lintian", "debootstrap")
+    setup()
     steps = Steps("release")
+    install_debian_packages(steps, ("dpkg-dev", "lintian", "debootstrap"))
     steps.run("wheels, packages, sources", [PYTHON, "tools/make_release.py", str(PACKAGES)])
     for path in sorted(PACKAGES.iterdir()):
         print(f"    {path.relative_to(ROOT)}, {path.stat().st_size / 2**20:.1f} MiB")

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterable
 
 from .steps import ROOT, StepFailed, Steps
 
@@ -31,16 +32,14 @@ DEBIAN_PACKAGES = (
 )
 
 
-def setup(*more: str) -> None:
+def setup() -> None:
     """Installs what is missing, which takes no time if nothing is.
-
-    `more` are packages of Debian that one verb alone needs.
 
     Raises:
         StepFailed: if a package cannot be installed
     """
     steps = Steps("setup")
-    _install_debian_packages(steps, [*DEBIAN_PACKAGES, *more])
+    install_debian_packages(steps, DEBIAN_PACKAGES)
     if shutil.which("ccache"):  # the build folders share objects: paths are relative to this one
         os.environ["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
         os.environ.update(CCACHE_BASEDIR=str(ROOT), CCACHE_DEPEND="1")
@@ -61,7 +60,8 @@ def _is_installed(package: str) -> bool:
     return answer.stdout.endswith("ok installed")
 
 
-def _install_debian_packages(steps: Steps, packages: list[str]) -> None:
+def install_debian_packages(steps: Steps, packages: Iterable[str]) -> None:
+    """Installs those of `packages` that are missing, through sudo if need be."""
     missing = [package for package in packages if not _is_installed(package)]
     if not missing:
         return

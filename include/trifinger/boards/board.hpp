@@ -92,7 +92,7 @@ class Board {
 
   [[nodiscard]] bool is_ready() const noexcept { return phase_ == Phase::kReady; }
   /// False while the newest measurements are not known, as after a pause.
-  [[nodiscard]] bool is_current() const noexcept { return !has_more_ && is_fresh_; }
+  [[nodiscard]] bool is_current() const noexcept { return !has_more_ && is_fresh(); }
   /// When the oldest of the newest measurements arrived.
   [[nodiscard]] Instant oldest_measurement() const noexcept;
   /// The first trouble since `start`; it stays.
@@ -119,6 +119,7 @@ class Board {
 
   static constexpr std::size_t kBudget = 64;  // frames per tick; a board sends 4 to 7
 
+  [[nodiscard]] bool is_fresh() const noexcept { return is_fresh_[0] && is_fresh_[1]; }
   void read_all() noexcept;
   void take(const can::Frame& frame) noexcept;
   void take(const can::BoardStatus& status, Instant time) noexcept;
@@ -147,8 +148,8 @@ class Board {
   int refusals_{0};        // ticks in a row in which the bus took nothing
   int foreign_{0};         // commands of somebody else in this second
   Instant foreign_since_{};
-  bool is_fresh_{false};        // positions have come since the start or the pause
-  bool was_start_sent_{false};  // the bus has accepted the whole start sequence
+  std::array<bool, 2> is_fresh_{};  // the position of a motor came since the start or the pause
+  bool was_start_sent_{false};      // the bus has accepted the whole start sequence
   bool has_lost_motors_{false};
   bool has_more_{false};  // frames were left on the bus
   Instant started_{};

@@ -230,8 +230,13 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   void begin_test() noexcept;
   [[nodiscard]] DriverReport test() noexcept;
   void begin_homing() noexcept;
-  // Pushes the joints to and fro, before they are homed again.
+  void begin_push() noexcept;
+  // Pushes the joints to and fro, before they go to their end stops.
   [[nodiscard]] DriverReport free_joints() noexcept;
+  [[nodiscard]] double free_torque(std::size_t joint,
+                                   const HomingMeasurement& measured) const noexcept;
+  // The joints have come to rest: is that where their end stops are?
+  [[nodiscard]] DriverReport confirm_stops() noexcept;
   [[nodiscard]] DriverReport home() noexcept;
   void begin_move() noexcept;
   [[nodiscard]] DriverReport move() noexcept;
@@ -265,6 +270,12 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   std::uint64_t lost_before_{0};  // frames lost before this session
   TimeIndex part_steps_{0};       // of this part of homing, or of the move
   bool must_free_{false};         // something was in the way of the last move
+  int free_pushes_{0};            // to and fro, before the next push to the end stops
+  int stop_pushes_{0};            // to the end stops, in this homing
+  // The step of a push in which each joint begins.
+  std::array<TimeIndex, R::kJoints> turn_{};
+  Joints stops_{};         // where the joints came to rest in the one before
+  bool has_stops_{false};  // and they were there again
   Random pushes_{};
   Joints push_{};
   Joints zero_{};   // raw angle of each joint at 0 rad

@@ -50,10 +50,10 @@ constexpr double kMostLean = 0.35;      // A pen in its holder leans less [rad].
 constexpr double kMostNibError = 0.02;  // A pen that is held is nearer to where it should be [m].
 constexpr double kMostTiltError = 0.5;  // [rad]
 constexpr double kMostShift = 0.02;     // That the feedback makes up for [m].
-constexpr double kForget =
-    3.0;  // How fast the turn about the direction of the grip is forgotten [1/s].
-constexpr double kMostTilt = 0.35;  // [rad]
-constexpr double kSafePress = 5.0;  // Largest force of a tip on the pen [N].
+constexpr double kYieldRate = 10.0;     // How fast the tips go along with a lean [1/s].
+constexpr double kYieldShare = 0.6;     // With which share of it.
+constexpr double kMostTilt = 0.35;      // [rad]
+constexpr double kSafePress = 5.0;      // Largest force of a tip on the pen [N].
 const Vector3d kDown = -Vector3d::UnitZ();
 
 struct DrawConfig {
@@ -396,10 +396,12 @@ void Draw::make_up(Seconds elapsed) noexcept {
   shift_ += config_.nib_gain * elapsed.count() * error;
   shift_ = shift_.cwiseMax(-kMostShift).cwiseMin(kMostShift);
   const Vector3d turn = felt_.up.cross(turn_ * Vector3d::UnitZ());
-  // Turned about the direction of the grip, the two tips lie beside the pen and push it over all
-  // the more: what turns them there is forgotten soon.
+  // Turned about the direction of the grip against a pen that leans, the two tips come to lie
+  // beside it and push it over all the more. There they go along with most of the lean.
+  const Vector3d lean = turn.dot(inward_) * inward_;
   const Vector3d aside = correction_.dot(inward_) * inward_;
-  correction_ += elapsed.count() * (config_.tilt_gain * turn - kForget * aside);
+  correction_ += elapsed.count() *
+                 (config_.tilt_gain * (turn - lean) - kYieldRate * (kYieldShare * lean + aside));
   if (correction_.norm() > kMostTilt) correction_ *= kMostTilt / correction_.norm();
 }
 

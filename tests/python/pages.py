@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Carries out a page of docs/ as a reader does: code blocks in their order, in an empty folder.
+
+What stands after the language of a block says what a reader does with it:
+
+    ```bash               types its lines into one terminal, one after the other
+    ```bash stays         types its line into a terminal of its own, where the program keeps running
+    ```text output        finds it in what the block before has printed; ... is anything
+    ```text typed 1       types it into the first terminal whose program keeps running
+    ```text output 2      waits until the second of these programs has printed it
+    ```python NAME        saves it as the file NAME; so for every language
+    ```bash tests/NAME    nothing here: the test of this name does it
+"""
+
+import re
+import signal
+import subprocess
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+BLOCK = re.compile(
+    r"^```(?P<language>\w+)(?: (?P<use>[^\n]+))?\n(?P<code>.*?)^```$", re.DOTALL | re.MULTILINE
+)
+PICTURE = re.compile(r"!\[[^]]*\]\((?P<path>[^)]+)\)")
+LONGEST = 240.0
+"""Time that a command may take, or a program until it is ready, on a busy machine [s]."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A code block of a page."""
+
+    language: str
+    use: str
+    code: str
+    line: int
+
+    @property
+    def is_file(self) -> bool:
+        """Whether a reader saves it as a file."""
+        return bool(self.use) and not self.use.startswith(("output", "stays", "typed", "tests/"))
+
+
+def blocks(text: str) -> list[Block]:
+    """Returns the code blocks of a page."""
+    return [
+        Block(found["language"], found["use"] or "", found["code"], line_of(text, found))
+        for found in BLOCK.finditer(text)
+    ]
+
+
+def line_of(text: str, found: re.Match[str]) -> int:
+    """Returns the number of the line at which something was found."""
+    return text[: found.start()].count("\n") + 1
+
+
+def pictures(text: str) -> list[str]:
+    """Returns the names of the pictures that a page shows."""
+    return [Path(path).name for path in PICTURE.findall(text)]
+
+
+def commands(code: str) -> list[str]:
+    """Returns the commands of a block; a line that ends with a backslash goes on in the next."""
+    lines = code.replace("\\\n", " ").splitlines()
+    return [line for line in lines if line.strip() and not line.startswith("#")]
+
+
+def contains(output: str, expected: str) -> bool:
+    """Says whether `expected` is part of an output; spaces count once, ... is anything."""
+    parts = (r"\s+".join(map(re.escape, part.split())) for part in expected.split("..."))
+    return re.search(r".*?".join(parts), output, re.DOTALL) is not None
+
+
+class Terminal:
+    """A program that keeps running in a terminal of its own."""
+
+    def __init__(self, command: str, folder: Path, variables: Mapping[str, str]) -> None:
+        """Starts it."""
+        self.command = command
+        self.output = ""
+        self._changed = threading.Condition()
+        self._process = subprocess.Popen(
+            ["bash", "-c", f"exec {command}"],
+            cwd=folder,
+            env=variables,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def wait_for(self, text: str) -> None:
+        """Waits until it has printed `text`, in which ... is anything."""
+        with self._changed:
+            self._changed.wait_for(lambda: contains(self.output, text) or self._ended(), LONGEST)
+        assert contains(self.output, text), f"'{self.command}' has only said:\n{self.output}"
+
+    def type(self, text: str) -> None:
+        """Types a line."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(text)
+        self._process.stdin.flush()
+
+    def end(self) -> None:
+        """Presses Ctrl-C, as the page says at its end."""
+        with self._process:
+            try:
+                self._process.send_signal(signal.SIGINT)
+                self._process.wait(LONGEST)
+            finally:
+                self._process.kill()
+                self._reader.join()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            with self._changed:
+                self.output += line
+                self._changed.notify_all()
+        with self._changed:
+            self._changed.notify_all()
+
+    def _ended(self) -> bool:
+        return self._process.poll() is not None and not self._reader.is_alive()
+
+
+class Page:
+    """A page that is carried out in a folder."""
+
+    def __init__(self, path: Path, folder: Path, variables: Mapping[str, str]) -> None:
+        """Reads the page."""
+        self.path = path
+        self.folder = folder
+        self.text = path.read_text()
+        self._variables = dict(variables)
+        self._terminals: list[Terminal] = []
+        self._said: str | Terminal = ""
+
+    def carry_out(self) -> None:
+        """Does what the blocks say, then ends what still runs."""
+        try:
+            for block in blocks(self.text):
+                self._do(block)
+        except BaseException:
+            for terminal in self._terminals:
+                print(f"{terminal.command}:\n{terminal.output}")
+            raise
+        finally:
+            for terminal in reversed(self._terminals):
+                terminal.end()
+
+    def save_files(self) -> None:
+        """Saves what the blocks name as files, and does nothing else."""
+        for block in blocks(self.text):
+            if block.is_file:
+                (self.folder / block.use).write_text(block.code)
+
+    def _do(self, block: Block) -> None:
+        where = f"{self.path.name}:{block.line}"
+        if block.use.startswith("output "):
+            self._terminals[int(block.use.split()[1]) - 1].wait_for(block.code)
+        elif block.use == "output":
+            if isinstance(self._said, Terminal):
+                self._said.wait_for(block.code)
+            else:
+                assert contains(self._said, block.code), f"{where}: the output is\n{self._said}"
+        elif block.use == "stays":
+            (command,) = commands(block.code)
+            self._said = Terminal(command, self.folder, self._variables)
+            self._terminals.append(self._said)
+        elif block.use.startswith("typed"):
+            self._terminals[int(block.use.split()[1]) - 1].type(block.code)
+        elif block.use.startswith("tests/"):
+            assert (ROOT / block.use).exists(), f"{where}: there is no {block.use}"
+        elif block.is_file:
+            (self.folder / block.use).write_text(block.code)
+        elif block.language == "bash":
+            said = [self._run(command, where) for command in commands(block.code)]
+            self._said = "".join(said)
+        else:
+            assert block.language == "text", f"{where}: what to do with this block?"
+
+    def _run(self, command: str, where: str) -> str:
+        done = subprocess.run(
+            ["bash", "-c", command],
+            cwd=self.folder,
+            env=self._variables,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            timeout=LONGEST,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{where}: '{command}' failed:\n{done.stdout}"
+        return done.stdout

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every tutorial and how-to page is carried out as it stands, with the pictures that it shows."""
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from pages import Page, pictures
+from website.contents import CONTENTS
+
+pytestmark = pytest.mark.release  # programs, pictures, trainings
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PICTURES = ROOT / "build/docs/pictures"
+TUTORIALS = [DOCS / f"{name}.md" for name in CONTENTS["Tutorials"]]
+PAGES = [DOCS / "start.md", *TUTORIALS, *sorted(DOCS.glob("howto/*.md"))]
+
+
+def patient_configurations(folder: Path) -> Path:
+    """The program's configurations, for a machine that may stall for as long as it likes."""
+    shutil.copytree(ROOT / "config", folder)
+    for path in folder.rglob("*.yml"):
+        text = re.sub(
+            r"(max_repeats|max_skipped_ticks|max_late_steps): \d+", r"\1: 1000000", path.read_text()
+        )
+        path.write_text(re.sub(r"(silent_after|receive_timeout): [\d.]+", r"\1: 10", text))
+    return folder
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_does_what_it_says(path: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "reader"
+    folder.mkdir()
+    variables = {
+        **os.environ,
+        "PATH": f"{ROOT}/.venv/bin:{os.environ['PATH']}",
+        "TRIFINGER_CONFIG_DIR": str(patient_configurations(tmp_path / "config")),
+        "MPLBACKEND": "agg",
+        "MUJOCO_GL": "egl",
+    }
+    page = Page(path, folder, variables)
+    if path in TUTORIALS:  # they build on each other
+        for before in TUTORIALS[: TUTORIALS.index(path)]:
+            Page(before, folder, variables).save_files()
+    page.carry_out()
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for name in pictures(page.text):
+        shutil.copy(folder / name, PICTURES / name)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests of what writes the sources of the documentation site."""
+
+import ast
+from pathlib import Path
+
+import pytest
+from website import cpp_reference, faults, pages, programs, python_reference
+from website.contents import CONTENTS
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("docs/logs.md", "logs"),
+        ("docs/decisions/hand.md", "decisions/hand"),
+        ("README.md", "readme"),
+        ("benchmarks/README.md", "benchmarks"),
+        ("include/trifinger/core/frontend.hpp", "reference/cpp/core/frontend"),
+        ("config/sim.yml", "source/config/sim.yml"),
+        ("config/skills", "source/config/skills/index"),
+    ],
+)
+def test_a_file_has_a_page(path: str, name: str) -> None:
+    assert pages.name_of(Path(path)) == name
+
+
+def test_links_lead_to_pages_of_the_site() -> None:
+    linked: set[Path] = set()
+    text = "[a](../ARCHITECTURE.md#layers), [b](https://mcap.dev), [c](#here), `[](const int x)`"
+    shown = pages.with_links_of_the_site(text, Path("docs/logs.md"), linked)
+    assert shown == text.replace("../ARCHITECTURE.md", "/architecture.md")
+    assert linked == {Path("ARCHITECTURE.md")}
+
+
+def test_every_page_is_in_the_side_bar() -> None:
+    shown = {
+        name.partition("</")[2].rstrip(">") or name for each in CONTENTS.values() for name in each
+    }
+    for document in pages.documents():
+        name = pages.name_of(document)
+        assert name in shown | {"index"} or f"{Path(name).parent}/index" in shown, name
+
+
+def test_a_docstring_becomes_markdown() -> None:
+    text = "Does it.\n\nRaises:\n    StepFailed: if it\n        failed\n    OSError: else\n"
+    expected = "Does it.\n\n**Raises**\n\n- `StepFailed`: if it failed\n- `OSError`: else"
+    assert python_reference.markdown(text) == expected
+
+
+def test_a_method_is_described_without_self() -> None:
+    source = "def f(self, x: int, *, y: str = 'z') -> bool:\n    '''Says it.'''\n"
+    ((name, found),) = python_reference.members(ast.parse(source).body)
+    shown = python_reference.directive(name, found, 5, in_class=True)
+    assert "{py:method} f(x: int, *, y: str='z') -> bool\n" in shown
+    assert "Says it." in shown
+
+
+def test_every_public_name_of_the_package_has_an_entry() -> None:
+    page = python_reference.pages(python_reference.modules())["reference/python/trifinger"]
+    for name in ("Frontend", "connect", "RobotStopped", "Fault", "Status", "Log"):
+        assert f"}} {name}" in page, name
+
+
+def test_programs_show_the_commands_below_them() -> None:
+    helps = {
+        "trifinger": "T\nSubcommands:\n  log         Logs\n\nPrograms of their own:\n  job   J\n",
+        "trifinger log": "L\nSubcommands:\n  info        Info\n\nExample:\n  log info x\n",
+        "trifinger log info": "I\n",
+        "trifinger job": "J\n",
+        "./run": "R\n",
+    }
+    found = programs.pages(lambda words: helps[" ".join(words)])
+    assert "## `trifinger log info`\n\n```text\nI\n" in found["reference/programs/log"]
+    assert set(found) == {f"reference/programs/{x}" for x in ("log", "job", "run_verbs", "index")}
+
+
+def test_every_fault_and_every_header_has_its_place() -> None:
+    assert "## 07 An action asks for far too much torque" in faults.page()
+    headers = cpp_reference.pages()
+    assert (
+        "{doxygenfile} include/trifinger/core/backend.hpp" in headers["reference/cpp/core/backend"]
+    )

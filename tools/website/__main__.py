@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writes the sources of the site into a folder: python -m website FOLDER."""
+
+import sys
+from pathlib import Path
+
+from tracked_files import ROOT
+
+from . import configuration, cpp_reference, faults, programs, python_reference
+from .contents import CONTENTS
+from .pages import (
+    IMAGES,
+    Pages,
+    contents_of,
+    documents,
+    linked_sources,
+    pages_of,
+    shown_files,
+    write,
+)
+
+
+def reference() -> Pages:
+    """Returns all pages that are made of headers, stubs, programs, configurations and faults."""
+    return {
+        **python_reference.pages(python_reference.modules()),
+        **cpp_reference.pages(),
+        **programs.pages(),
+        **configuration.pages(),
+    }
+
+
+def home(text: str) -> str:
+    """Returns the first page with the side bar's lists behind it."""
+    for caption, names in CONTENTS.items():
+        entries = "\n".join(name if "<" in name else f"/{name}" for name in names)
+        text += f"\n```{{toctree}}\n:hidden:\n:caption: '{caption}'\n\n{entries}\n```\n"
+    return text
+
+
+def site() -> tuple[Pages, list[Path]]:
+    """Returns all pages of the site, and the images of the repository that they show."""
+    generated = reference()
+    pages, linked = pages_of(documents())
+    generated["faults"] = faults.page()
+    linked |= linked_sources("".join(generated.values()))
+    pages["index"] = home(pages["index"])
+    pages["configuration"] = configuration.without_table(pages["configuration"])
+    folders = {
+        "decisions": ("Decisions", "Why things are as they are: requirement, options, choice."),
+        "results": ("Results", "Experiments, each repeated by `./run evaluate`."),
+        "packages": ("Packages", "Distributions that are installed on their own."),
+    }
+    for folder, (title, text) in folders.items():
+        names = sorted(name for name in pages if name.startswith(f"{folder}/"))
+        pages |= contents_of(folder, title, text, names)
+    images = [path for path in linked if path.suffix in IMAGES]
+    return pages | generated | shown_files(linked), images
+
+
+if __name__ == "__main__":
+    cpp_reference.tidy(ROOT / "build/docs/doxygen/xml")
+    write(*site(), ROOT / sys.argv[1])

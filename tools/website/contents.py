@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The map of the site: every page by its name, in the order of the side bar."""
+
+CONTENTS = {
+    "Start here": ["start", "What it is </readme>", "installing"],
+    "Tutorials": [
+        "tutorials/first_loop",
+        "tutorials/own_controller",
+        "tutorials/record_and_look",
+        "tutorials/own_task",
+        "tutorials/train_a_policy",
+        "tutorials/own_robot",
+        "tutorials/real_robot",
+        "tutorials/cameras",
+    ],
+    "How to: when something is wrong": [
+        "howto/late_action",
+        "howto/robot_stopped",
+        "howto/warm_motors",
+    ],
+    "How to: run and watch": [
+        "configuration",
+        "logs",
+        "view",
+        "bridges",
+        "real_time",
+        "shared_robot",
+        "endurance",
+        "coming_from_the_original",
+    ],
+    "How to: lead a robot": ["teaching", "motions", "teleoperation", "guiding"],
+    "How to: move objects": ["manipulation", "skills", "planning"],
+    "How to: see": ["cameras", "simulated_cameras", "tracking"],
+    "How to: learn": ["environments", "training", "policies", "data_sets"],
+    "How to: robots": ["hardware", "any_robot", "dclaw", "dynamixel"],
+    "Explanation": [
+        "explanation/timing_contract",
+        "explanation/processes",
+        "architecture",
+        "safety",
+        "simulation",
+        "control",
+        "learning",
+        "decisions/index",
+        "results/index",
+        "benchmarks",
+    ],
+    "Reference": [
+        "reference/python/index",
+        "reference/cpp/index",
+        "reference/programs/index",
+        "reference/configuration/index",
+        "faults",
+        "log_format",
+        "changelog",
+    ],
+    "Working on it": ["development", "contributing", "packages/index"],
+}

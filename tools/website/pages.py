@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Takes the pages of the repository over to the site, where links lead to pages of the site.
+
+A page of docs/ keeps its name. Every other file that a page links to gets a page that shows it:
+for a public header that is its reference, for a folder the list of its files.
+"""
+
+import re
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from tracked_files import ROOT, tracked_files
+
+LINK = re.compile(r"\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
+# What tests/python/pages.py does with a block: a file to be saved, an output, and so on.
+FENCE = re.compile(r"^```(\w+) ([^\n]+)$", re.MULTILINE)
+IMAGES = (".png", ".jpg", ".svg")
+TUTORIALS = ("docs", "images", "tutorials")
+LANGUAGES = {
+    ".cpp": "cpp",
+    ".hpp": "cpp",
+    ".py": "python",
+    ".sh": "bash",
+    ".toml": "toml",
+    ".xml": "xml",
+    ".yml": "yaml",
+}
+
+# The side bar has no pages below a reference: with them, it would be most of each page.
+ORPHAN = "---\norphan: true\n---\n"
+NOT_SEARCHED = "---\norphan: true\nnosearch: true\n---\n"
+
+Pages = dict[str, str]
+"""Texts by the names of pages, without `.md`."""
+
+
+def name_of(path: Path) -> str:
+    """Returns the name on the site of a file or folder of the repository."""
+    if path.parts[:2] == ("include", "trifinger") and path.suffix == ".hpp":
+        return f"reference/cpp/{path.relative_to('include/trifinger').with_suffix('')}"
+    if path.suffix == ".md" and path.parts[0] == "docs":
+        return str(path.relative_to("docs").with_suffix(""))
+    if path.name == "README.md":
+        return str(path.parent) if path.parent.parts else "readme"
+    if path.suffix == ".md" and len(path.parts) == 1:
+        return path.stem.lower()
+    if path == Path("docs/decisions"):
+        return "decisions/index"
+    return f"source/{path}" if (ROOT / path).is_file() else f"source/{path}/index"
+
+
+def repository_path(target: str, document: Path) -> Path | None:
+    """Returns what of the repository a link in `document` leads to; None for other links."""
+    path = (ROOT / document.parent / target).resolve()
+    inside = path.is_relative_to(ROOT) and path.exists() and not re.match(r"\w+:", target)
+    return path.relative_to(ROOT) if inside else None
+
+
+def with_links_of_the_site(text: str, document: Path, linked: set[Path]) -> str:
+    """Returns the text of `document` with links to pages, and adds what they show to `linked`."""
+
+    def rewritten(link: re.Match[str]) -> str:
+        path = repository_path(link["path"], document)
+        if path is None:
+            return link[0]
+        linked.add(path)
+        place = f"/{image_name(path)}" if path.suffix in IMAGES else f"/{name_of(path)}.md"
+        return f"]({place}{link['anchor'] or ''})"
+
+    return LINK.sub(rewritten, FENCE.sub(with_caption, text))
+
+
+def with_caption(fence: re.Match[str]) -> str:
+    """Returns the beginning of a block that shows what a reader does with it."""
+    language, use = fence[1], fence[2]
+    if use.startswith("output"):
+        return f"```{{code-block}} {language}\n:class: output\n"
+    if use == "stays":
+        return f"```{{code-block}} {language}\n:caption: keeps running in a terminal of its own\n"
+    if use.startswith(("typed", "tests/")):
+        return f"```{language}"
+    return f"```{{code-block}} {language}\n:caption: {use}\n"
+
+
+def linked_sources(text: str) -> set[Path]:
+    """Returns the files that a page of the site shows by links to their pages."""
+    return {Path(link) for link in re.findall(r"\]\(/source/(\S+?)\.md[)#]", text)}
+
+
+def image_name(path: Path) -> str:
+    """Returns the place of an image on the site."""
+    return str(path.relative_to("docs") if path.parts[0] == "docs" else path)
+
+
+def documents() -> list[Path]:
+    """Returns the pages of the repository that the site has."""
+    return [
+        path
+        for path in tracked_files(".md")
+        if path.parts[0] in ("docs", "benchmarks", "packages") or len(path.parts) == 1
+    ]
+
+
+def pages_of(documents: Iterable[Path]) -> tuple[Pages, set[Path]]:
+    """Returns the pages of the site for `documents`, and all files and folders they link to."""
+    linked: set[Path] = set()
+    pages = {
+        name_of(path): with_links_of_the_site((ROOT / path).read_text(), path, linked)
+        for path in documents
+    }
+    return pages, linked
+
+
+def shown_files(linked: Iterable[Path]) -> Pages:
+    """Returns pages that show linked files and list linked folders; they are not searched."""
+    pages: Pages = {}
+    waiting = [path for path in linked if name_of(path).startswith("source/")]
+    for path in waiting:
+        if (ROOT / path).is_dir():
+            files = [file for file in tracked_files() if file.is_relative_to(path)]
+            waiting.extend(file for file in files if name_of(file).startswith("source/"))
+            links = (f"- [{file.relative_to(path)}](/{name_of(file)}.md)" for file in files)
+            body = "\n".join(links)
+        elif path.suffix in IMAGES:
+            continue
+        else:
+            language = LANGUAGES.get(path.suffix, "text")
+            body = f"``````{language}\n{(ROOT / path).read_text()}\n``````"
+        pages[name_of(path)] = f"{NOT_SEARCHED}# `{path}`\n\n{body}\n"
+    return pages
+
+
+def list_of(pages: Mapping[str, str]) -> str:
+    """Returns a list of links to pages, which have these titles."""
+    return "\n".join(f"- [`{title}`](/{name}.md)" for title, name in pages.items())
+
+
+def contents_of(folder: str, title: str, text: str, pages: Iterable[str]) -> Pages:
+    """Returns the page of a folder: a title, a text, and the list of the pages in it."""
+    entries = "\n".join(f"/{page}" for page in pages)
+    tree = f"```{{toctree}}\n:maxdepth: 1\n\n{entries}\n```"
+    return {f"{folder}/index": f"# {title}\n\n{text}\n\n{tree}\n"}
+
+
+def newest(image: Path) -> Path:
+    """Returns the picture that a tutorial has just made, or the one that is kept."""
+    made = ROOT / "build/docs/pictures" / image.name
+    return made if image.parts[:3] == TUTORIALS and made.exists() else ROOT / image
+
+
+def write(pages: Pages, images: Iterable[Path], folder: Path) -> None:
+    """Writes pages and images below `folder`, and removes what is no longer there.
+
+    A file that stays the same keeps its time, so Sphinx does not read it again.
+    """
+    texts = {folder / f"{name}.md": text for name, text in pages.items()}
+    copies = {folder / image_name(path): newest(path) for path in images}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and path not in texts and path not in copies:
+            path.unlink()
+    for path, text in texts.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text() != text:
+            path.write_text(text)
+    for path, image in copies.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(image, path)
