@@ -52,6 +52,7 @@ CONTENTS = {
         "reference/configuration/index",
         "faults",
         "log_format",
+        "stability",
         "changelog",
     ],
     "Working on it": ["development", "contributing", "packages/index"],
