@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Makes the packages of Debian with CPack: `./run release`. docs/decisions/debian_packages.md says what is where.
 set(CPACK_GENERATOR DEB)
-set(CPACK_PACKAGE_CONTACT "The TriFinger developers <maintainers@users.noreply.h-seed-70807e5c.example>")
+# No address has been published yet: this domain is for examples (RFC 2606).
+set(CPACK_PACKAGE_CONTACT "The TriFinger developers <maintainers@trifinger.example>")
 set(CPACK_SET_DESTDIR ON)  # the limits of real-time users are outside the prefix
 set(CPACK_STRIP_FILES ON)
 set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)  # package what has been built
