@@ -204,6 +204,20 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::setsid();
   for (int signal = 1; signal < NSIG; ++signal) std::signal(signal, SIG_DFL);
+  // All memory is taken here, since the limits below may leave none to this process.
+  std::vector<char*> words;
+  words.reserve(confinement.words.size() + 1);
+  for (const std::string& word : confinement.words)
+    words.push_back(const_cast<char*>(word.c_str()));
+  words.push_back(nullptr);
+  std::vector<char*> environment;
+  environment.reserve(confinement.environment.size() + 1);
+  for (const std::string& entry : confinement.environment) {
+    environment.push_back(const_cast<char*>(entry.c_str()));
+    if (entry.starts_with("PATH=")) ::setenv("PATH", entry.c_str() + 5, 1);  // execvpe searches it
+  }
+  environment.push_back(nullptr);
+
   const int nothing = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
   require(::dup2(nothing, STDIN_FILENO) >= 0 && ::dup2(output, STDOUT_FILENO) >= 0 &&
               ::dup2(output, STDERR_FILENO) >= 0 &&
@@ -217,19 +231,6 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
   require(give_up_rights(confinement.user), report);
   require(!can_forbid_hidden_memory() || forbid_hidden_memory(), report);
   require(::chdir(confinement.folder.c_str()) == 0, report);
-
-  std::vector<char*> words;
-  words.reserve(confinement.words.size() + 1);
-  for (const std::string& word : confinement.words)
-    words.push_back(const_cast<char*>(word.c_str()));
-  words.push_back(nullptr);
-  std::vector<char*> environment;
-  environment.reserve(confinement.environment.size() + 1);
-  for (const std::string& entry : confinement.environment) {
-    environment.push_back(const_cast<char*>(entry.c_str()));
-    if (entry.starts_with("PATH=")) ::setenv("PATH", entry.c_str() + 5, 1);  // execvpe searches it
-  }
-  environment.push_back(nullptr);
   sigset_t none;
   sigemptyset(&none);
   ::sigprocmask(SIG_SETMASK, &none, nullptr);

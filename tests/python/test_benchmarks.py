@@ -252,9 +252,9 @@ def test_files_that_a_process_reads_are_none_of_its_memory(tmp_path: Path) -> No
     with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, mmap.MAP_PRIVATE) as pages:
         assert not any(pages[:: mmap.PAGESIZE])
         assert soak.resident(os.getpid()) < before + 4
-    made = bytearray(b"1" * 2**24)
-    assert soak.resident(os.getpid()) > before + 12
-    del made
+    with mmap.mmap(-1, 2**24, mmap.MAP_PRIVATE) as pages:
+        pages.write(b"1" * 2**24)
+        assert soak.resident(os.getpid()) > before + 12
 
 
 @pytest.mark.release
