@@ -8,7 +8,7 @@
 #include <utility>
 #include <variant>
 
-#include "box_of.hpp"
+#include "object_of.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -38,7 +38,8 @@ double angle_from_up(const Vector3d& direction) {
 CarryPlanner::CarryPlanner(const RobotDescription& description, const ManipulationConfig& config,
                            RestConfig rests)
     : goal_(std::get<CarryTask>(config.task).goal),
-      half_size_(Vector3d::Map(box_of(description, config.object).size.data()) / 2),
+      half_size_(
+          Vector3d::Map(object_of(description, config.object, ObjectShape::kBox).size.data()) / 2),
       rests_(std::move(rests)),
       planner_(description, config) {}
 

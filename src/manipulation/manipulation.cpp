@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include "object_of.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {
@@ -20,13 +21,6 @@ constexpr Seconds kLongestLook{5.0};
 // An object that was not seen for so long is out of sight. Poses come at 10 Hz or more, and are up
 // to 0.1 s late.
 constexpr Seconds kOutOfSight{0.3};
-
-const ObjectDescription& object_of(const RobotDescription& description, const std::string& name) {
-  const auto object = std::ranges::find(description.objects, name, &ObjectDescription::name);
-  if (object == description.objects.end())
-    throw InvalidArgument("the scene has no '" + name + "' to handle");
-  return *object;
-}
 
 // In the order of the enumerations.
 constexpr std::array<std::string_view, 10> kPhaseNames{

@@ -9,14 +9,22 @@
 
 namespace trifinger::manipulation {
 
-// The object of that name. Throws InvalidArgument if the scene has none of that shape.
-inline const ObjectDescription& object_of(const RobotDescription& description,
-                                          const std::string& name, ObjectShape shape) {
+// The object of that name. @throws InvalidArgument if the scene has none
+[[nodiscard]] inline const ObjectDescription& object_of(const RobotDescription& description,
+                                                        const std::string& name) {
   const auto object = std::ranges::find(description.objects, name, &ObjectDescription::name);
   if (object == description.objects.end())
     throw InvalidArgument("the scene has no '" + name + "' to handle");
-  if (object->shape != shape) throw InvalidArgument("the object '" + name + "' has another shape");
   return *object;
+}
+
+// The same. @throws InvalidArgument also if it has another shape
+[[nodiscard]] inline const ObjectDescription& object_of(const RobotDescription& description,
+                                                        const std::string& name,
+                                                        ObjectShape shape) {
+  const ObjectDescription& object = object_of(description, name);
+  if (object.shape != shape) throw InvalidArgument("the object '" + name + "' has another shape");
+  return object;
 }
 
 }  // namespace trifinger::manipulation

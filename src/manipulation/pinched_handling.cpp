@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "box_of.hpp"
+#include "object_of.hpp"
 #include "soft_limits.hpp"
 #include "torque_action.hpp"
 #include "torque_figure.hpp"
@@ -200,7 +200,7 @@ std::optional<Pinch> choose_pinch(const Kinematics& kinematics, const control::S
 
 PinchedHandling::PinchedHandling(const SkillContext& context, PinchedHandlingConfig config)
     : config_(std::move(config)),
-      box_(box_of(context.description, config_.object)),
+      box_(object_of(context.description, config_.object, ObjectShape::kBox)),
       limits_(context.limits),
       clock_(context.period),
       servo_(context.description, context.limits),

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "box_of.hpp"
+#include "object_of.hpp"
 #include "phase_clock.hpp"
 #include "skills/makers.hpp"
 #include "tilt_observer.hpp"
@@ -106,7 +106,7 @@ class Balance final : public Skill {
  public:
   Balance(const SkillContext& context, BalanceConfig config)
       : config_(std::move(config)),
-        object_(box_of(context.description, config_.object)),
+        object_(object_of(context.description, config_.object, ObjectShape::kBox)),
         clock_(context.period),
         servo_(context.description, context.limits),
         damping_(JointValues::Map(context.limits.safety_kd.data(), kMaxJoints)),

@@ -3,7 +3,7 @@
 #include <memory>
 #include <optional>
 
-#include "box_of.hpp"
+#include "object_of.hpp"
 #include "skills/makers.hpp"
 #include "skills/repose.hpp"
 
@@ -14,7 +14,9 @@ std::unique_ptr<Skill> make_flip(const SkillContext& context, const config::Node
   const Eigen::Vector3d face = read_face(root, "face");
   const auto radius = root.required<double>("radius", {.unit = "m", .min = 0, .max = 0.2});
   const Eigen::Vector3d half =
-      Eigen::Vector3d::Map(box_of(context.description, config.object).size.data()) / 2;
+      Eigen::Vector3d::Map(
+          object_of(context.description, config.object, ObjectShape::kBox).size.data()) /
+      2;
   return std::make_unique<Repose>(
       context, config, [=](int number, const Pose& pose) -> std::optional<Goal> {
         if (number > 0) return std::nullopt;

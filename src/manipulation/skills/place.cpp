@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "box_of.hpp"
+#include "object_of.hpp"
 #include "skills/makers.hpp"
 #include "skills/repose.hpp"
 
@@ -17,7 +17,9 @@ std::unique_ptr<Skill> make_place(const SkillContext& context, const config::Nod
   ReposeConfig config = read_repose(root);
   config.carry = read_carrier(root.section("carry"), config.object);
   const Eigen::Vector3d half =
-      Eigen::Vector3d::Map(box_of(context.description, config.object).size.data()) / 2;
+      Eigen::Vector3d::Map(
+          object_of(context.description, config.object, ObjectShape::kBox).size.data()) /
+      2;
   std::vector<Goal> goals;
   for (const config::Node& item : root.at("goals").items()) {
     const auto place =

@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "box_of.hpp"
+#include "object_of.hpp"
 #include "trifinger/manipulation/task.hpp"
 
 namespace trifinger::manipulation {
@@ -28,7 +28,7 @@ Repose::Repose(const SkillContext& context, ReposeConfig config, NextGoal next_g
       next_goal_(std::move(next_goal)),
       clock_(context.period),
       pusher_(context, config_.object, config_.push),
-      fetcher_(context, box_of(context.description, config_.object),
+      fetcher_(context, object_of(context.description, config_.object, ObjectShape::kBox),
                {config_.push.planner.kp, config_.push.planner.kd}),
       carrier_(config_.carry ? std::make_unique<Carrier>(context, *config_.carry) : nullptr) {
   enter(Phase::kLook);
