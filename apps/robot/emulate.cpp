@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
+#include <sys/types.h>
 
 #include <chrono>
 #include <csignal>
@@ -13,6 +14,7 @@
 #include "commands.hpp"
 #include "robot/emulate_motors.hpp"
 #include "robot/typed_lines.hpp"
+#include "shared/child_program.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
@@ -37,6 +39,7 @@ struct EmulateOptions {
   std::vector<std::string> faults;
   // Hardware waits for nobody, so the boards come before the loop and its watchdog.
   RealtimeOptions realtime{.demand = Demand::kTry, .priority = 82};
+  pid_t parent{0};  // ends when it has ended, unless 0
 };
 
 constexpr const char* kResetObjects = "reset objects";
@@ -149,6 +152,7 @@ std::string indented(const std::string& text) {
 }
 
 int emulate(const EmulateOptions& options) {
+  if (options.parent > 0) end_with_parent(options.parent);
   // The boards must not stop because nobody reads their messages or because they are sent to the
   // background.
   for (const int signal : {SIGPIPE, SIGTTIN}) std::signal(signal, SIG_IGN);
@@ -204,6 +208,7 @@ void add_emulate(CLI::App& program, Action& action) {
                   "Let something go wrong, as in 'board 3 silent at 5 s for 0.2 s'; see below")
       ->allow_extra_args(false)
       ->option_text("TEXT ...");
+  command.add_option("--with-process", options.parent)->group("");
   add_scheduling(command, options.realtime.demand,
                  "Whether real-time priority and locked memory are required; default: try");
   command.footer(

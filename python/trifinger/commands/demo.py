@@ -37,12 +37,12 @@ VIEW = View("115,-20", 960, 720)  # two faces of the cube
 
 @contextlib.contextmanager
 def running(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Runs `trifinger WORDS` in its own process, for as long as the block lasts.
+    """Runs `trifinger WORDS` in its own process, for as long as the block and this process last.
 
     Ctrl-C does not reach it, so that the controller can put the cube down first.
     """
     with subprocess.Popen(
-        [program.path(), *words],
+        [program.path(), *words, "--with-process", str(os.getpid())],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
