@@ -7,7 +7,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 project = "TriFinger"
 author = "the TriFinger contributors"
-extensions = ["myst_parser", "breathe", "sphinx.ext.graphviz"]
+extensions = ["myst_nb", "breathe", "sphinx.ext.graphviz"]
 templates_path: list[str] = []
 html_theme = "furo"
 html_title = "TriFinger"
@@ -30,6 +30,7 @@ graphviz_dot_args = [
     *(f"-{what}{colour}={GREY}" for what in "NE" for colour in ("color", "fontcolor")),
 ]
 
+nb_execution_mode = "off"  # tests/python/test_notebooks.py carries them out
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 suppress_warnings = [

@@ -2,10 +2,14 @@
 """Tests of what writes the sources of the documentation site."""
 
 import ast
+import base64
+import io
+import json
 from pathlib import Path
 
 import pytest
-from website import cpp_reference, faults, pages, programs, python_reference
+from PIL import Image
+from website import cpp_reference, faults, pages, pictures, programs, python_reference
 from website.contents import CONTENTS
 
 
@@ -81,3 +85,15 @@ def test_every_fault_and_every_header_has_its_place() -> None:
     assert (
         "{doxygenfile} include/trifinger/core/backend.hpp" in headers["reference/cpp/core/backend"]
     )
+
+
+def test_pictures_of_notebooks_are_kept_small() -> None:
+    written = io.BytesIO()
+    Image.new("RGB", (2000, 100), "red").save(written, "png")
+    picture = base64.b64encode(written.getvalue()).decode()
+    notebook = {"cells": [{"outputs": [{"data": {"image/png": picture}}]}, {"source": "x"}]}
+    kept = json.loads(pictures.with_smaller_pictures(json.dumps(notebook)))
+    small = base64.b64decode(kept["cells"][0]["outputs"][0]["data"]["image/png"])
+    with Image.open(io.BytesIO(small)) as image:
+        assert image.size == (900, 45)
+    assert kept["cells"][1] == {"source": "x"}

@@ -29,8 +29,14 @@ def docs() -> int:
 
 
 def carry_out_pages(count: Count) -> bool:
-    """Carries out tutorials and how-to pages, whose pictures the site then shows."""
-    pytest = [PYTHON, "-m", "pytest", "tests/python/test_pages.py"]
+    """Carries out tutorials, how-to pages and notebooks, whose pictures the site then shows."""
+    pytest = [
+        PYTHON,
+        "-m",
+        "pytest",
+        "tests/python/test_pages.py",
+        "tests/python/test_notebooks.py",
+    ]
     return count.pytest(Steps("docs"), "pages are carried out", pytest).succeeded
 
 

@@ -2,16 +2,17 @@
 """Writes the sources of the site into a folder: python -m website FOLDER."""
 
 import sys
-from pathlib import Path
 
-from tracked_files import ROOT
+from tracked_files import ROOT, tracked_files
 
 from . import configuration, cpp_reference, faults, programs, python_reference
 from .contents import CONTENTS
 from .pages import (
-    IMAGES,
+    COPIED,
+    Copies,
     Pages,
     contents_of,
+    copies_of,
     documents,
     linked_sources,
     pages_of,
@@ -38,8 +39,8 @@ def home(text: str) -> str:
     return text
 
 
-def site() -> tuple[Pages, list[Path]]:
-    """Returns all pages of the site, and the images of the repository that they show."""
+def site() -> tuple[Pages, Copies]:
+    """Returns all pages of the site, and the files that it takes as they are."""
     generated = reference()
     pages, linked = pages_of(documents())
     generated["faults"] = faults.page()
@@ -54,8 +55,9 @@ def site() -> tuple[Pages, list[Path]]:
     for folder, (title, text) in folders.items():
         names = sorted(name for name in pages if name.startswith(f"{folder}/"))
         pages |= contents_of(folder, title, text, names)
-    images = [path for path in linked if path.suffix in IMAGES]
-    return pages | generated | shown_files(linked), images
+    copies = copies_of(path for path in linked if path.suffix in COPIED)
+    copies |= copies_of(tracked_files(".ipynb"))
+    return pages | generated | shown_files(linked), copies
 
 
 if __name__ == "__main__":

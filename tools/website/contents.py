@@ -13,6 +13,11 @@ CONTENTS = {
         "tutorials/real_robot",
         "tutorials/cameras",
     ],
+    "Notebooks": [
+        "notebooks/first_look",
+        "notebooks/reading_a_log",
+        "notebooks/training",
+    ],
     "How to: when something is wrong": [
         "howto/late_action",
         "howto/robot_stopped",

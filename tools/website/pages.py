@@ -15,8 +15,12 @@ from tracked_files import ROOT, tracked_files
 LINK = re.compile(r"\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 # What tests/python/pages.py does with a block: a file to be saved, an output, and so on.
 FENCE = re.compile(r"^```(\w+) ([^\n]+)$", re.MULTILINE)
-IMAGES = (".png", ".jpg", ".svg")
-TUTORIALS = ("docs", "images", "tutorials")
+COPIED = (".png", ".jpg", ".svg", ".ipynb")  # taken over as they are
+# Where the newest of these are, if the tests have made them.
+MADE = {
+    Path("docs/images/tutorials"): ROOT / "build/docs/pictures",
+    Path("docs/notebooks"): ROOT / "build/docs/notebooks",
+}
 LANGUAGES = {
     ".cpp": "cpp",
     ".hpp": "cpp",
@@ -33,6 +37,8 @@ NOT_SEARCHED = "---\norphan: true\nnosearch: true\n---\n"
 
 Pages = dict[str, str]
 """Texts by the names of pages, without `.md`."""
+Copies = dict[str, Path]
+"""Files by their places on the site."""
 
 
 def name_of(path: Path) -> str:
@@ -65,7 +71,7 @@ def with_links_of_the_site(text: str, document: Path, linked: set[Path]) -> str:
         if path is None:
             return link[0]
         linked.add(path)
-        place = f"/{image_name(path)}" if path.suffix in IMAGES else f"/{name_of(path)}.md"
+        place = f"/{copied_name(path)}" if path.suffix in COPIED else f"/{name_of(path)}.md"
         return f"]({place}{link['anchor'] or ''})"
 
     return LINK.sub(rewritten, FENCE.sub(with_caption, text))
@@ -88,8 +94,8 @@ def linked_sources(text: str) -> set[Path]:
     return {Path(link) for link in re.findall(r"\]\(/source/(\S+?)\.md[)#]", text)}
 
 
-def image_name(path: Path) -> str:
-    """Returns the place of an image on the site."""
+def copied_name(path: Path) -> str:
+    """Returns the place on the site of a file that is taken as it is."""
     return str(path.relative_to("docs") if path.parts[0] == "docs" else path)
 
 
@@ -122,7 +128,7 @@ def shown_files(linked: Iterable[Path]) -> Pages:
             waiting.extend(file for file in files if name_of(file).startswith("source/"))
             links = (f"- [{file.relative_to(path)}](/{name_of(file)}.md)" for file in files)
             body = "\n".join(links)
-        elif path.suffix in IMAGES:
+        elif path.suffix in COPIED:
             continue
         else:
             language = LANGUAGES.get(path.suffix, "text")
@@ -143,26 +149,31 @@ def contents_of(folder: str, title: str, text: str, pages: Iterable[str]) -> Pag
     return {f"{folder}/index": f"# {title}\n\n{text}\n\n{tree}\n"}
 
 
-def newest(image: Path) -> Path:
-    """Returns the picture that a tutorial has just made, or the one that is kept."""
-    made = ROOT / "build/docs/pictures" / image.name
-    return made if image.parts[:3] == TUTORIALS and made.exists() else ROOT / image
+def newest(path: Path) -> Path:
+    """Returns what a tutorial or notebook has just made, or what is kept."""
+    made = MADE.get(path.parent, ROOT) / path.name
+    return made if made.exists() else ROOT / path
 
 
-def write(pages: Pages, images: Iterable[Path], folder: Path) -> None:
-    """Writes pages and images below `folder`, and removes what is no longer there.
+def copies_of(paths: Iterable[Path]) -> Copies:
+    """Returns the newest of these files of the repository by their places on the site."""
+    return {copied_name(path): newest(path) for path in paths}
 
-    A file that stays the same keeps its time, so Sphinx does not read it again.
+
+def write(pages: Pages, copies: Copies, folder: Path) -> None:
+    """Writes pages and copies below `folder`, and removes what is no longer there.
+
+    A page that stays the same keeps its time, so Sphinx does not read it again.
     """
     texts = {folder / f"{name}.md": text for name, text in pages.items()}
-    copies = {folder / image_name(path): newest(path) for path in images}
+    files = {folder / place: source for place, source in copies.items()}
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path not in texts and path not in copies:
+        if path.is_file() and path not in texts and path not in files:
             path.unlink()
     for path, text in texts.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists() or path.read_text() != text:
             path.write_text(text)
-    for path, image in copies.items():
+    for path, source in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(image, path)
+        shutil.copy2(source, path)

@@ -1,28 +1,47 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Keeps the pictures of tutorials in docs/images, for readers of the pages outside of the site.
+"""Keeps pictures in docs/ for readers outside of the site: of tutorials and in notebooks.
 
-tests/python/test_pages.py makes them in build/docs/pictures, which the site shows. This writes
-them smaller: python -m website.pictures
+tests/python/test_pages.py and test_notebooks.py make them in build/docs, which the site shows. This
+writes them smaller: python -m website.pictures
 """
 
-from pathlib import Path
+import base64
+import io
+import json
 
 from PIL import Image
 from tracked_files import ROOT
 
 MADE = ROOT / "build/docs/pictures"
 KEPT = ROOT / "docs/images/tutorials"
+MADE_NOTEBOOKS = ROOT / "build/docs/notebooks"
+KEPT_NOTEBOOKS = ROOT / "docs/notebooks"
 LARGEST = 900  # pixels
 
 
-def keep(path: Path) -> None:
-    """Writes a picture with few colours and at most `LARGEST` pixels in width."""
-    with Image.open(path) as picture:
-        small = picture.convert("RGB")
+def smaller(picture: bytes) -> bytes:
+    """Returns a PNG with few colours and at most `LARGEST` pixels in width."""
+    with Image.open(io.BytesIO(picture)) as image:
+        small = image.convert("RGB")
     small.thumbnail((LARGEST, 10 * LARGEST))
-    small.quantize(64).save(KEPT / path.name, optimize=True)
+    written = io.BytesIO()
+    small.quantize(64).save(written, "png", optimize=True)
+    return written.getvalue()
+
+
+def with_smaller_pictures(notebook: str) -> str:
+    """Returns the text of a notebook whose outputs have smaller pictures."""
+    content = json.loads(notebook)
+    for cell in content["cells"]:
+        for output in cell.get("outputs", []):
+            if "image/png" in output.get("data", {}):
+                picture = base64.b64decode(output["data"]["image/png"])
+                output["data"]["image/png"] = base64.b64encode(smaller(picture)).decode()
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
 if __name__ == "__main__":
     for made in sorted(MADE.glob("*.png")):
-        keep(made)
+        (KEPT / made.name).write_bytes(smaller(made.read_bytes()))
+    for made in sorted(MADE_NOTEBOOKS.glob("*.ipynb")):
+        (KEPT_NOTEBOOKS / made.name).write_text(with_smaller_pictures(made.read_text()))
