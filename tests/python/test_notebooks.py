@@ -13,7 +13,7 @@ pytestmark = pytest.mark.release  # pictures, a training
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 MADE = ROOT / "build/docs/notebooks"
-LONGEST = 1200
+LONGEST = 240
 """Time that a cell may take on a busy machine [s]."""
 
 
