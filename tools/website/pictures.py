@@ -20,12 +20,12 @@ LARGEST = 900  # pixels
 
 
 def smaller(picture: bytes) -> bytes:
-    """Returns a PNG with few colours and at most `LARGEST` pixels in width."""
+    """Returns a PNG with 256 colours and at most `LARGEST` pixels in width."""
     with Image.open(io.BytesIO(picture)) as image:
         small = image.convert("RGB")
     small.thumbnail((LARGEST, 10 * LARGEST))
     written = io.BytesIO()
-    small.quantize(64).save(written, "png", optimize=True)
+    small.quantize(256, Image.Quantize.FASTOCTREE).save(written, "png", optimize=True)
     return written.getvalue()
 
 
