@@ -62,7 +62,7 @@ TEST(Draw, IsNotSaidToSucceedIfItDidNothing) {
   EXPECT_FALSE(row().judge(idle, result).succeeds);
 }
 
-TEST(Draw, PutsThePenBackWhenItIsStopped) {
+TEST(StoppedDraw, PutsThePenBackWhenItIsStopped) {
   for (const std::string_view phase : {"look", "approach", "close", "grip", "lift", "carry", "hop",
                                        "draw", "return", "lower", "release"}) {
     const SkillTrial the_trial = trial();
@@ -81,7 +81,7 @@ TEST(Draw, PutsThePenBackWhenItIsStopped) {
   }
 }
 
-TEST(Draw, EndsWithoutPosesInAnyPhase) {
+TEST(StoppedDraw, EndsWithoutPosesInAnyPhase) {
   for (const std::string_view phase : {"look", "grip", "draw", "release"}) {
     const SkillTrial the_trial = trial();
     const Simulation<TriFinger> simulation(the_trial.simulation);
@@ -99,7 +99,7 @@ TEST(Draw, EndsWithoutPosesInAnyPhase) {
   }
 }
 
-TEST(Draw, SaysThatThePenIsGone) {
+TEST(StoppedDraw, SaysThatThePenIsGone) {
   const SkillTrial the_trial = trial();
   const Simulation<TriFinger> simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);

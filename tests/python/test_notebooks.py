@@ -33,6 +33,7 @@ def test_there_are_three() -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_does_what_it_says(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     kept = nbformat.read(path, as_version=4)
     nbformat.validate(kept)
     run = nbformat.from_dict(kept)
@@ -42,6 +43,8 @@ def test_does_what_it_says(path: Path, tmp_path: Path, monkeypatch: pytest.Monke
         run,
         km=kernel,
         timeout=LONGEST,
+        iopub_timeout=LONGEST,
+        startup_timeout=LONGEST,
         record_timing=False,
         resources={"metadata": {"path": str(tmp_path)}},
     ).execute()

@@ -19,6 +19,22 @@ TUTORIALS = [DOCS / f"{name}.md" for name in CONTENTS["Tutorials"]]
 PAGES = [DOCS / "start.md", *TUTORIALS, *sorted(DOCS.glob("howto/*.md"))]
 
 
+# For the robot that a reader writes.
+PATIENT_BACKEND = """
+backend:
+  mode: real_time
+  period: 0.001
+  history: 16384
+  access: owner
+  late_action: {policy: repeat, max_repeats: 1000000}
+  max_skipped_ticks: 1000000
+  max_late_steps: 1000000
+  max_measurement_age: .inf
+  max_rejected_actions: 10
+  first_action_timeout: .inf
+"""
+
+
 def patient_configurations(folder: Path) -> Path:
     """The program's configurations, for a machine that may stall for as long as it likes."""
     shutil.copytree(ROOT / "config", folder)
@@ -27,6 +43,9 @@ def patient_configurations(folder: Path) -> Path:
             r"(max_repeats|max_skipped_ticks|max_late_steps): \d+", r"\1: 1000000", path.read_text()
         )
         path.write_text(re.sub(r"(silent_after|receive_timeout): [\d.]+", r"\1: 10", text))
+    for path in folder.glob("*.yml"):
+        limits = r"(stuck_time|max_position_rate|max_velocity_error): [\d.]+"
+        path.write_text(re.sub(limits, r"\1: .inf", path.read_text()))
     return folder
 
 
@@ -41,7 +60,7 @@ def test_does_what_it_says(path: Path, tmp_path: Path) -> None:
         "MPLBACKEND": "agg",
         "MUJOCO_GL": "egl",
     }
-    page = Page(path, folder, variables)
+    page = Page(path, folder, variables, added={"arm.yml": PATIENT_BACKEND})
     if path in TUTORIALS:  # they build on each other
         for before in TUTORIALS[: TUTORIALS.index(path)]:
             Page(before, folder, variables).save_files()

@@ -66,10 +66,10 @@ def python_tests(count: Count, preset: str, *arguments: str, **variables: str) -
     Each process makes the fixtures of a file again, so few files should be split between processes.
     Two modes of pytest do that, worksteal and loadfile. worksteal goes on when a process has
     crashed or its watchdog, faulthandler_timeout, has ended it; loadfile may wait for ever. If all
-    processes hang, pytest is interrupted after 40 minutes, reports what has failed so far, and is
+    processes hang, pytest is interrupted after an hour, reports what has failed so far, and is
     killed a minute later.
     """
-    limit = ["timeout", "--foreground", "--signal=INT", "--kill-after=1m", "40m"]
+    limit = ["timeout", "--foreground", "--signal=INT", "--kill-after=1m", "60m"]
     results = f"--junitxml={RESULTS / preset / 'python.xml'}"
     pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal", results]
     command = [*limit, *pytest, *arguments, "tests/python"]
