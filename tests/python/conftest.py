@@ -104,8 +104,13 @@ def output_of(
 def patient(configuration: Path, period: float, folder: Path) -> Path:
     """The same robot, in real time, for a machine that may stall for as long as it likes."""
     path = folder / f"patient_{configuration.name}"
-    path.write_text(f"""extends: {configuration}
-backend:
+    path.write_text(f"extends: {configuration}\n{patient_backend(period)}")
+    return path
+
+
+def patient_backend(period: float) -> str:
+    """The section of a configuration for a machine that may stall for as long as it likes."""
+    return f"""backend:
   mode: real_time
   period: {period}
   history: 16384
@@ -116,8 +121,7 @@ backend:
   max_measurement_age: .inf
   max_rejected_actions: 10
   first_action_timeout: .inf
-""")
-    return path
+"""
 
 
 def assert_steady(session: trifinger.LoggedSession) -> None:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import json
+import os
 import re
+import select
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -65,28 +66,21 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
 @pytest.mark.release
 @pytest.mark.parametrize("mode", [[], ["--emulated"]], ids=["simulated", "emulated"])
 def test_no_robot_outlives_a_demo_that_was_killed(mode: list[str], tmp_path: Path) -> None:
-    demo = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", DEMO, *mode, "--output", str(tmp_path)],
-        stdout=subprocess.PIPE,  # ends when all have ended that write to it
+        stdout=subprocess.PIPE,
+        text=True,
         start_new_session=True,
-    )
-    try:
-        while "demo" not in (session.name for session in trifinger.list_sessions()):
-            assert demo.poll() is None
-            time.sleep(0.01)
-        children = Path(f"/proc/{demo.pid}/task/{demo.pid}/children").read_text().split()
-    finally:
-        demo.kill()
-    demo.communicate()
-    assert children
-    while any(is_running(int(child)) for child in children):
-        time.sleep(0.01)
-
-
-def is_running(pid: int) -> bool:
-    """Whether a process is there and no zombie; its number is not used again so soon."""
-    try:
-        status = Path(f"/proc/{pid}/stat").read_text()
-    except OSError:
-        return False
-    return status.rpartition(")")[2].split()[0] != "Z"
+    ) as demo:
+        try:
+            assert demo.stdout is not None
+            assert any("runs in a process of its own" in line for line in demo.stdout)
+            children = Path(f"/proc/{demo.pid}/task/{demo.pid}/children").read_text().split()
+            ends = [os.pidfd_open(int(child)) for child in children]
+        finally:
+            demo.kill()
+        demo.communicate()  # until all have ended that write to it
+    assert ends
+    for end in ends:
+        select.select([end], [], [])
+        os.close(end)

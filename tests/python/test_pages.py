@@ -7,32 +7,18 @@ import shutil
 from pathlib import Path
 
 import pytest
+from conftest import patient_backend
 from pages import Page, pictures
 from website.contents import CONTENTS
+from website.pages import MADE
 
 pytestmark = pytest.mark.release  # programs, pictures, trainings
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PICTURES = ROOT / "build/docs/pictures"
+PICTURES = MADE[Path("docs/images/tutorials")]
 TUTORIALS = [DOCS / f"{name}.md" for name in CONTENTS["Tutorials"]]
 PAGES = [DOCS / "start.md", *TUTORIALS, *sorted(DOCS.glob("howto/*.md"))]
-
-
-# For the robot that a reader writes.
-PATIENT_BACKEND = """
-backend:
-  mode: real_time
-  period: 0.001
-  history: 16384
-  access: owner
-  late_action: {policy: repeat, max_repeats: 1000000}
-  max_skipped_ticks: 1000000
-  max_late_steps: 1000000
-  max_measurement_age: .inf
-  max_rejected_actions: 10
-  first_action_timeout: .inf
-"""
 
 
 def patient_configurations(folder: Path) -> Path:
@@ -60,7 +46,7 @@ def test_does_what_it_says(path: Path, tmp_path: Path) -> None:
         "MPLBACKEND": "agg",
         "MUJOCO_GL": "egl",
     }
-    page = Page(path, folder, variables, added={"arm.yml": PATIENT_BACKEND})
+    page = Page(path, folder, variables, added={"arm.yml": patient_backend(period=0.001)})
     if path in TUTORIALS:  # they build on each other
         for before in TUTORIALS[: TUTORIALS.index(path)]:
             Page(before, folder, variables).save_files()

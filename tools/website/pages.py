@@ -16,7 +16,7 @@ LINK = re.compile(r"\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 # What tests/python/pages.py does with a block: a file to be saved, an output, and so on.
 FENCE = re.compile(r"^```(\w+) ([^\n]+)$", re.MULTILINE)
 COPIED = (".png", ".jpg", ".svg", ".ipynb")  # taken over as they are
-# Where the newest of these are, if the tests have made them.
+# Where the newest files of these folders are, if the tests have made them.
 MADE = {
     Path("docs/images/tutorials"): ROOT / "build/docs/pictures",
     Path("docs/notebooks"): ROOT / "build/docs/notebooks",
@@ -151,7 +151,7 @@ def contents_of(folder: str, title: str, text: str, pages: Iterable[str]) -> Pag
 
 def newest(path: Path) -> Path:
     """Returns what a tutorial or notebook has just made, or what is kept."""
-    made = MADE.get(path.parent, ROOT) / path.name
+    made = MADE.get(path.parent, ROOT / path.parent) / path.name
     return made if made.exists() else ROOT / path
 
 

@@ -8,14 +8,13 @@ writes them smaller: python -m website.pictures
 import base64
 import io
 import json
+from pathlib import Path
 
 from PIL import Image
 from tracked_files import ROOT
 
-MADE = ROOT / "build/docs/pictures"
-KEPT = ROOT / "docs/images/tutorials"
-MADE_NOTEBOOKS = ROOT / "build/docs/notebooks"
-KEPT_NOTEBOOKS = ROOT / "docs/notebooks"
+from .pages import MADE
+
 LARGEST = 900  # pixels
 
 
@@ -40,8 +39,14 @@ def with_smaller_pictures(notebook: str) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
+def kept(made: Path) -> bytes:
+    """Returns what is kept of a picture, or of a notebook with its pictures."""
+    if made.suffix == ".ipynb":
+        return with_smaller_pictures(made.read_text()).encode()
+    return smaller(made.read_bytes())
+
+
 if __name__ == "__main__":
-    for made in sorted(MADE.glob("*.png")):
-        (KEPT / made.name).write_bytes(smaller(made.read_bytes()))
-    for made in sorted(MADE_NOTEBOOKS.glob("*.ipynb")):
-        (KEPT_NOTEBOOKS / made.name).write_text(with_smaller_pictures(made.read_text()))
+    for folder, newest in MADE.items():
+        for file in sorted(newest.glob("*.*")):
+            (ROOT / folder / file.name).write_bytes(kept(file))
