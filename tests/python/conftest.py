@@ -216,6 +216,14 @@ class Running:
         """Reads up to the line that contains `text` and returns that line."""
         return self.read_until(text)[-1]
 
+    def wait_for_all(self, *texts: str) -> list[str]:
+        """Reads up to lines that contain the texts, in any order; returns them in that of `texts`."""
+        lines: dict[str, str] = {}
+        while len(lines) < len(texts):
+            line = self.wait_for("")
+            lines |= {text: line for text in texts if text in line}
+        return [lines[text] for text in texts]
+
     def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
         """Sends a signal, waits for the end, returns the exit status and the rest of the output."""
         self.process.send_signal(number)

@@ -78,9 +78,8 @@ def test_eyes_that_die_are_started_again_and_end_with_the_robot(
     start_program: StartProgram,
 ) -> None:
     robot = start_program("run", "sim_tracked", *PATIENT, *SMALL)
-    line = robot.wait_for("sensor 'cameras': process")
+    line, _ = robot.wait_for_all("sensor 'cameras': process", "cube is found")
     cameras = int(line.split("process ")[1].split()[0])
-    robot.wait_for("cube is found")
     os.kill(cameras, signal.SIGKILL)
     robot.wait_for("'trifinger cameras' was killed by signal 9; it is started again")
     line = robot.wait_for("sensor 'cameras': process")
