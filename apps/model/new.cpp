@@ -32,6 +32,8 @@ constexpr std::string_view kName = "my_robot";
 constexpr std::string_view kStruct = "MyRobot";
 constexpr std::string_view kTemplates = "new_robot";  // a folder of the configurations
 constexpr std::string_view kVersion = "@TRIFINGER_VERSION@";
+// Says in our repository which test types the commands of the templates.
+constexpr std::string_view kTest = " tests/python/test_install.py";
 // The files that name the robot last, so that a driver is looked at before what uses it.
 constexpr std::array<std::string_view, 6> kFiles{
     "README.md", "my_robot.hpp", "my_robot.yml", "my_robot_test.cpp", "main.cpp", "CMakeLists.txt"};
@@ -100,10 +102,11 @@ std::string read_template(std::string_view name) {
   throw Error(fmt::format("the template {}/{} is missing in this installation", kTemplates, name));
 }
 
-// The template for somebody else's project: it is theirs, so our licence line goes.
+// The template for somebody else's project: it is theirs, so our licence line and our tests go.
 std::string for_robot(std::string text, const std::string& name) {
   if (text.find("SPDX-License-Identifier") < text.find('\n')) text.erase(0, text.find('\n') + 1);
   if (text.starts_with("#\n")) text.erase(0, 2);
+  text = replaced(std::move(text), kTest, "");
   const std::string version = TRIFINGER_VERSION;
   text = replaced(std::move(text), kVersion, version.substr(0, version.rfind('.')));
   return replaced(replaced(std::move(text), kName, name), kStruct, struct_name(name));

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Carries out a page of docs/ as a reader does: code blocks in their order, in an empty folder.
+"""Carries out a page as a reader does: code blocks in their order, in an empty folder.
 
 What stands after the language of a block says what a reader does with it:
 
-    ```bash               types its lines into one terminal, one after the other
-    ```bash stays         types its line into a terminal of its own, where the program keeps running
-    ```text output        finds it in what the block before has printed; ... is anything
-    ```text typed 1       types it into the first terminal whose program keeps running
-    ```text output 2      waits until the second of these programs has printed it
-    ```python NAME        saves it as the file NAME; so for every language
-    ```bash tests/NAME    nothing here: the test of this name does it
+    ```bash                     types its lines into one terminal, one after the other
+    ```bash stays               types its line into a terminal of its own, where it keeps running
+    ```text output              finds it in what the block before has printed; ... is anything
+    ```text typed 1             types it into the first terminal whose program keeps running
+    ```text output 2            waits until the second of these programs has printed it
+    ```python NAME              saves it as the file NAME; so for every language
+    ```bash tests/FILE::TEST    nothing here: this test does it, as a rule in less time
+    ```bash needs root          nothing here, and in no test: see NEEDS
+    ```python                   nothing here: it is only shown; so for every language but bash
 """
 
 import contextlib
@@ -21,11 +23,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from tracked_files import tracked_files
+
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(
     r"^```(?P<language>\w+)(?: (?P<use>[^\n]+))?\n(?P<code>.*?)^```$", re.DOTALL | re.MULTILINE
 )
-PICTURE = re.compile(r"!\[[^]]*\]\((?P<path>[^)]+)\)")
+PICTURE = re.compile(r"!\[[^]]*\]\([^)]*images/tutorials/(?P<name>[^)]+)\)")
+NEEDS = {
+    "hardware": "motors, cameras or input devices that no program can stand for",
+    "root": "changes the machine: its packages, its kernel, its users",
+    "network": "downloads, or reaches another machine",
+}
+"""Why no test types a command, after `needs` in a block of a page."""
+
 # `trifinger doctor` says that a machine lacks something by its status: this is no failure.
 WITH_FINDINGS = "trifinger doctor"
 LONGEST = 240.0
@@ -44,7 +55,26 @@ class Block:
     @property
     def is_file(self) -> bool:
         """Whether a reader saves it as a file."""
-        return bool(self.use) and not self.use.startswith(("output", "stays", "typed", "tests/"))
+        uses = ("output", "stays", "typed", "tests/", "needs ")
+        return bool(self.use) and not self.use.startswith(uses)
+
+    @property
+    def is_typed(self) -> bool:
+        """Whether a reader types it into a terminal, and nothing speaks against it here."""
+        return self.language == "bash" and self.use in ("", "stays")
+
+    @property
+    def test(self) -> tuple[Path, str] | None:
+        """The file and the name of the test that does it instead."""
+        if not self.use.startswith("tests/"):
+            return None
+        path, _, name = self.use.partition("::")
+        return ROOT / path, name
+
+
+def documents() -> list[Path]:
+    """Returns all pages that a reader may follow."""
+    return [ROOT / path for path in tracked_files(".md") if path.name != "CHANGELOG.md"]
 
 
 def blocks(text: str) -> list[Block]:
@@ -61,8 +91,8 @@ def line_of(text: str, found: re.Match[str]) -> int:
 
 
 def pictures(text: str) -> list[str]:
-    """Returns the names of the pictures that a page shows."""
-    return [Path(path).name for path in PICTURE.findall(text)]
+    """Returns the names of the pictures that a page makes and shows."""
+    return PICTURE.findall(text)
 
 
 def commands(code: str) -> list[str]:
@@ -190,15 +220,11 @@ class Page:
             self._terminals.append(self._said)
         elif block.use.startswith("typed"):
             self._terminals[int(block.use.split()[1]) - 1].type(block.code)
-        elif block.use.startswith("tests/"):
-            assert (ROOT / block.use).exists(), f"{where}: there is no {block.use}"
         elif block.is_file:
             self._save(block)
-        elif block.language == "bash":
+        elif block.is_typed:
             said = [self._run(command, where) for command in commands(block.code)]
             self._said = "".join(said)
-        else:
-            assert block.language == "text", f"{where}: what to do with this block?"
 
     def _run(self, command: str, where: str) -> str:
         done = subprocess.run(

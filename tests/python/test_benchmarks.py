@@ -272,3 +272,28 @@ def test_a_soak_says_of_everything_whether_it_grew() -> None:
         assert f"{who}: files: first " in output
     assert "shared memory: first " in output
     assert "allowed 2: flat" in output
+
+
+@pytest.mark.release
+def test_a_soak_drives_robots_until_its_steps_are_done() -> None:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "benchmarks" / "soak.py"), "endurance", "--steps", "1e5"],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert "drives that needed a hand or failed: 0 of" in done.stdout
+
+
+@pytest.mark.release
+def test_a_soak_in_real_time_goes_on_after_kills(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The back-end is killed so early that it is there again in time; the next kill is the end.
+    pauses = iter([3.0, 1000.0])
+    monkeypatch.setattr(soak.Random, "uniform", lambda *_: next(pauses))
+    assert soak.endurance_in_real_time(minutes=0.6)
+    output = capsys.readouterr().out
+    assert "2 kills; exit status 0" in output
+    assert "trouble backend_died: " in output

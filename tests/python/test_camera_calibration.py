@@ -533,6 +533,27 @@ def test_the_turntable_gives_the_world(sign: int, cameras: dict[str, TrueCamera]
     assert any("stands 4.0 mm above the table" in remark for remark in found.remarks)
 
 
+@pytest.mark.release
+def test_the_program_calibrates_with_the_turntable_of_the_original(
+    cameras: dict[str, TrueCamera], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = PRESETS["original"]
+    poses = {}
+    for step in range(0, 36, 4):
+        turned = np.eye(4)
+        turned[:3, :3] = boards.turn("z", np.radians(10) * step)
+        poses[f"image_{step:04}"] = turned @ board_on_turntable(board, 0.0)
+    coarse = {
+        name: dataclasses.replace(camera, samples=1, _rays=None) for name, camera in cameras.items()
+    }
+    boards.write_images(tmp_path / "images", coarse, board, poses)
+    monkeypatch.setenv("TRIFINGER_CALIBRATION_DIR", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    words = ["trifinger-pro", "--images", "images", "--board", "original", "--turntable"]
+    assert calibrate_cameras.main(words) == 0
+    assert_true(CameraCalibration.read(tmp_path / "trifinger-pro.cameras.yml"), cameras)
+
+
 def test_the_board_on_the_turntable_is_where_its_drawing_says() -> None:
     board = PRESETS["original"]
     pose = board_on_turntable(board, 0.0)

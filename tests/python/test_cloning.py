@@ -114,9 +114,9 @@ def test_both_formats_teach_the_same(
     wave: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    export("lerobot", wave.folder, "-o", tmp_path / "set")
-    export("minari", wave.folder, "-o", "wave-v0")
-    one, other = cloning.read(tmp_path / "set"), cloning.read("wave-v0")
+    export("lerobot", wave.folder, "-o", tmp_path / "set", "--task", "Swing")
+    export("minari", wave.folder, "-o", "me/wave-v0")
+    one, other = cloning.read(tmp_path / "set"), cloning.read("me/wave-v0")
     assert list(one.inputs) == list(other.inputs)
     assert list(one.outputs) == list(other.outputs)
     for number in range(2):
@@ -126,8 +126,10 @@ def test_both_formats_teach_the_same(
                 getattr(one, name)[one.episodes == number][:count],
                 getattr(other, name)[other.episodes == number],
             )
-    result = clone(one, tmp_path / "wave.policy", Recipe(epochs=2, layers=(8,)))
-    assert result.policy.metadata["inputs"].splitlines() == list(one.inputs)
+    path = tmp_path / "wave.policy"
+    words = [str(tmp_path / "set"), "-o", str(path), "--epochs", "2", "--layers", "8"]
+    assert command.main(words) == 0
+    assert trifinger.Policy(path).metadata["inputs"].splitlines() == list(one.inputs)
 
 
 def test_what_cannot_be_learned_is_refused(tmp_path: Path) -> None:

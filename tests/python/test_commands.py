@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every command on every page is one that its program takes, with its options and its words.
+"""Every command on every page is typed by a test, or is one that its program takes.
 
-Tutorials and how-to pages are carried out as a whole: test_pages.py. The commands of other pages
-need robots, logs or hours. Each is started in an empty folder, in which no robot runs, and is ended
-soon: it may miss a robot or a file, but it must not be told how it is used.
+Pages are carried out as a whole: test_pages.py. What a page shows for robots, logs or hours that a
+test does not have is done by another test, which the block names, or needs what no test has. Each
+of these commands is started in an empty folder, in which no robot runs, and is ended soon: it may
+miss a robot or a file, but it must not be told how it is used.
 """
 
 import contextlib
@@ -15,18 +16,19 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import pages
 import pytest
 from conftest import PROGRAM
-from tracked_files import tracked_files
+from pages import NEEDS, ROOT, Block
 from verbs.main import HELP, check_arguments
 
 pytestmark = pytest.mark.release
 
-ROOT = Path(__file__).parents[2]
-COMMAND = re.compile(r"^(?:    |\$ )(?:\$ )?((?:trifinger|\./run) .+)$")
-# In some blocks two commands stand side by side, and what a command does may follow it.
-SECOND_COLUMN = re.compile(r" {3,}(?=\S)|\s+# ")
-# Alternatives and what may be left out, as in a summary.
+OUTSIDE = re.compile(
+    r"^ {4,}(?:\$ )?(?:trifinger|\./run|pip3?|python3?|cmake|ctest|sudo|source|ssh) .+",
+    re.MULTILINE,
+)
+# What may be left out, as in a summary.
 SUMMARY = re.compile(r"[\[\]|]|\.\.\.")
 WRONG_USE = re.compile(
     r"; 'trifinger .*--help' tells more|^usage: |there is no command", re.MULTILINE
@@ -36,24 +38,50 @@ LONG_ENOUGH = 4.0
 """Time after which a program has read its arguments, or must have [s]."""
 
 
+def blocks() -> Iterator[tuple[Path, Block]]:
+    """Yields the blocks of all pages."""
+    for path in pages.documents():
+        for block in pages.blocks(path.read_text()):
+            yield path.relative_to(ROOT), block
+
+
 def commands() -> Iterator[tuple[str, str]]:
-    """Yields where a command stands, and the command, once for each."""
+    """Yields where a command stands that its page does not carry out, and the command."""
     seen = set()
-    for path in tracked_files(".md"):
-        if path.name == "CHANGELOG.md" or path.parts[0] not in ("docs", "README.md"):
-            continue
-        for number, line in enumerate((ROOT / path).read_text().splitlines(), start=1):
-            if found := COMMAND.match(line):
-                for part in SECOND_COLUMN.split(found[1]):
-                    if part.startswith(("trifinger ", "./run ")) and part not in seen:
-                        seen.add(part)
-                        yield f"{path}:{number}", part.rstrip(" \\")
+    for path, block in blocks():
+        if block.language == "bash" and not block.is_typed:
+            for command in pages.commands(block.code):
+                text = re.sub(r"\s+# .*", "", command).strip()
+                if text not in seen:
+                    seen.add(text)
+                    yield f"{path}:{block.line}", text
 
 
 def of(program: str) -> pytest.MarkDecorator:
     """The commands of a program, each a test."""
     found = [(place, text) for place, text in commands() if text.startswith(program)]
     return pytest.mark.parametrize(("place", "command"), found, ids=[place for place, _ in found])
+
+
+def test_every_command_stands_in_a_block() -> None:
+    for path in pages.documents():
+        outside = OUTSIDE.search(pages.BLOCK.sub("", path.read_text()))
+        assert outside is None, f"{path}: put this into a block of bash: {outside[0]}"
+
+
+def test_every_command_has_its_test() -> None:
+    for path, block in blocks():
+        place = f"{path}:{block.line}: {block.use}"
+        assert block.language not in ("sh", "console", "shell"), f"{place}: write bash"
+        if block.language != "bash" or block.is_typed:
+            continue
+        if block.test is None:
+            assert block.use.partition("needs ")[2] in NEEDS, place
+            continue
+        file, name = block.test
+        assert file.exists(), place
+        text = file.read_text()
+        assert all(re.search(rf"\b{part}\b", text) for part in name.split(".") if part), place
 
 
 @of("trifinger ")

@@ -99,6 +99,14 @@ def expect_end_and_recovery(faulty: Faulty, fault: str, sentence: str) -> None:
     faulty.recovers()
 
 
+def test_faults_that_are_given_begin_at_their_times(start_program: StartProgram) -> None:
+    silent, loses = "board 3 silent at 0.5 s for 0.2 s", "bus 0 loses 1 %"
+    boards = start_program("emulate", EMULATED, *SETTINGS, "--fault", silent, "--fault", loses)
+    boards.wait_for(f"fault '{loses}' begins")
+    boards.wait_for(f"fault '{silent}' begins")
+    boards.wait_for(f"fault '{silent}' is over")
+
+
 def test_fault_37_lost_frames_by_command(start_faulty: StartFaulty) -> None:
     expect_that_it_goes_on(start_faulty(), "bus 2 loses 10 %")
 

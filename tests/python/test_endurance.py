@@ -99,6 +99,17 @@ def test_a_signal_brings_the_robot_to_rest_and_writes_the_page(
     assert "fault" not in output
 
 
+def test_ends_when_its_time_is_over(
+    start_program: StartProgram, drive: Drive, tmp_path: Path
+) -> None:
+    start_program(*ROBOT).wait_for("waits for a user")
+    lasting = drive("--duration", "2s")
+    output, _ = lasting.process.communicate()
+    assert lasting.process.returncode == 0, output
+    assert counted(tmp_path / "health", "steps") >= 1000
+    assert "It has ended as it was told" in (tmp_path / "health/health.html").read_text()
+
+
 def test_asks_for_a_hand_if_nobody_starts_the_robot_again(
     start_program: StartProgram, drive: Drive, tmp_path: Path
 ) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import trifinger
 from conftest import BUILD, StartProgram, output_of
+from trifinger.commands import plot
 
 pytestmark = pytest.mark.release
 
@@ -174,7 +175,7 @@ def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
         *("two_axes.hpp", "two_axes.yml", "two_axes_test.cpp"),
     }
     texts = [path.read_text() for path in project.iterdir()]
-    assert not any(re.search(r"my_robot|MyRobot|SPDX|@", text) for text in texts)
+    assert not any(re.search(r"my_robot|MyRobot|SPDX|@|tests/", text) for text in texts)
 
     # As its README says, with warnings as errors.
     build = project / "build"
@@ -205,6 +206,8 @@ def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
     assert recorder.process.wait() == 0
     session = trifinger.Log(tmp_path / "logs").session("two_axes")
     assert session.type == "two_axes"
+    assert plot.main([str(tmp_path / "logs"), "-o", str(tmp_path / "run.png")]) == 0
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
     assert session.steps is not None
     assert session.steps >= 100
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 import trifinger
@@ -20,7 +21,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
 from trifinger.cameras import Cameras
-from trifinger.commands import export
+from trifinger.commands import export, film
 from trifinger.errors import CameraLost, HistoryLost, InvalidArgument, NotInLog
 from trifinger.log import camera_film, original
 from trifinger.log.images import LoggedCameras, LoggedImages
@@ -290,6 +291,14 @@ def test_the_film_shows_images_at_their_time(jpeg: Recorded) -> None:
         for picture in pictures
     ]
     assert all(before < after for before, after in itertools.pairwise(columns))
+
+
+def test_images_become_files_and_a_film(jpeg: Recorded, tmp_path: Path) -> None:
+    assert export.main([str(jpeg.path.parent), "--images", str(tmp_path / "images")]) == 0
+    assert len(list((tmp_path / "images").rglob("*.jpg"))) == 3 * len(jpeg.seen)
+    assert film.main([str(jpeg.path.parent), "--cameras", "-o", str(tmp_path / "film")]) == 0
+    with av.open(str(tmp_path / "film/cameras.mp4")) as made:
+        assert made.streams.video[0].width == 3 * camera_film.SIZE
 
 
 def test_a_lost_camera_is_said(raw: Recorded) -> None:

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import json
+import shlex
 import signal
 import subprocess
 from pathlib import Path
 
 import av
+import numpy as np
 import pytest
 from conftest import BUILD, StartProgram
 from trifinger.commands import film
@@ -76,6 +78,56 @@ def test_puts_the_cube_down_when_it_is_interrupted(
         "failed: it was stopped",
     ]
     robot.wait_for("finished")
+
+
+# The commands of docs/skills.md. A cube that is brought far away would take the test long.
+SKILLS = [
+    ("sim", "turn"),
+    ("sim", "turn --taught"),
+    ("sim_cuboid", "stand"),
+    ("sim_balance", "balance --set duration=60"),
+    ("throw", "throw"),
+    ("throw_far", "throw --set stroke=far"),
+    ("catch", "catch"),
+    ("sim_pen", "draw --set word=HELLO"),
+    ("pushing", "flip --set face=+y"),
+    ("pushing", "place --set 'goals=[{place: [0.005, 0.005], face: \"+z\", turn: 0.1}]'"),
+    (
+        "pushing",
+        "carry --set 'goal.position=[0.03, 0, 0.08]' --set 'goal.orientation=[0.924, 0.383, 0, 0]'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("config", "words"), SKILLS, ids=[words for _, words in SKILLS])
+def test_carries_out_a_skill(
+    start_program: StartProgram, tmp_path: Path, config: str, words: str
+) -> None:
+    robot = start_program("run", config, "--name", "s", "--non-real-time")
+    robot.wait_for("waits for a user")
+    output = tmp_path / "output"
+    command = [PROGRAM, *shlex.split(words), "--robot", "s", "--output", output]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads((output / "report.json").read_text())
+    assert report["is_done"]
+    assert report["task"] == words.split()[0]
+    assert (output / "trace.csv").read_text().count("\n") > 100
+    assert "fault" not in robot.end()[1]
+
+
+def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
+    command = [BUILD / "evaluation/evaluate_teach", "turn", "--output", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    shipped = Path(__file__).parents[2] / "config/skills/taught/turn.csv"
+    made, taught = (
+        np.genfromtxt(file, delimiter=",", skip_header=1)
+        for file in (tmp_path / "turn.csv", shipped)
+    )
+    assert made.shape[1] == taught.shape[1]
+    assert made[-1, 0] == pytest.approx(taught[-1, 0], rel=0.1)  # the duration
+    np.testing.assert_allclose(made[0], taught[0], atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import trifinger
-from conftest import PROGRAM, output_of
+from conftest import PROGRAM, StartProgram, output_of
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -73,7 +73,9 @@ def test_leaves_what_is_there_alone(tmp_path: Path) -> None:
     assert (tmp_path / "cart.yml").read_text() == "mine"
 
 
-def test_asks_for_what_the_file_of_a_robot_does_not_say(tmp_path: Path) -> None:
+def test_asks_for_what_the_file_of_a_robot_does_not_say(
+    tmp_path: Path, start_program: StartProgram
+) -> None:
     models = tmp_path / "models"
     models.mkdir()
     (models / "gantry.xml").write_text(MJCF)
@@ -87,6 +89,10 @@ def test_asks_for_what_the_file_of_a_robot_does_not_say(tmp_path: Path) -> None:
     assert "swing: {max_torque: FILL_IN, soft_lower: FILL_IN, soft_upper: FILL_IN}" in text
     refusal = output_of(PROGRAM, "config", path, succeeds=False)
     assert "'FILL_IN'" in refusal
+    bare = tmp_path / "bare.yml"
+    bare.write_text("name: bare\ndriver: simulation\nrobot: {mjcf: models/gantry.xml}\n")
+    asked = output_of(PROGRAM, "config", bare, succeeds=False)
+    assert "rail: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 m" in asked
 
     # With numbers it is a robot.
     text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
@@ -95,6 +101,7 @@ def test_asks_for_what_the_file_of_a_robot_does_not_say(tmp_path: Path) -> None:
     robot = trifinger.simulate(str(path))
     t = robot.append_desired_action(robot.new_action(torque=[1, 0]))
     assert robot.get_applied_action(t).torque[0] == pytest.approx(1)
+    start_program("run", str(path)).wait_for("gantry: holds its pose and waits for a user")
 
 
 def test_reads_urdf(tmp_path: Path) -> None:

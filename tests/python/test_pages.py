@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every tutorial and how-to page is carried out as it stands, with the pictures that it shows."""
+"""Every page is carried out as it stands; tutorials make the pictures that they show."""
 
 import os
 import re
@@ -8,17 +8,16 @@ from pathlib import Path
 
 import pytest
 from conftest import patient_backend
-from pages import Page, pictures
+from pages import ROOT, Page, blocks, documents, pictures
 from website.contents import CONTENTS
 from website.pages import MADE
 
 pytestmark = pytest.mark.release  # programs, pictures, trainings
 
-ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PICTURES = MADE[Path("docs/images/tutorials")]
 TUTORIALS = [DOCS / f"{name}.md" for name in CONTENTS["Tutorials"]]
-PAGES = [DOCS / "start.md", *TUTORIALS, *sorted(DOCS.glob("howto/*.md"))]
+PAGES = [path for path in documents() if any(block.is_typed for block in blocks(path.read_text()))]
 
 
 def patient_configurations(folder: Path) -> Path:
@@ -35,7 +34,7 @@ def patient_configurations(folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_does_what_it_says(path: Path, tmp_path: Path) -> None:
     folder = tmp_path / "reader"
     folder.mkdir()
@@ -43,8 +42,10 @@ def test_does_what_it_says(path: Path, tmp_path: Path) -> None:
         **os.environ,
         "PATH": f"{ROOT}/.venv/bin:{os.environ['PATH']}",
         "TRIFINGER_CONFIG_DIR": str(patient_configurations(tmp_path / "config")),
+        "BROWSER": "true",  # opens nothing
         "MPLBACKEND": "agg",
         "MUJOCO_GL": "egl",
+        "MINARI_DATASETS_PATH": str(tmp_path / "minari"),
     }
     page = Page(path, folder, variables, added={"arm.yml": patient_backend(period=0.001)})
     if path in TUTORIALS:  # they build on each other

@@ -5,12 +5,14 @@ import json
 import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import StartProgram
@@ -53,7 +55,7 @@ def free_port() -> int:
 def file_of_page(name: str) -> str:
     """A file that the page shows in full: the block of code after the line that names it."""
     found = re.search(
-        rf"^`{re.escape(name)}`:\n\n```[a-z]*\n(.*?)^```$", PAGE.read_text(), re.M | re.S
+        rf"^`{re.escape(name)}`:\n\n```[a-z]+[^\n]*\n(.*?)^```$", PAGE.read_text(), re.M | re.S
     )
     assert found, f"{PAGE} does not show {name}"
     return found[1]
@@ -179,19 +181,28 @@ def queue(turn: Place) -> Iterator[Queue]:
         queue.end()
 
 
-def test_three_jobs_share_a_robot_and_one_of_them_is_hostile(
-    turn: Place, queue: Queue, start_program: StartProgram
-) -> None:
+@pytest.fixture
+def script(turn: Place, start_program: StartProgram) -> Path:
+    """The job of the page, for the program that its arguments name; its robot runs."""
     robot = start_program("run", "sim", "--name", "robot-1", "--non-real-time", user=NOBODY)
     robot.wait_for("waits for a user")
-    jobs = turn.folder / "jobs"
-    script = jobs / "job.sh"
+    script = turn.folder / "jobs" / "job.sh"
     text = file_of_page("my_job.sh")
     own = f"{PROGRAM} run --self-test hold --grace 1s --time 4s --env {PACKAGES}"
     assert "trifinger job run" in text
     text = text.replace("trifinger job run", own).replace("python3 my_experiment.py", '"$@"')
     script.write_text(text)
     script.chmod(0o755)
+    return script
+
+
+def report_of(job: str, jobs: Path) -> dict[str, Any]:
+    """What the turn of a job has written."""
+    return dict(json.loads((jobs / f"job-{job}/job.json").read_text()))
+
+
+def test_three_jobs_share_a_robot_and_one_of_them_is_hostile(queue: Queue, script: Path) -> None:
+    jobs = script.parent
     drive = ["/usr/bin/python3", "-c", DRIVE]
     hostile = "(setsid setsid sleep 1000 &); trap '' TERM; kill -9 $PPID; while true; do :; done"
     ids = [
@@ -202,7 +213,7 @@ def test_three_jobs_share_a_robot_and_one_of_them_is_hostile(
     while queue.tell("squeue", "--noheader"):
         queue.look()
 
-    reports = [json.loads((jobs / f"job-{number}/job.json").read_text()) for number in ids]
+    reports = [report_of(number, jobs) for number in ids]
     assert [report["exit_code"] for report in reports] == [0, 11, 0]
     assert [report["driving"]["steps"] for report in reports] == [100, 0, 100]
     assert all(report["after"]["is_fit"] for report in reports)
@@ -232,4 +243,22 @@ def test_three_jobs_share_a_robot_and_one_of_them_is_hostile(
         text=True,
     )
     assert restored.returncode == 0, restored.stdout
+    shutil.rmtree(jobs)
+
+
+def test_a_job_that_is_given_up_brings_the_robot_back(queue: Queue, script: Path) -> None:
+    jobs = script.parent
+    script.write_text(script.read_text().replace("--time 4s", "--time 10min"))
+    job = queue.submit(script, "sleep", "1000")
+    while not processes_in(jobs / f"job-{job}/work"):
+        queue.look()
+    queue.tell("scancel", job)
+    while queue.tell("squeue", "--noheader"):
+        queue.look()
+    report = report_of(job, jobs)
+    assert report["exit_code"] == 128 + signal.SIGTERM
+    assert report["after"]["is_fit"]
+    assert not processes_in(jobs)
+    told = queue.tell("sacct", "--completion", "-f", str(queue.folder / "completed"))
+    assert "CANCELLED" in told
     shutil.rmtree(jobs)

@@ -5,6 +5,7 @@ import os
 import pty
 import re
 import signal
+import struct
 import subprocess
 import sys
 import termios
@@ -21,17 +22,31 @@ from trifinger.commands.command_line import wait_until_measured
 pytestmark = pytest.mark.release  # these tests need the program
 
 PROGRAM = "import sys; from trifinger.commands.teleop import main; sys.exit(main())"
+# What Linux would say of a gamepad.
+PAD = """
+import struct
+from pathlib import Path
+from trifinger.teleoperation import gamepad
+
+def ioctl(_, request, buffer):
+    if request & 0xFF == 0x06:
+        return b"Pad of the test".ljust(len(buffer), b"\\0")
+    return struct.pack("@6i", 0, -100, 100, 0, 0, 0)
+
+gamepad.fcntl.ioctl = ioctl
+gamepad.find_gamepads = lambda: [Path("event7")]
+"""
 RIGHT, UP, PAGE_UP = "\x1b[C", "\x1b[A", "\x1b[5~"
 
 
 class Terminal:
     """`trifinger teleop` on a terminal."""
 
-    def __init__(self, *words: str, cwd: Path | None = None) -> None:
+    def __init__(self, *words: str, cwd: Path | None = None, before: str = "") -> None:
         self.shown, self.terminal = pty.openpty()
         self.before = termios.tcgetattr(self.terminal)
         self.process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *words],
+            [sys.executable, "-c", f"{before}\n{PROGRAM}", *words],
             stdin=self.terminal,
             stdout=self.terminal,
             stderr=self.terminal,
@@ -82,8 +97,8 @@ def start_teleop() -> Iterator[type[Terminal]]:
     terminals: list[Terminal] = []
 
     class Started(Terminal):
-        def __init__(self, *words: str, cwd: Path | None = None) -> None:
-            super().__init__(*words, cwd=cwd)
+        def __init__(self, *words: str, cwd: Path | None = None, before: str = "") -> None:
+            super().__init__(*words, cwd=cwd, before=before)
             terminals.append(self)
 
     yield Started
@@ -265,6 +280,33 @@ def test_a_device_of_your_own_moves_the_robot(
     observer = trifinger.observe("robot")  # of the next session, which begins anew
     assert observer.latest_observation() is not None
     assert begin.shape == (3, 3)
+
+
+@one_robot
+@pytest.mark.parametrize("device", ["gamepad", "gamepad:event7"])
+def test_a_gamepad_moves_a_tip_and_stops_the_session(
+    start_teleop: type[Terminal], robot: Running, tips: Tips, tmp_path: Path, device: str
+) -> None:
+    assert robot.process.pid
+    observer = trifinger.observe("robot")
+    os.mkfifo(tmp_path / "event7")
+    with os.fdopen(os.open(tmp_path / "event7", os.O_RDWR), "wb", buffering=0) as kernel:
+
+        def say(kind: int, code: int, value: int) -> None:
+            kernel.write(struct.pack("@llHHi", 0, 0, kind, code, value))
+            kernel.write(struct.pack("@llHHi", 0, 0, 0, 0, 0))  # that is all for now
+
+        terminal = start_teleop("robot", "--device", device, cwd=tmp_path, before=PAD)
+        terminal.wait_for("Pad of the test (event7)")
+        begin = tips.now()[0]
+        while tips.now()[0, 2] < begin[2] + 0.01:
+            say(3, 4, -100)  # the right stick is pushed up
+            terminal.press("")
+            tips.wait(50)
+        say(1, 0x131, 1)  # the button B
+        status, text = terminal.end()
+    assert status == 0, text
+    assert observer.fault() is not None
 
 
 def test_the_help_shows_every_key() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import PIL.Image
 import pytest
 import trifinger
-from conftest import StartProgram
+from conftest import PROGRAM, StartProgram, output_of
 from trifinger.colours import Samples
 from trifinger.commands import calibrate_colours
 from trifinger.tracking import Tracker, faces_in_blocks, tracked_object
@@ -105,6 +105,20 @@ def test_the_program_writes_the_poses_of_a_running_robot(start_program: StartPro
     assert "images gave poses" in output
 
 
+def saved_images(renderer: trifinger.CameraRenderer, parent: Path) -> list[str]:
+    """Folders of images that show each face of the cube."""
+    folders = []
+    for number, turn in enumerate(([1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0])):
+        orientation = np.array(turn) / np.linalg.norm(turn)
+        shown = renderer.render(np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, orientation]))
+        folder = parent / f"images_{number}"
+        folder.mkdir()
+        for name, image in zip(renderer.names, shown, strict=True):
+            PIL.Image.fromarray(image).save(folder / f"{name}.png")
+        folders.append(str(folder))
+    return folders
+
+
 def test_the_command_learns_colours_from_saved_images(
     renderer: trifinger.CameraRenderer,
     tmp_path: Path,
@@ -113,19 +127,30 @@ def test_the_command_learns_colours_from_saved_images(
 ) -> None:
     monkeypatch.setenv("TRIFINGER_CALIBRATION_DIR", str(tmp_path))
     (tmp_path / "sim.cameras.yml").write_text(renderer.calibration)
-    folders = []
-    for number, turn in enumerate(([1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0])):
-        orientation = np.array(turn) / np.linalg.norm(turn)
-        shown = renderer.render(np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, orientation]))
-        folder = tmp_path / f"images_{number}"
-        folder.mkdir()
-        for name, image in zip(renderer.names, shown, strict=True):
-            PIL.Image.fromarray(image).save(folder / f"{name}.png")
-        folders.append(str(folder))
+    folders = saved_images(renderer, tmp_path)
     target = tmp_path / "colours.yml"
     assert calibrate_colours.main(["sim", "--images", *folders, "--to", str(target)]) == 0
     assert "left out" not in capsys.readouterr().out
     tracker = Tracker(renderer.calibration, tracked_object("sim"), target.read_text())
-    assert tracker.track(shown).is_sure
+    images = [np.asarray(PIL.Image.open(Path(folders[-1], f"{n}.png"))) for n in renderer.names]
+    assert tracker.track(images).is_sure
     assert calibrate_colours.main(["sim", "--images", str(tmp_path), "--to", str(target)]) == 1
     assert "camera60.png is missing" in capsys.readouterr().err
+
+
+def test_colours_of_a_laboratory_are_learned_and_used(
+    renderer: trifinger.CameraRenderer,
+    start_program: StartProgram,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TRIFINGER_CALIBRATION_DIR", str(tmp_path))
+    (tmp_path / "sim.cameras.yml").write_text(renderer.calibration)
+    start_program("run", "sim_cameras", "--no-sensors").wait_for("holds")
+    start_program("cameras", "sim").wait_for("deliver images")
+    seen = str(tmp_path / "seen")
+    output_of(PROGRAM, "look", "sim", "--raw", "-o", seen, "--timeout", "60")
+    folders = [seen, *saved_images(renderer, tmp_path)]
+    colours = str(tmp_path / "colours.yml")
+    assert calibrate_colours.main(["sim", "--images", *folders, "--to", colours]) == 0
+    start_program("track", "sim", "--colours", colours).wait_for("cube is found")

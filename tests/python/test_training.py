@@ -15,6 +15,7 @@ import killed_training
 import numpy as np
 import pytest
 import trifinger
+from conftest import PROGRAM, output_of
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import DDPG
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -466,6 +467,14 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     }
 
 
+@pytest.mark.parametrize("task", ["push", "dclaw_turn_fixed"])
+def test_the_recipes_of_the_pages_train(task, tmp_path):
+    settings = SHORT | {"num_envs": 2, "rollout": 10}
+    words = [task, "--algorithm", "ppo", "--episodes", "2", "--out", str(tmp_path / "run")]
+    assert train.main([*words, *(f"--set={name}={value}" for name, value in settings.items())]) == 0
+    assert trifinger.Policy(tmp_path / f"run/{task}.policy").metadata["task"] == task
+
+
 def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):
     assert train.main(["reach", "--out", str(undisturbed)]) == 2
     assert "--resume" in capsys.readouterr().err
@@ -507,6 +516,17 @@ def test_evaluate_says_how_near_a_policy_comes(undisturbed, capsys):
     assert f"{100 * summary['median']:.2f} cm" in capsys.readouterr().out
     assert evaluate.main([policy, "--task", "finger_reach", "--json"]) == 0
     assert evaluate.main([policy, "--episodes", "0"]) == 2
+
+
+def test_the_commands_of_the_readme_train_evaluate_and_run(tmp_path, monkeypatch, start_program):
+    monkeypatch.chdir(tmp_path)
+    settings = [f"--set={name}={value}" for name, value in SHORT.items()]
+    assert train.main(["reach", "--shared", "--episodes", "2", *settings]) == 0
+    assert evaluate.main(["reach/reach.policy", "--episodes", "1"]) == 0
+    robot = start_program("run", "trifinger_edu", "--name", "edu", "--non-real-time")
+    robot.wait_for("waits for a user")
+    words = ["reach/reach.policy", "--robot", "edu", "--episodes", "1"]
+    assert "of 1 episodes ended" in output_of(PROGRAM, "run-policy", *words)
 
 
 def test_a_plan_is_what_was_written(tmp_path):

@@ -149,6 +149,21 @@ def test_an_old_python_is_told_which_one_is_needed() -> None:
     assert "Python 3.11 or later is needed, python3 is 3.9.2" in done.stderr
 
 
+def test_an_activated_terminal_finds_programs_and_package() -> None:
+    found = "command -v trifinger; python -c 'import sys; print(*sys.path, sep=chr(10))'"
+    done = subprocess.run(
+        ["bash", "-e", "-c", f"source .venv/bin/activate; {found}"],
+        cwd=ROOT,
+        env={"PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    program, *places = done.stdout.splitlines()
+    assert Path(program).samefile(ROOT / ".venv" / "bin" / "trifinger")
+    assert any(place.endswith("/build/release/python") for place in places)
+
+
 @pytest.mark.parametrize("comes_early", [False, True])
 def test_sigterm_ends_what_runs(tmp_path: Path, *, comes_early: bool) -> None:
     pipe = tmp_path / "pipe"

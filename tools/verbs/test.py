@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .build import build, jobs, uses
 from .counting import RESULTS, Count
+from .docs import build_site, look_at_site
 from .lint import lint
 from .machine import NotRun, test_in_machine
 from .setup import PYTHON, fetch_robots, setup
@@ -28,6 +29,7 @@ def test() -> int:
         ("AddressSanitizer and UBSan", test_with_address_sanitizer),
         ("ThreadSanitizer, a fuzzer beside it", test_with_thread_sanitizer),
         ("release build", test_release),
+        ("documentation site", test_site),
         ("SocketCAN on a real-time kernel", test_in_machine),
         ("every fault has its test", test_every_fault),
     ]
@@ -179,6 +181,12 @@ def test_release(count: Count) -> bool:
     passed = python_tests(count, "release", "-m", "release")
     count.end_ctest(steps, step, "release")
     return passed and step.succeeded
+
+
+def test_site(count: Count) -> bool:
+    """Builds the site, with pictures of the pages that the release build has carried out."""
+    build_site()
+    return look_at_site(count)
 
 
 def test_every_fault(count: Count) -> bool:  # noqa: ARG001

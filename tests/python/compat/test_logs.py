@@ -16,6 +16,7 @@ import robot_interfaces
 import trifinger
 from backend import running
 from hypothesis import given, strategies as st
+from trifinger.commands import export
 from trifinger.log import original
 from trifinger_cameras.py_tricamera_types import LogReader as ImagesReader
 from trifinger_compat import camera_hdf5, robot_data
@@ -300,3 +301,7 @@ def test_a_log_of_ours_is_exported_to_the_original_format(tmp_path: Path) -> Non
         assert np.array_equal(each.observation.position, logged.position)
     steps = np.diff([each.timestamp for each in data])
     assert np.all(steps > 0)
+    whole = tmp_path / "whole"
+    assert export.main([str(recorder.file), "--format", "original", "-o", str(whole)]) == 0
+    (path,) = whole.iterdir()
+    assert len(robot_interfaces.trifinger.BinaryLogReader(path).data) >= 40
