@@ -21,6 +21,7 @@ from rows import Row, markdown
 from trifinger.progress import Progress
 
 README = Path(__file__).with_name("README.md")
+FIGURES = Path(__file__).with_name("figures.json")  # of which the documentation site draws plots
 
 # The order in which the measures are run, and in which the tables list their rows.
 MEASURES = (
@@ -78,8 +79,9 @@ def machine() -> str:
     """Returns when and where the figures were measured."""
     cpu = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
     compiler = subprocess.run(["g++", "-dumpfullversion"], stdout=subprocess.PIPE, check=True)
+    name = cpu[1] if cpu else "unknown"
     return (
-        f"{time.strftime('%B %Y')}, {os.cpu_count()} processors ({cpu[1] if cpu else 'unknown'}), "
+        f"{time.strftime('%-d %B %Y')}, {os.cpu_count()} processors ({name}), "
         f"Linux {platform.release()}, g++ {compiler.stdout.decode().strip()}, Release."
     )
 
@@ -113,7 +115,9 @@ def parse() -> argparse.Namespace:
         "--quick", action="store_true", help="a look in seconds: fewer rounds, not to be quoted"
     )
     parser.add_argument(
-        "--write", action="store_true", help="put the figures of a whole run into the README here"
+        "--write",
+        action="store_true",
+        help="put the figures of a whole run into README.md and figures.json here",
     )
     arguments = parser.parse_args()
     names = [measure.name for measure in MEASURES]
@@ -188,7 +192,9 @@ def main() -> int:
         return 1
     if arguments.write:
         README.write_text(with_figures(README.read_text(), tables))
-        print(f"{README} written.")
+        content = {"machine": machine(), "rows": [row.json() for row in rows]}
+        FIGURES.write_text(json.dumps(content, indent=2) + "\n")
+        print(f"{README} and {FIGURES} written.")
     return 0
 
 

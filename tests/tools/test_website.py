@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from website import cpp_reference, faults, pages, pictures, programs, python_reference
+from website import cpp_reference, faults, figures, pages, pictures, programs, python_reference
 from website.contents import CONTENTS
 
 
@@ -85,6 +85,37 @@ def test_every_fault_and_every_header_has_its_place() -> None:
     assert (
         "{doxygenfile} include/trifinger/core/backend.hpp" in headers["reference/cpp/core/backend"]
     )
+
+
+def test_figures_of_others_are_compared_with_measures_of_ours(tmp_path: Path) -> None:
+    machine, rows = figures.measured()
+    page = figures.page(tmp_path)
+    assert machine in page
+    for row in rows:
+        assert f"| {row.measure} | {row.figure()} |" in page
+    by_name = {row.measure: row for row in rows}
+    for other in figures.others():
+        ours = by_name[other.measure]
+        assert ours.unit == other.unit, other.what
+        better = ours.value > other.value if "/s" in other.unit else ours.value < other.value
+        assert better == (other.times_better(ours) > 1), other.what
+
+
+def test_the_same_figures_give_the_same_plots(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        figures.page(tmp_path / folder)
+    plots = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert {"ratios.svg", "others.svg", "skills.svg"} <= set(plots)
+    for name in plots:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_results_say_how_often_an_experiment_succeeded() -> None:
+    text = (
+        "# R\n\n| what | succeed |\n|---|---|\n| `a` | 3 of 4 |\n| b | 0.3 kg |\n\n| c | 1 of 1 |\n"
+    )
+    assert [*figures.successes(text)] == [figures.Success("a", 3, 4)]
+    assert [*figures.successes("| seed | distance |\n|---|---|\n| 3 of 4 | 2 |\n")] == []
 
 
 def test_pictures_of_notebooks_are_kept_small() -> None:

@@ -52,7 +52,7 @@ def build_site() -> None:
     install_python_packages(steps)
     if comments_have_changed():
         steps.run("comments of C++", ["doxygen", "docs/Doxyfile"])
-    path = os.pathsep.join([str(PACKAGES), str(ROOT / "tools")])
+    path = os.pathsep.join([str(PACKAGES), str(ROOT / "tools"), str(ROOT / "benchmarks")])
     steps.run("pages", [PYTHON, "-m", "website", "build/docs/source"], PYTHONPATH=path)
     sphinx = [PYTHON, "-m", "sphinx", "--fail-on-warning", "--keep-going", "-c", "docs"]
     folders = ["-d", "build/docs/doctrees", "build/docs/source", "build/docs/html"]

@@ -5,7 +5,7 @@ import sys
 
 from tracked_files import ROOT, tracked_files
 
-from . import configuration, cpp_reference, faults, programs, python_reference
+from . import configuration, cpp_reference, faults, figures, programs, python_reference
 from .contents import CONTENTS
 from .pages import (
     COPIED,
@@ -44,6 +44,8 @@ def site() -> tuple[Pages, Copies]:
     generated = reference()
     pages, linked = pages_of(documents())
     generated["faults"] = faults.page()
+    plots = ROOT / "build/docs/figures"
+    generated["figures"] = figures.page(plots)
     linked |= linked_sources("".join(generated.values()))
     pages["index"] = home(pages["index"])
     pages["configuration"] = configuration.without_table(pages["configuration"])
@@ -57,6 +59,7 @@ def site() -> tuple[Pages, Copies]:
         pages |= contents_of(folder, title, text, names)
     copies = copies_of(path for path in linked if path.suffix in COPIED)
     copies |= copies_of(tracked_files(".ipynb"))
+    copies |= {f"figures/{plot.name}": plot for plot in plots.glob("*.svg")}
     return pages | generated | shown_files(linked), copies
 
 

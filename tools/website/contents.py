@@ -47,6 +47,7 @@ CONTENTS = {
         "control",
         "learning",
         "decisions/index",
+        "figures",
         "results/index",
         "benchmarks",
     ],
