@@ -71,8 +71,7 @@ def with_links_of_the_site(text: str, document: Path, linked: set[Path]) -> str:
         if path is None:
             return link[0]
         linked.add(path)
-        place = f"/{copied_name(path)}" if path.suffix in COPIED else f"/{name_of(path)}.md"
-        return f"]({place}{link['anchor'] or ''})"
+        return f"]({place_of(path)}{link['anchor'] or ''})"
 
     return LINK.sub(rewritten, FENCE.sub(with_caption, text))
 
@@ -84,7 +83,7 @@ def with_caption(fence: re.Match[str]) -> str:
         return f"```{{code-block}} {language}\n:class: output\n"
     if use == "stays":
         return f"```{{code-block}} {language}\n:caption: keeps running in a terminal of its own\n"
-    if use.startswith(("typed", "tests/")):
+    if use.startswith(("typed", "tests/", "needs ")):
         return f"```{language}"
     return f"```{{code-block}} {language}\n:caption: {use}\n"
 
@@ -97,6 +96,11 @@ def linked_sources(text: str) -> set[Path]:
 def copied_name(path: Path) -> str:
     """Returns the place on the site of a file that is taken as it is."""
     return str(path.relative_to("docs") if path.parts[0] == "docs" else path)
+
+
+def place_of(path: Path) -> str:
+    """Returns where a link to a file or folder of the repository leads on the site."""
+    return f"/{copied_name(path)}" if path.suffix in COPIED else f"/{name_of(path)}.md"
 
 
 def documents() -> list[Path]:
@@ -126,7 +130,7 @@ def shown_files(linked: Iterable[Path]) -> Pages:
         if (ROOT / path).is_dir():
             files = [file for file in tracked_files() if file.is_relative_to(path)]
             waiting.extend(file for file in files if name_of(file).startswith("source/"))
-            links = (f"- [{file.relative_to(path)}](/{name_of(file)}.md)" for file in files)
+            links = (f"- [{file.relative_to(path)}]({place_of(file)})" for file in files)
             body = "\n".join(links)
         elif path.suffix in COPIED:
             continue
