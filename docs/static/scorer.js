@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* How search orders what it finds: a title that has the words as they were typed comes first. */
+/* How search orders what it finds: pages that say that they answer these words come first (SEARCHED
+   in tools/website/contents.py), then titles that have the words as they were typed. */
 Scorer = {
-  score: ([, title, , , score]) => {
+  score: ([, title, , , score, , kind]) => {
     const words = new URLSearchParams(window.location.search).get("q") || "";
-    return title.toLowerCase().includes(words.toLowerCase().trim()) ? score + 100 : score;
+    const isTitle = title.toLowerCase().includes(words.toLowerCase().trim());
+    return kind === "index" || isTitle ? score + 100 : score;
   },
   objNameMatch: 11,
   objPartialMatch: 6,

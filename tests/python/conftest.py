@@ -217,7 +217,7 @@ class Running:
         return self.read_until(text)[-1]
 
     def wait_for_all(self, *texts: str) -> list[str]:
-        """Reads up to lines that contain the texts, in any order; returns them in that of `texts`."""
+        """Reads until there was a line with each text, in any order, and returns these lines."""
         lines: dict[str, str] = {}
         while len(lines) < len(texts):
             line = self.wait_for("")

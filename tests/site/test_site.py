@@ -12,6 +12,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from chromium import open_browser
 from playwright.sync_api import Browser, Page
+from website.contents import SEARCHED
 
 ROOT = Path(__file__).parents[2]
 SITE = ROOT / "build/docs/html"
@@ -90,9 +91,6 @@ def found(browser: Browser, words: str) -> list[str]:
 @pytest.mark.parametrize(
     ("words", "answer"),
     [
-        ("late action", "howto/late_action.html"),
-        ("thermal", "howto/warm_motors.html"),
-        ("own robot", "tutorials/own_robot.html"),
         ("recover", "reference/programs/recover.html"),
         ("fingers.height", "reference/configuration/trifinger.html"),
         ("append_desired_action", "reference/python/trifinger.html"),
@@ -100,6 +98,11 @@ def found(browser: Browser, words: str) -> list[str]:
 )
 def test_a_search_finds_the_page_that_answers(browser: Browser, words: str, answer: str) -> None:
     assert answer in found(browser, words)
+
+
+@pytest.mark.parametrize(("page", "words"), SEARCHED.items(), ids=SEARCHED)
+def test_what_readers_search_for_comes_first(browser: Browser, page: str, words: list[str]) -> None:
+    assert {found(browser, each)[0] for each in words} == {f"{page}.html"}
 
 
 SHOWN = ["index", "tutorials/first_loop", "faults", "reference/python/trifinger", "configuration"]

@@ -5,7 +5,7 @@ import os
 import shutil
 import tomllib
 
-from .build import build
+from .build import build, jobs
 from .counting import Count
 from .setup import PYTHON, install_debian_packages, setup
 from .steps import ROOT, StepFailed, Steps
@@ -29,15 +29,10 @@ def docs() -> int:
 
 
 def carry_out_pages(count: Count) -> bool:
-    """Carries out tutorials, how-to pages and notebooks, whose pictures the site then shows."""
-    pytest = [
-        PYTHON,
-        "-m",
-        "pytest",
-        "tests/python/test_pages.py",
-        "tests/python/test_notebooks.py",
-    ]
-    return count.pytest(Steps("docs"), "pages are carried out", pytest).succeeded
+    """Carries out pages and notebooks, whose pictures the site then shows."""
+    pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal"]
+    files = ["tests/python/test_pages.py", "tests/python/test_notebooks.py"]
+    return count.pytest(Steps("docs"), "pages are carried out", [*pytest, *files]).succeeded
 
 
 def build_site() -> None:
@@ -54,8 +49,9 @@ def build_site() -> None:
         steps.run("comments of C++", ["doxygen", "docs/Doxyfile"])
     path = os.pathsep.join([str(PACKAGES), str(ROOT / "tools"), str(ROOT / "benchmarks")])
     steps.run("pages", [PYTHON, "-m", "website", "build/docs/source"], PYTHONPATH=path)
-    sphinx = [PYTHON, "-m", "sphinx", "--fail-on-warning", "--keep-going", "-c", "docs"]
-    folders = ["-d", "build/docs/doctrees", "build/docs/source", "build/docs/html"]
+    # Sphinx forgets index entries of pages that it does not write again: a search would miss them.
+    sphinx = [PYTHON, "-m", "sphinx", "--write-all", "--fail-on-warning", "--keep-going"]
+    folders = ["-c", "docs", "-d", "build/docs/doctrees", "build/docs/source", "build/docs/html"]
     site = steps.check("site", [*sphinx, *folders], PYTHONPATH=path)
     if not site.succeeded:  # Sphinx would not say again what is wrong with a page that it has read
         shutil.rmtree(FOLDER / "doctrees", ignore_errors=True)

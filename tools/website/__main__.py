@@ -6,7 +6,7 @@ import sys
 from tracked_files import ROOT, tracked_files
 
 from . import configuration, cpp_reference, faults, figures, programs, python_reference
-from .contents import CONTENTS
+from .contents import CONTENTS, SEARCHED
 from .pages import (
     COPIED,
     Copies,
@@ -17,6 +17,7 @@ from .pages import (
     linked_sources,
     pages_of,
     shown_files,
+    with_entries,
     write,
 )
 
@@ -49,6 +50,8 @@ def site() -> tuple[Pages, Copies]:
     linked |= linked_sources("".join(generated.values()))
     pages["index"] = home(pages["index"])
     pages["configuration"] = configuration.without_table(pages["configuration"])
+    for name, words in SEARCHED.items():
+        pages[name] = with_entries(pages[name], words)
     folders = {
         "decisions": ("Decisions", "Why things are as they are: requirement, options, choice."),
         "results": ("Results", "Experiments, each repeated by `./run evaluate`."),

@@ -63,3 +63,23 @@ CONTENTS = {
     ],
     "Working on it": ["development", "contributing", "packages/index"],
 }
+
+SEARCHED = {
+    "howto/late_action": ["late action"],
+    "howto/robot_stopped": ["fault", "recovery"],
+    "howto/warm_motors": ["thermal", "overheating"],
+    "tutorials/first_loop": ["control loop"],
+    "tutorials/own_controller": ["own controller"],
+    "tutorials/own_task": ["own task", "reward"],
+    "tutorials/own_robot": ["own robot", "new robot"],
+    "tutorials/real_robot": ["real robot"],
+    "explanation/timing_contract": ["timing", "time index"],
+    "coming_from_the_original": ["robot_interfaces", "robot_fingers", "trifinger_simulation"],
+    "installing": ["install", "pip", "wheel", "debian"],
+    "real_time": ["latency", "jitter", "preempt_rt"],
+    "hardware": ["motor boards", "homing"],
+    "logs": ["record", "mcap"],
+    "training": ["reinforcement learning"],
+    "view": ["browser"],
+}
+"""What readers search for, by the page that answers: it comes first in the results."""

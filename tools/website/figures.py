@@ -80,6 +80,12 @@ class Other:
         ratio = float(ours.value / self.value)
         return ratio if self.unit.endswith("/s") else 1 / ratio
 
+    def figure(self) -> str:
+        """Returns the figure as our tables have it."""
+        from rows import Row
+
+        return Row.of(self.what, [self.value], self.unit, reach="", holds=True).figure()
+
 
 @dataclass(frozen=True)
 class Success:
@@ -249,7 +255,7 @@ def page(folder: Path) -> str:
         ),
         "|---|---|---|---|---|",
         *(
-            f"| {other.what} | {number(other.value)} {other.unit} | {ours.figure()} "
+            f"| {other.what} | {other.figure()} | {ours.figure()} "
             f"| {other.times_better(ours):.3g} | {other.source} |"
             for other, ours in pairs
         ),
@@ -273,8 +279,3 @@ def page(folder: Path) -> str:
         experiments="\n\n".join(plots),
         table="\n".join(table),
     )
-
-
-def number(value: float) -> str:
-    """Returns a number with thin groups of thousands."""
-    return f"{value:,g}".replace(",", " ")

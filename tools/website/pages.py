@@ -141,6 +141,12 @@ def shown_files(linked: Iterable[Path]) -> Pages:
     return pages
 
 
+def with_entries(text: str, words: Iterable[str]) -> str:
+    """Returns a page with entries of the index, which a search shows first, below its title."""
+    entries = ", ".join(f"! {word}" for word in words)
+    return re.sub(r"(?m)^# .*$", rf"\g<0>\n\n```{{index}} {entries}\n```", text, count=1)
+
+
 def list_of(pages: Mapping[str, str]) -> str:
     """Returns a list of links to pages, which have these titles."""
     return "\n".join(f"- [`{title}`](/{name}.md)" for title, name in pages.items())
