@@ -119,7 +119,7 @@ def lateness_row(name: str, rounds: Iterator[int], window: Callable[[], float]) 
         reference_value=statistics.median(alone),
         ratio=ratio,
         remark="Three times `trifinger view`, each with a connection that reads all; drawing is "
-        "left out, because a browser runs elsewhere or beside everything else.",
+        "left out, because a browser runs elsewhere or beside everything else",
     )
 
 
@@ -138,7 +138,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             "ms",
             reach="<= 100 ms",
             holds=bool(age <= 100.0),
-            remark=f"`--plain`; {remark}.",
+            remark=f"`--plain`; {remark}",
         ),
         Row(
             "pictures of a running robot in a browser",
@@ -148,7 +148,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             "/s",
             reach=">= 30 /s",
             holds=bool(rate >= 30.0),
-            remark=f"`--plain`; {remark}.",
+            remark=f"`--plain`; {remark}",
         ),
         Row(
             "the same with light and shadows, which need a graphics card",
@@ -158,7 +158,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             "/s",
             reach="",
             holds=True,
-            remark=f"{remark}.",
+            remark=remark,
         ),
     ]
 

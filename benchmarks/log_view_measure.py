@@ -127,6 +127,6 @@ def measure(rounds: Iterable[int], is_quick: bool) -> list[Row]:
             ratio=statistics.median(drawn) / reference,
             reach="<= 3 s",
             holds=statistics.median(drawn) <= 3.0,
-            remark="`--plain`; an open Chromium without a graphics card, on the same processors.",
+            remark="`--plain`; an open Chromium without a graphics card, on the same processors",
         ),
     ]

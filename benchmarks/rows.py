@@ -79,7 +79,7 @@ def markdown(rows: Iterable[Row]) -> str:
         holds = ("yes" if row.holds else "**no**") if row.reach else ""
         cells = (row.measure, row.figure(), row.beside(), ratio, row.reach, holds)
         lines.append("|" + "|".join(f" {cell} " if cell else " " for cell in cells) + "|")
-    remarks = [f"- {row.measure}: {row.remark.rstrip('.')}." for row in rows if row.remark]
+    remarks = [f"- {row.measure}: {row.remark}." for row in rows if row.remark]
     return "\n".join([*lines, *(["", *remarks] if remarks else [])])
 
 

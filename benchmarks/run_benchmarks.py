@@ -21,7 +21,7 @@ from rows import Row, markdown
 from trifinger.progress import Progress
 
 README = Path(__file__).with_name("README.md")
-FIGURES = Path(__file__).with_name("figures.json")  # of which the documentation site draws plots
+FIGURES = Path(__file__).with_name("figures.json")  # from which the site draws plots
 
 # The order in which the measures are run, and in which the tables list their rows.
 MEASURES = (

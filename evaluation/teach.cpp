@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <exception>
 #include <fstream>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "evaluation/teaching.hpp"
@@ -20,9 +22,15 @@ namespace {
 struct TeachOptions {
   std::vector<std::string> skills;
   std::filesystem::path output{"config/skills/taught"};
-  double interval{0.01};  // [s]
+  std::optional<double> interval;  // [s]
   Hands hands;
 };
+
+// The time between two samples of a motion that is taught [s]: fast motions need more of them.
+double usual_interval(std::string_view skill) {
+  if (skill == "throw") return 0.005;
+  return skill == "flip" ? 0.01 : 0.02;
+}
 
 void write(const std::filesystem::path& path, const std::string& text) {
   std::ofstream file(path);
@@ -36,7 +44,8 @@ int teach(const TeachOptions& options) {
     const std::string name(skill.name);
     if (std::ranges::find(options.skills, name) == options.skills.end()) continue;
     const SkillTrial trial = make_skill_trial(std::string(skill.robot), name);
-    const auto motion = taught(trial, options.hands, control::Seconds(options.interval));
+    const control::Seconds interval(options.interval.value_or(usual_interval(name)));
+    const auto motion = taught(trial, options.hands, interval);
     const auto path = options.output / (name + ".csv");
     write(path, text_of(motion));
     fmt::print("{}: {:.1f} s in {}\n", name, motion.duration().count(), path.string());
@@ -49,9 +58,11 @@ int run_program(int argument_count, char** arguments) {
   CLI::App program("Teaches skills in simulation by springs that lead the tips.", "evaluate teach");
   program.add_option("SKILL", options.skills, "The skills to teach")->required();
   program.add_option("--output", options.output, "Folder of the motions")->capture_default_str();
-  program.add_option("--interval", options.interval, "Time between two samples [s]")
-      ->check(CLI::Range(0.001, 0.1))
-      ->capture_default_str();
+  program
+      .add_option(
+          "--interval", options.interval,
+          "Time between two samples [s]; default: 0.005 for throw, 0.01 for flip, else 0.02")
+      ->check(CLI::Range(0.001, 0.1));
   program.add_option("--stiffness", options.hands.stiffness, "Of the springs [N/m]")
       ->capture_default_str();
   program.add_option("--damping", options.hands.damping, "Of the springs [Ns/m]")

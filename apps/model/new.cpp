@@ -32,8 +32,6 @@ constexpr std::string_view kName = "my_robot";
 constexpr std::string_view kStruct = "MyRobot";
 constexpr std::string_view kTemplates = "new_robot";  // a folder of the configurations
 constexpr std::string_view kVersion = "@TRIFINGER_VERSION@";
-// Says in our repository which test types the commands of the templates.
-constexpr std::string_view kTest = " tests/python/test_install.py";
 // The files that name the robot last, so that a driver is looked at before what uses it.
 constexpr std::array<std::string_view, 6> kFiles{
     "README.md", "my_robot.hpp", "my_robot.yml", "my_robot_test.cpp", "main.cpp", "CMakeLists.txt"};
@@ -94,6 +92,17 @@ std::string replaced(std::string text, std::string_view from, std::string_view t
   return text;
 }
 
+// Behind ```bash our own pages name the test that types the commands.
+std::string without_tests(std::string text) {
+  constexpr std::string_view kBash = "```bash";
+  const std::string test = std::string(kBash) + " tests/";
+  for (std::size_t at = text.find(test); at != std::string::npos; at = text.find(test, at)) {
+    const std::size_t begin = at + kBash.size();
+    text.erase(begin, text.find('\n', begin) - begin);
+  }
+  return text;
+}
+
 std::string read_template(std::string_view name) {
   for (const fs::path& place : config_folders(std::string(kTemplates))) {
     constexpr std::size_t kMaxSize = 1U << 20U;
@@ -106,7 +115,7 @@ std::string read_template(std::string_view name) {
 std::string for_robot(std::string text, const std::string& name) {
   if (text.find("SPDX-License-Identifier") < text.find('\n')) text.erase(0, text.find('\n') + 1);
   if (text.starts_with("#\n")) text.erase(0, 2);
-  text = replaced(std::move(text), kTest, "");
+  text = without_tests(std::move(text));
   const std::string version = TRIFINGER_VERSION;
   text = replaced(std::move(text), kVersion, version.substr(0, version.rfind('.')));
   return replaced(replaced(std::move(text), kName, name), kStruct, struct_name(name));

@@ -218,11 +218,15 @@ class Running:
 
     def wait_for_all(self, *texts: str) -> list[str]:
         """Reads until there was a line with each text, in any order, and returns these lines."""
-        lines: dict[str, str] = {}
-        while len(lines) < len(texts):
-            line = self.wait_for("")
-            lines |= {text: line for text in texts if text in line}
-        return [lines[text] for text in texts]
+        assert self.process.stdout is not None
+        seen = []
+        found: dict[str, str] = {}
+        for line in self.process.stdout:
+            seen.append(line)
+            found |= {text: line for text in texts if text in line}
+            if len(found) == len(texts):
+                return [found[text] for text in texts]
+        raise AssertionError(f"it ended without {set(texts) - set(found)}:\n{''.join(seen)}")
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
         """Sends a signal, waits for the end, returns the exit status and the rest of the output."""

@@ -15,10 +15,12 @@ What stands after the language of a block says what a reader does with it:
 """
 
 import contextlib
+import math
 import re
 import signal
 import subprocess
 import threading
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,13 +36,17 @@ NEEDS = {
     "hardware": "motors, cameras or input devices that no program can stand for",
     "root": "changes the machine: its packages, its kernel, its users",
     "network": "downloads, or reaches another machine",
+    "environment": "changes the Python environment that the tests run in",
+    "setup": "./run test does it before any test",
+    "release": "./run release --check does it",
+    "hours": "takes hours, and nothing of it can be left out",
 }
 """Why no test types a command, after `needs` in a block of a page."""
 
 # `trifinger doctor` says that a machine lacks something by its status: this is no failure.
 WITH_FINDINGS = "trifinger doctor"
-LONGEST = 240.0
-"""Time that a command may take, or a program until it is ready, on a busy machine [s]."""
+LONGEST = 270.0
+"""Time for all commands of a page on a busy machine [s]. The watchdog of pytest comes later."""
 
 
 @dataclass(frozen=True)
@@ -129,10 +135,10 @@ class Terminal:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
-    def wait_for(self, text: str) -> None:
+    def wait_for(self, text: str, timeout: float) -> None:
         """Waits until it has printed `text`, in which ... is anything."""
         with self._changed:
-            self._changed.wait_for(lambda: contains(self.output, text) or self._is_closed, LONGEST)
+            self._changed.wait_for(lambda: contains(self.output, text) or self._is_closed, timeout)
         assert contains(self.output, text), f"'{self.command}' has only said:\n{self.output}"
 
     def type(self, text: str) -> None:
@@ -180,9 +186,11 @@ class Page:
         self._added = added or {}
         self._terminals: list[Terminal] = []
         self._said: str | Terminal = ""
+        self._end = math.inf
 
     def carry_out(self) -> None:
         """Does what the blocks say, then ends what still runs."""
+        self._end = time.monotonic() + LONGEST
         try:
             for block in blocks(self.text):
                 self._do(block)
@@ -194,6 +202,10 @@ class Page:
             with contextlib.ExitStack() as ends:
                 for terminal in self._terminals:
                     ends.callback(terminal.end)
+
+    @property
+    def _remaining(self) -> float:
+        return max(self._end - time.monotonic(), 0.0)
 
     def save_files(self) -> None:
         """Saves what the blocks name as files, and does nothing else."""
@@ -208,10 +220,10 @@ class Page:
     def _do(self, block: Block) -> None:
         where = f"{self.path.name}:{block.line}"
         if block.use.startswith("output "):
-            self._terminals[int(block.use.split()[1]) - 1].wait_for(block.code)
+            self._terminals[int(block.use.split()[1]) - 1].wait_for(block.code, self._remaining)
         elif block.use == "output":
             if isinstance(self._said, Terminal):
-                self._said.wait_for(block.code)
+                self._said.wait_for(block.code, self._remaining)
             else:
                 assert contains(self._said, block.code), f"{where}: the output is\n{self._said}"
         elif block.use == "stays":
@@ -234,7 +246,7 @@ class Page:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
-            timeout=LONGEST,
+            timeout=self._remaining,
             text=True,
             check=False,
         )

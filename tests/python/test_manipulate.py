@@ -126,6 +126,7 @@ def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
         for file in (tmp_path / "turn.csv", shipped)
     )
     assert made.shape[1] == taught.shape[1]
+    assert made[1, 0] == taught[1, 0]
     assert made[-1, 0] == pytest.approx(taught[-1, 0], rel=0.1)  # the duration
     np.testing.assert_allclose(made[0], taught[0], atol=1e-3)
 

@@ -28,7 +28,7 @@ def manipulate(*words: str) -> subprocess.CompletedProcess[str]:
 def test_a_cube_is_lifted_by_sight(start_program: StartProgram, tmp_path: Path) -> None:
     words = ["sim_tracked", "--non-real-time", *SMALL, "--set", "fingers.height=0.3"]
     start_program("run", *words).wait_for("waits for a user")
-    subprocess.run([PROGRAM, "look", "sim"], cwd=tmp_path, check=True)
+    subprocess.run([PROGRAM, "look", "sim", "--timeout", "60"], cwd=tmp_path, check=True)
     assert list(tmp_path.glob("*.png"))
     short = [word for each in SHORT for word in ("--set", each)]
     done = manipulate("--output", str(tmp_path), *short)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from rows import Row
 from website import cpp_reference, faults, figures, pages, pictures, programs, python_reference
 from website.contents import CONTENTS
 
@@ -97,8 +98,13 @@ def test_figures_of_others_are_compared_with_measures_of_ours(tmp_path: Path) ->
     for other in figures.others():
         ours = by_name[other.measure]
         assert ours.unit == other.unit, other.what
-        better = ours.value > other.value if "/s" in other.unit else ours.value < other.value
-        assert better == (other.times_better(ours) > 1), other.what
+
+
+@pytest.mark.parametrize(("unit", "times"), [("steps/s", 4.0), ("ns", 0.25)])
+def test_a_rate_is_better_if_it_is_large_and_a_time_if_it_is_small(unit: str, times: float) -> None:
+    other = figures.Other("a loop", "another", 10.0, unit, "our loop", "their paper")
+    ours = Row.of("our loop", [40.0], unit, reach="", holds=True)
+    assert other.times_better(ours) == times
 
 
 def test_the_same_figures_give_the_same_plots(tmp_path: Path) -> None:

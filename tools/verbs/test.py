@@ -172,8 +172,9 @@ def run_fuzzers(seconds: int) -> list[str]:
 
 def test_release(count: Count) -> bool:
     """Runs the programs, the examples, and what a sanitizer hinders."""
-    targets = ["apps", "bindings", "examples", "benchmarks", "tests/python"]
-    build("release", *(f"{target}/all" for target in targets), "tests_without_sanitizer")
+    folders = ["apps", "bindings", "examples", "benchmarks", "tests/python"]
+    targets = ["tests_without_sanitizer", "evaluate_teach"]
+    build("release", *(f"{folder}/all" for folder in folders), *targets)
     # Both run at once, because many Python tests only wait for a robot in real time.
     steps = Steps("release")
     ctest = ["ctest", "--preset", "release", "-L", "^examples$|_without_sanitizer$"]

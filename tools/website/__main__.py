@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes the sources of the site into a folder: python -m website FOLDER."""
 
+import shutil
 import sys
 
 from tracked_files import ROOT, tracked_files
@@ -46,6 +47,7 @@ def site() -> tuple[Pages, Copies]:
     pages, linked = pages_of(documents())
     generated["faults"] = faults.page()
     plots = ROOT / "build/docs/figures"
+    shutil.rmtree(plots, ignore_errors=True)
     generated["figures"] = figures.page(plots)
     linked |= linked_sources("".join(generated.values()))
     pages["index"] = home(pages["index"])

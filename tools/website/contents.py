@@ -49,7 +49,7 @@ CONTENTS = {
         "decisions/index",
         "figures",
         "results/index",
-        "benchmarks",
+        "All measures and references </benchmarks>",
     ],
     "Reference": [
         "reference/python/index",

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The page of figures: what `./run bench` has measured, results of experiments, and other systems.
 
-Plots are drawn of benchmarks/figures.json, which `./run bench --write` writes, of
-benchmarks/others.json, the published or measured figures of other systems, and of the tables of
+Plots are drawn from benchmarks/figures.json, which `./run bench --write` writes, from
+benchmarks/others.json, the published or measured figures of other systems, and from the tables of
 docs/results.
 """
 
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rows import Row, markdown
 from tracked_files import ROOT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from rows import Row
 
 MEASURED = ROOT / "benchmarks/figures.json"
 OTHERS = ROOT / "benchmarks/others.json"
@@ -30,9 +30,9 @@ COUNT = re.compile(r"(\d+) of (\d+)")
 
 PAGE = """# Figures
 
-{machine} `./run bench --write` measures everything on this page that is a time or a rate,
-and `./run evaluate` the experiments. Machines are shared and noisy, so a figure is best read as a
-ratio to a reference of the same run.
+{machine} `./run bench --write` has measured our times and rates, `./run evaluate` the
+experiments. Machines are shared and noisy, so a figure is best read as a ratio to a reference of
+the same run.
 
 ## Beside a reference
 
@@ -48,8 +48,8 @@ A triangle is the limit that we set ourselves; the dot shall be on the side to w
 
 {comparison}
 
-The figures of the original stack are of another machine with two processors, so only large
-differences mean something. It was built with optimisation, which its default is not.
+The figures of the original stack come from another machine with two processors, so only large
+differences mean something. We built it with optimisation; its default build has none.
 
 ## Experiments
 
@@ -75,15 +75,13 @@ class Other:
     measure: str
     source: str
 
-    def times_better(self, ours: "Row") -> float:
+    def times_better(self, ours: Row) -> float:
         """How many times better our figure is; rates are better if they are large."""
         ratio = float(ours.value / self.value)
         return ratio if self.unit.endswith("/s") else 1 / ratio
 
     def figure(self) -> str:
         """Returns the figure as our tables have it."""
-        from rows import Row
-
         return Row.of(self.what, [self.value], self.unit, reach="", holds=True).figure()
 
 
@@ -96,10 +94,8 @@ class Success:
     tried: int
 
 
-def measured() -> tuple[str, list["Row"]]:
+def measured() -> tuple[str, list[Row]]:
     """Returns when and where figures were measured, and the rows."""
-    from rows import Row
-
     content = json.loads(MEASURED.read_text())
     return content["machine"], [Row(**row) for row in content["rows"]]
 
@@ -169,7 +165,7 @@ def shortened(name: str, length: int = 62) -> str:
     return name if len(name) <= length else name[: length - 1].rstrip(" ,") + "…"
 
 
-def draw_ratios(rows: Iterable["Row"], path: Path) -> None:
+def draw_ratios(rows: Iterable[Row], path: Path) -> None:
     """Draws each measure as a multiple of its reference, and what is asked for."""
     shown = [(row, row.ratio) for row in rows if row.ratio is not None and FACTOR.search(row.reach)]
 
@@ -192,7 +188,7 @@ def draw_ratios(rows: Iterable["Row"], path: Path) -> None:
     draw(path, 0.6 + 0.28 * len(shown), paint)
 
 
-def draw_others(pairs: Sequence[tuple[Other, "Row"]], path: Path) -> None:
+def draw_others(pairs: Sequence[tuple[Other, Row]], path: Path) -> None:
     """Draws how many times better we are than another system."""
 
     def paint(axes: "Axes") -> None:
@@ -250,23 +246,12 @@ def page(folder: Path) -> str:
     for name, rows_of_page in tried.items():
         draw_successes(rows_of_page, folder / f"{name}.svg")
     comparison = [
-        "| | {system} | here | times better | figure of the other |".format(
-            system=" or ".join(sorted({other.system for other, _ in pairs}))
-        ),
-        "|---|---|---|---|---|",
+        "| | other system | its figure | here | times better | where from |",
+        "|---|---|---|---|---|---|",
         *(
-            f"| {other.what} | {other.figure()} | {ours.figure()} "
+            f"| {other.what} | {other.system} | {other.figure()} | {ours.figure()} "
             f"| {other.times_better(ours):.3g} | {other.source} |"
             for other, ours in pairs
-        ),
-    ]
-    table = [
-        "| measure | median (low to high) | reach | holds |",
-        "|---|---|---|---|",
-        *(
-            f"| {row.measure} | {row.figure()} | {row.reach} "
-            f"| {('yes' if row.holds else '**no**') if row.reach else ''} |"
-            for row in rows
         ),
     ]
     plots = [
@@ -277,5 +262,5 @@ def page(folder: Path) -> str:
         machine=machine,
         comparison="\n".join(comparison),
         experiments="\n\n".join(plots),
-        table="\n".join(table),
+        table=markdown(rows),
     )
