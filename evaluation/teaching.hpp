@@ -16,7 +16,7 @@ struct Hands {
 // controller. Then the robot floats, and a spring at each tip leads it: a hand goes where the tip
 // was shown to be, ahead of it by the force that the tip needs. Returns what the joints did, and
 // the torques of the springs.
-[[nodiscard]] manipulation::TaughtMotion taught(const SkillTrial& trial, const Hands& hands = {},
-                                                control::Seconds interval = control::Seconds(0.01));
+[[nodiscard]] manipulation::TaughtMotion taught(const SkillTrial& trial, const Hands& hands,
+                                                control::Seconds interval);
 
 }  // namespace trifinger::evaluation

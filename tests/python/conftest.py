@@ -202,31 +202,21 @@ class Running:
             extra_groups=None if user is None else [],
         )
 
-    def read_until(self, text: str) -> list[str]:
-        """Reads up to the line that contains `text` and returns all lines that were read."""
+    def read_until(self, *texts: str) -> list[str]:
+        """Reads until there was a line with each text, in any order; returns all that was read."""
         assert self.process.stdout is not None
         seen = []
+        missing = set(texts)
         for line in self.process.stdout:
             seen.append(line)
-            if text in line:
+            missing = {text for text in missing if text not in line}
+            if not missing:
                 return seen
-        raise AssertionError(f"it ended without {text!r}:\n{''.join(seen)}")
+        raise AssertionError(f"it ended without {missing}:\n{''.join(seen)}")
 
     def wait_for(self, text: str) -> str:
         """Reads up to the line that contains `text` and returns that line."""
         return self.read_until(text)[-1]
-
-    def wait_for_all(self, *texts: str) -> list[str]:
-        """Reads until there was a line with each text, in any order, and returns these lines."""
-        assert self.process.stdout is not None
-        seen = []
-        found: dict[str, str] = {}
-        for line in self.process.stdout:
-            seen.append(line)
-            found |= {text: line for text in texts if text in line}
-            if len(found) == len(texts):
-                return [found[text] for text in texts]
-        raise AssertionError(f"it ended without {set(texts) - set(found)}:\n{''.join(seen)}")
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
         """Sends a signal, waits for the end, returns the exit status and the rest of the output."""

@@ -80,11 +80,12 @@ def test_eyes_that_die_are_started_again_and_end_with_the_robot(
     start_program: StartProgram,
 ) -> None:
     robot = start_program("run", "sim_tracked", *PATIENT, *SMALL)
-    line, _ = robot.wait_for_all("sensor 'cameras': process", "cube is found")
+    process = "sensor 'cameras': process"
+    (line,) = (line for line in robot.read_until(process, "cube is found") if process in line)
     cameras = int(line.split("process ")[1].split()[0])
     os.kill(cameras, signal.SIGKILL)
     robot.wait_for("'trifinger cameras' was killed by signal 9; it is started again")
-    line = robot.wait_for("sensor 'cameras': process")
+    line = robot.wait_for(process)
     again = int(line.split("process ")[1].split()[0])
     assert again != cameras
     status, _ = robot.end()

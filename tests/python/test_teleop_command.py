@@ -293,7 +293,7 @@ def test_a_gamepad_moves_a_tip_and_stops_the_session(
 
         def say(kind: int, code: int, value: int) -> None:
             kernel.write(struct.pack("@llHHi", 0, 0, kind, code, value))
-            kernel.write(struct.pack("@llHHi", 0, 0, 0, 0, 0))  # that is all for now
+            kernel.write(struct.pack("@llHHi", 0, 0, 0, 0, 0))  # SYN_REPORT
 
         terminal = start_teleop("robot", "--device", device, cwd=tmp_path, before=PAD)
         terminal.wait_for("Pad of the test (event7)")

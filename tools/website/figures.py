@@ -160,6 +160,11 @@ def label(axes: "Axes", names: Sequence[str]) -> None:
     axes.tick_params(axis="y", length=0)
 
 
+def write_beside(axes: "Axes", end: float, place: int, text: str) -> None:
+    """Writes a figure to the right of its bar."""
+    axes.annotate(text, (end, place), (5, 0), textcoords="offset points", va="center", color=GREY)
+
+
 def shortened(name: str, length: int = 62) -> str:
     """Returns a name that leaves room for its plot."""
     return name if len(name) <= length else name[: length - 1].rstrip(" ,") + "…"
@@ -195,14 +200,7 @@ def draw_others(pairs: Sequence[tuple[Other, Row]], path: Path) -> None:
         for place, (other, ours) in enumerate(pairs):
             times = other.times_better(ours)
             axes.plot([1, times], [place, place], color=GOOD if times >= 1 else BAD, linewidth=7)
-            axes.annotate(
-                f"{times:.3g}x",
-                (max(times, 1), place),
-                (5, 0),
-                textcoords="offset points",
-                va="center",
-                color=GREY,
-            )
+            write_beside(axes, max(times, 1), place, f"{times:.3g}x")
         axes.axvline(1, color=GREY, linewidth=0.8)
         axes.set_xscale("log")
         axes.set_xticks([1, 10, 100], ["as good", "10 times better", "100 times better"])
@@ -220,14 +218,7 @@ def draw_successes(shown: Sequence[Success], path: Path) -> None:
         for place, success in enumerate(shown):
             share = success.done / success.tried
             axes.barh(place, share, color=GOOD, height=0.6)
-            axes.annotate(
-                f"{success.done} of {success.tried}",
-                (share, place),
-                (5, 0),
-                textcoords="offset points",
-                va="center",
-                color=GREY,
-            )
+            write_beside(axes, share, place, f"{success.done} of {success.tried}")
         axes.set_xlim(0, 1.12)
         axes.set_xticks([0, 0.5, 1], ["0", "half", "all"])
         label(axes, [success.what for success in shown])
