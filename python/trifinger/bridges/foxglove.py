@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import json
+import math
 import re
 import socket
 import struct
@@ -19,9 +20,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import TYPE_CHECKING
-from urllib.parse import parse_qs, urlsplit
 
-from trifinger import extras
+from trifinger import extras, web_server
 from trifinger._trifinger import LiveChannel, LiveMessage, LiveMessages
 from trifinger.errors import Error, InvalidArgument
 
@@ -45,7 +45,7 @@ MAX_INCOMING = 1 << 18
 POLL_PERIOD = 0.02
 """Time between two looks at the robot [s]."""
 TELL_PERIOD = 1.0
-"""Time between two sentences about lost messages [s]."""
+"""Time between two sentences about lost messages, or about clients that were refused [s]."""
 
 Tell = Callable[[str], None]
 """Takes a sentence for people."""
@@ -108,6 +108,8 @@ class FoxgloveServer:
         self._known = 0
         self._newest: dict[int, dict[int, tuple[int, bytes]]] = {}  # by channel and part
         self._clients: set[Client] = set()
+        self._refused = 0  # clients that were not told of
+        self._refused_at = -math.inf
         self._session_id = str(time.time_ns())
         self._server: Server | None = None
 
@@ -131,19 +133,17 @@ class FoxgloveServer:
 
         Raises Error if the address cannot be used.
         """
-        from websockets.asyncio.server import serve
         from websockets.typing import Subprotocol
 
-        async with serve(
+        async with web_server.serve(
             self._serve_client,
-            sock=listen(self.options.host, self.options.port),
+            listen(self.options.host, self.options.port),
+            self._check,
             subprotocols=[Subprotocol(name) for name in PROTOCOLS],
-            process_request=self._check,
             compression=None,
             close_timeout=1,
             max_size=MAX_INCOMING,
             max_queue=16,
-            server_header=None,
         ) as self._server:
             ready()
             while True:
@@ -158,8 +158,18 @@ class FoxgloveServer:
         if reason is None:
             return None
         status, sentence = reason
-        self._tell(f"a client was refused: {sentence}")
+        self._tell_refusal(sentence)
         return connection.respond(status, f"{sentence}\n")
+
+    def _tell_refusal(self, sentence: str) -> None:
+        """Tells of a client that was refused, or counts it if another was told of just now."""
+        now = time.monotonic()
+        if now < self._refused_at + TELL_PERIOD:
+            self._refused += 1
+            return
+        more = f"; so were {self._refused} others before it" if self._refused else ""
+        self._refused, self._refused_at = 0, now
+        self._tell(f"a client was refused: {sentence}{more}")
 
     def _reason_against(self, request: Request) -> tuple[HTTPStatus, str] | None:
         origins = request.headers.get_all("Origin")
@@ -176,8 +186,8 @@ class FoxgloveServer:
                     f"{shown(host)} is not a name of this machine; use localhost"
                 )
         if self.options.token:
-            given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
-            if not hmac.compare_digest(given.encode(), self.options.token.encode()):
+            given = web_server.query_of(request.path).get("token", [""])[0]
+            if not hmac.compare_digest(given.encode(errors="replace"), self.options.token.encode()):
                 return HTTPStatus.FORBIDDEN, "the token is missing or wrong; use ?token=TOKEN"
         if len(self._clients) >= MAX_CLIENTS:
             return HTTPStatus.SERVICE_UNAVAILABLE, f"there are {MAX_CLIENTS} clients already"

@@ -20,16 +20,16 @@ import gzip
 import hmac
 import http
 import ipaddress
-import logging
+import json
 import math
 import secrets
 import socket
 import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
-from trifinger import extras
+from trifinger import extras, web_server
 from trifinger.errors import Error, InvalidArgument
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ MOST_NUMBERS = 100  # in such a value
 SEND_BUFFER = 256 * 1024  # of a connection, in the kernel [bytes]
 SHORTEST_TOKEN = 16  # [characters]
 ACTION_HEADER = "X-TriFinger"
+ACTIONS = "/actions"  # the websocket over which a page asks for actions
 UNKNOWN = "This page needs the whole address that `trifinger view` has printed, with its token.\n"
 
 
@@ -74,6 +75,7 @@ class Gate:
         self._names.add(socket.getfqdn().lower())
         self._count_browsers: Callable[[], int] = lambda: 0
         self._actions: dict[str, Callable[[], tuple[int, str]]] = {}
+        self._lines = 0  # websockets that are open at ACTIONS
         self._part = b""
 
     @property
@@ -102,6 +104,9 @@ class Gate:
         The action returns the status of the answer and its text. It must not wait: all requests
         share its thread. The request needs what every request needs, and the header X-TriFinger
         with the word "stop", which no page of another site can send.
+
+        A page can also ask over a websocket at ACTIONS, which it opens in advance. An action then
+        needs no new connection, which strangers could delay.
         """
         self._actions[path] = action
 
@@ -123,6 +128,26 @@ class Gate:
         ):
             return 403, "Only a page of this server may ask for this.\n"
         return action()
+
+    async def serve_actions(self, connection: Any) -> None:
+        """Does what a page asks for over its websocket at ACTIONS: a number and a path.
+
+        The answer is a JSON object with the number, a status and a text.
+        """
+        from websockets.exceptions import ConnectionClosed
+
+        self._lines += 1
+        try:
+            async for message in connection:
+                number, _, path = str(message).partition(" ")
+                action = self._actions.get(path)
+                status, text = action() if action else (404, "There is nothing here.\n")
+                answer = {"number": number, "status": status, "text": text}
+                await connection.send(json.dumps(answer))
+        except ConnectionClosed:
+            pass
+        finally:
+            self._lines -= 1
 
     def with_parts(self, answer: Any) -> Any:
         """Adds the pieces of `add_to_page` to an answer, if that is the page."""
@@ -153,21 +178,21 @@ class Gate:
         if is_websocket:
             if _only(headers, "Origin") != f"http://{host}":
                 return 403, "Only a page of this server may connect to it.\n"
-            if path != "/":
+            if path != "/" and not (path == ACTIONS and self._actions):
                 return 404, "There is nothing here.\n"
         if not self._is_known(_cookies(headers, self.cookie)):
             return 403, UNKNOWN
-        if is_websocket and self._count_browsers() >= MOST_BROWSERS:
+        count = self._lines if path == ACTIONS else self._count_browsers()
+        if is_websocket and count >= MOST_BROWSERS:
             return 503, f"There are {MOST_BROWSERS} connections already; close another page.\n"
         return None
 
     def admits(self, path: str, headers: Any) -> bool:
         """Whether a request for the first page has the right token in its address."""
         host = _only(headers, "Host")
-        parts = urlsplit(path)
-        if host is None or not self._is_own(host) or parts.path != "/":
+        if host is None or not self._is_own(host) or path.partition("?")[0] != "/":
             return False
-        return self._is_known(parse_qs(parts.query, max_num_fields=8).get("token", []))
+        return self._is_known(web_server.query_of(path).get("token", []))
 
     def _is_own(self, host: str) -> bool:
         """Whether a Host header names this machine. Names of others can point at any address."""
@@ -255,11 +280,18 @@ def _server_class() -> Callable[[Gate, str, frozenset[str]], viser.ViserServer]:
                 own = {
                     "max_size": LARGEST_MESSAGE,
                     "max_queue": 16,
-                    "server_header": None,
-                    "logger": _quiet_logger(),
-                    "process_request": checked(options["process_request"]),
                 }
-                return listen(handler, sock=gate.socket, **(options | own))
+                check = checked(options.pop("process_request"))
+                return web_server.serve(
+                    route(handler), gate.socket, check, listen, **(options | own)
+                )
+
+            def route(handler: Any) -> Any:
+                async def serve_one(connection: Any) -> None:
+                    is_line = connection.request.path == ACTIONS
+                    await (gate.serve_actions if is_line else handler)(connection)
+
+                return serve_one
 
             def checked(files: Any) -> Any:
                 def process(connection: Any, request: Any) -> Any:
@@ -415,11 +447,3 @@ def _cookies(headers: Any, name: str) -> list[str]:
 
 def _is_plain(text: str, others: str = "-_") -> bool:
     return text.isascii() and all(one.isalnum() or one in others for one in text)
-
-
-def _quiet_logger() -> logging.Logger:
-    """A logger for what strangers do, which is nothing for a terminal."""
-    logger = logging.getLogger("trifinger.view.gate")
-    logger.propagate = False
-    logger.setLevel(logging.CRITICAL + 1)
-    return logger

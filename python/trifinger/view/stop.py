@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The stop of a page: it ends the back-end of a robot as `trifinger stop` does.
 
-It needs neither the controller nor the scene of the page, and nothing of another browser.
+It needs neither the controller nor the scene of the page, and nothing of another browser. The files
+that it opens are reserved from the beginning, so it works when this process can open no others.
 """
 
 from __future__ import annotations
@@ -10,10 +11,13 @@ import contextlib
 import os
 import select
 import signal
+from collections.abc import Iterator
 from http import HTTPStatus
 
 from trifinger import _trifinger
 from trifinger.errors import Error, SessionNotFound
+
+RESERVED_FILES = 16  # more than an observer of a robot and its process need
 
 Answer = tuple[int, str]
 """The status of an answer to a browser, and a sentence."""
@@ -26,6 +30,8 @@ class Stop:
         """`name` is that of the robot, which need not run yet."""
         self._name = name
         self._process = -1  # a descriptor of the back-end that was told to end
+        self._reserved: list[int] = []
+        self._reserve()
 
     def order(self) -> Answer:
         """Tells the back-end to bring the robot to rest and to end.
@@ -33,6 +39,10 @@ class Stop:
         The status is 202 when it was told, 200 when there is nothing left to end, and 4xx or 5xx
         with the reason when it cannot be told.
         """
+        with self._reserved_files():
+            return self._order()
+
+    def _order(self) -> Answer:
         remedy = f"run in a terminal: trifinger stop {self._name}"
         try:
             backend = _trifinger.observe(self._name).session_info().backend_pid
@@ -52,7 +62,7 @@ class Stop:
         except (Error, OSError) as error:
             os.close(process)
             return HTTPStatus.INTERNAL_SERVER_ERROR, f"NOT stopped: {error}; {remedy}."
-        self.close()
+        self._forget()
         self._process = process
         return HTTPStatus.ACCEPTED, f"Stopping: process {backend} brings the robot to rest."
 
@@ -68,8 +78,30 @@ class Stop:
             f"run in a terminal: trifinger stop {self._name}",
         )
 
+    @contextlib.contextmanager
+    def _reserved_files(self) -> Iterator[None]:
+        """Lets files be opened in place of those that are reserved."""
+        self._give_reserved()
+        try:
+            yield
+        finally:
+            self._reserve()
+
+    def _reserve(self) -> None:
+        with contextlib.suppress(OSError):  # what could not be reserved again is tried next time
+            while len(self._reserved) < RESERVED_FILES:
+                self._reserved.append(os.open(os.devnull, os.O_RDONLY))
+
+    def _give_reserved(self) -> None:
+        while self._reserved:
+            os.close(self._reserved.pop())
+
     def close(self) -> None:
-        """Forgets the back-end that was told."""
+        """Ends the stop: it forgets the back-end that was told, and its files."""
+        self._give_reserved()
+        self._forget()
+
+    def _forget(self) -> None:
         process, self._process = self._process, -1
         if process >= 0:
             with contextlib.suppress(OSError):
