@@ -3,19 +3,31 @@
 
 import argparse
 import ast
+import builtins
 import importlib
 import inspect
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from trifinger_compat.handles import SERVED, no_such_call
+from trifinger_compat import bullet
+from trifinger_compat.bullet_names import CONSTANTS, FUNCTIONS
+from trifinger_compat.generation import chosen, why_sizes_differ
+from trifinger_compat.handles import VIEWS, no_such_call, not_installed
+from trifinger_compat.scopes import (
+    Handle,
+    Scopes,
+    Thing,
+    imported_by,
+    loaded_by,
+)
 from trifinger_compat.symbols import (
     DIFFERS,
     MISSING,
@@ -34,6 +46,27 @@ _MEMBERS = {
     for symbol in SYMBOLS
     if symbol.verdict != SAME and symbol.path.count(".") and ":SimFinger." in symbol.path
 }
+# What programs import beside the original, and how to get it where it is not installed.
+_COMPANIONS = {
+    "gym": "pip install gym==0.26.2, or import gymnasium in its place",
+    "pinocchio": "pip install pin; kinematics are in robot_properties_fingers",
+    "pybullet_data": "pip install pybullet",
+    "pybullet_utils": "pip install pybullet",
+    "trifinger_cameras_ros": "",
+}
+_FILES = {
+    "robot_properties_fingers": "use simfinger.finger_urdf_path, or get_urdf_base_path() of "
+    "robot_properties_fingers",
+    "data": "use trifinger_simulation.get_data_dir()",
+}
+# Of the calls of PyBullet that are served, those that take an object, and those for the robot.
+_OF_ROBOT = {"getJointStates"}
+_OF_OBJECTS = bullet.SERVED.keys() & {
+    *("applyExternalForce", "applyExternalTorque", "changeDynamics"),
+    *("getBasePositionAndOrientation", "resetBasePositionAndOrientation"),
+    *("getBaseVelocity", "resetBaseVelocity"),
+}
+_DICE = "trifinger_simulation.tasks.rearrange_dice"
 
 
 @dataclass(frozen=True, order=True)
@@ -51,40 +84,113 @@ class Finding:
         return f"{self.file}:{self.line}: {self.name} {self.verdict}{why}"
 
 
-class _Names(ast.NodeVisitor):
-    """Collects where a program uses names of the original's packages."""
+class _Names(Scopes):
+    """Collects where a program uses names of the original's packages, in the order it runs."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, tree: ast.Module, imports: frozenset[str]) -> None:
+        super().__init__(tree)
         self._file = file
-        self._known: dict[str, str] = {}
+        self._imports = imports
+        self._caught: list[type[BaseException]] = []
+        self._is_judging = True
+        self._missing = 0
+        self._cameras: list[tuple[int, int]] = []
+        self._names: set[str] = set()
         self.findings: list[Finding] = []
+
+    def judge(self) -> list[Finding]:
+        """What was found, without repetition."""
+        self.run()
+        if self._names >= {f"{_DICE}.generate_goal_mask", f"{_DICE}.evaluate_state"}:
+            for line, size in self._cameras:
+                if size != chosen().image_size:
+                    why = f"its cameras have {size} pixels; {why_sizes_differ(size)}"
+                    self._add(line, f"{_DICE}.evaluate_state", MISSING, why, ValueError)
+        return sorted(set(self.findings))
 
     def visit_Import(self, node: ast.Import) -> None:
         """`import trifinger_simulation.camera as camera`."""
         for alias in node.names:
             top = alias.name.partition(".")[0]
+            name = alias.asname or top
             if _is_ours(top) or top == "pybullet":
-                self._known[alias.asname or top] = alias.name if alias.asname else top
-                self._judge(node.lineno, alias.name)
+                self.bind(name, Thing(alias.name if alias.asname else top))
+                self._judge(node.lineno, alias.name, ModuleNotFoundError)
+            else:
+                self.bind(name, None)
+                self._judge_companion(node.lineno, top)
 
     def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
         """`from trifinger_simulation.tasks import move_cube`."""
         module = node.module or ""
         top = module.partition(".")[0]
-        if node.level or not (_is_ours(top) or top == "pybullet"):
-            return
+        is_ours = not node.level and (_is_ours(top) or top == "pybullet")
+        if not node.level and not is_ours:
+            self._judge_companion(node.lineno, top)
         for alias in node.names:
             if alias.name == "*":
-                self._judge(node.lineno, module)
+                if is_ours:
+                    self._judge(node.lineno, module, ImportError)
+                    for name in _public(module):
+                        self.bind(name, Thing(f"{module}.{name}", is_from_star=True))
                 continue
-            self._known[alias.asname or alias.name] = f"{module}.{alias.name}"
-            self._judge(node.lineno, f"{module}.{alias.name}")
+            self.bind(
+                alias.asname or alias.name, Thing(f"{module}.{alias.name}") if is_ours else None
+            )
+            if is_ours:
+                error = ImportError if _is_module(module) else ModuleNotFoundError
+                self._judge(node.lineno, f"{module}.{alias.name}", error)
+
+    def visit_If(self, node: ast.If) -> None:
+        """What is under TYPE_CHECKING does not run."""
+        test = node.test.attr if isinstance(node.test, ast.Attribute) else node.test
+        name = test.id if isinstance(test, ast.Name) else test
+        if name != "TYPE_CHECKING":
+            self.generic_visit(node)
+            return
+        self._is_judging = False
+        for each in node.body:
+            self.visit(each)
+        self._is_judging = True
+        for each in node.orelse:
+            self.visit(each)
+
+    def visit_Try(self, node: ast.Try) -> None:
+        """What is caught does not end the program; and without an error no handler runs."""
+        before = self._missing
+        with self._catching(node.handlers):
+            for each in node.body:
+                self.visit(each)
+        has_failed = self._missing > before or not _is_only_ours(node.body)
+        kept = self.kept()
+        for handler in node.handlers:
+            if has_failed:
+                self.visit(handler)
+        if self._missing == before:
+            self.restore(kept)
+        for each in (*node.orelse, *node.finalbody):
+            self.visit(each)
+
+    @contextmanager
+    def _catching(self, handlers: Sequence[ast.ExceptHandler]) -> Iterator[None]:
+        count = len(self._caught)
+        self._caught += [error for handler in handlers for error in _errors(handler.type)]
+        yield
+        del self._caught[count:]
+
+    def visit_Name(self, node: ast.Name) -> None:
+        """`sample_goal`, which was imported by a star."""
+        thing = self.known(node)
+        if isinstance(thing, Thing) and thing.is_from_star and isinstance(node.ctx, ast.Load):
+            self._judge(node.lineno, thing.name, AttributeError)
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
         """`move_cube.sample_goal`, or `finger.finger_id` of an object."""
-        name = self._dotted(node)
-        if name is not None:
-            self._judge(node.lineno, name)
+        if self._judge_file(node):
+            return
+        thing = self.known(node)
+        if isinstance(thing, Thing):
+            self._judge(node.lineno, thing.name, AttributeError)
             return
         if node.attr in _MEMBERS:
             symbol = _MEMBERS[node.attr]
@@ -93,29 +199,102 @@ class _Names(ast.NodeVisitor):
 
     def visit_Call(self, node: ast.Call) -> None:
         """`SimFinger("trifingerpro", time_step=0.0005)`."""
-        name = self._dotted(node.func)
-        if name is not None and _is_ours(name.partition(".")[0]):
-            for argument, value in _arguments(_find(name)[0], node):
+        if self._judge_file(node):
+            return
+        thing = self.known(node.func)
+        name = thing.name if isinstance(thing, Thing) else ""
+        if name.startswith("pybullet."):
+            self._judge_call_of_bullet(name.partition(".")[2], node)
+            for each in (*node.args, *node.keywords):
+                self.visit(each)
+            return
+        if name:
+            found, _, is_whole = _find(name)
+            if is_whole and (why := _mismatch(found, node)):
+                self._add(node.lineno, f"{name}()", MISSING, why, TypeError)
+            for argument, value in _arguments(found, node):
                 if why := _refusal(argument, value):
-                    self._add(node.lineno, f"{name}({argument}=)", MISSING, why)
+                    self._add(node.lineno, f"{name}({argument}=)", MISSING, why, Exception)
         self.generic_visit(node)
 
-    def _dotted(self, node: ast.expr) -> str | None:
-        """The whole name of an attribute of something that was imported."""
-        if isinstance(node, ast.Name):
-            return self._known.get(node.id)
-        if isinstance(node, ast.Attribute):
-            before = self._dotted(node.value)
-            return None if before is None else f"{before}.{node.attr}"
-        return None
+    def visit_BinOp(self, node: ast.BinOp) -> None:
+        """`Path(trifinger_simulation.__file__).parent / "data"`."""
+        if not self._judge_file(node):
+            self.generic_visit(node)
 
-    def _judge(self, line: int, name: str) -> None:
-        if name == "pybullet":
-            return  # what is used of it counts
-        verdict, why = _judge_call(name) if name.startswith("pybullet.") else _judge(name)
-        self._add(line, name, verdict, why)
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
+        """`f"{folder}/data"`."""
+        if not self._judge_file(node):
+            self.generic_visit(node)
 
-    def _add(self, line: int, name: str, verdict: str, why: str) -> None:
+    def visit_Constant(self, node: ast.Constant) -> None:
+        """The names of calibrations say how many pixels their images have."""
+        if isinstance(node.value, str):
+            text = node.value.replace("{id}", "0")
+            if found := re.search(r"\d_cropped(_and_downsampled)?", text):
+                self._cameras.append((node.lineno, 270 if found[1] else 540))
+
+    def _judge_file(self, node: ast.expr) -> bool:
+        """Judges a path in the folder of a package; False if it is not one, or is there."""
+        text = self.text(node)
+        if text is None or text.package is None:
+            return False
+        path, folder = Path(text.value), Path(text.package)
+        if not path.is_relative_to(folder) or path.exists():
+            return False
+        inside = path.relative_to(folder)
+        hint = next((hint for part, hint in _FILES.items() if part in inside.parts), "")
+        why = f"there is no such file; {hint}" if hint else "there is no such file"
+        self._add(node.lineno, f"{folder.name}/{inside}", MISSING, why, OSError)
+        return True
+
+    def _judge_companion(self, line: int, module: str) -> None:
+        if module in _COMPANIONS and find_spec(module) is None:
+            hint = _COMPANIONS[module]
+            why = f"it is not installed; {hint}" if hint else "there is nothing like it"
+            self._add(line, module, MISSING, why, ModuleNotFoundError)
+
+    def _judge(self, line: int, name: str, error: type[Exception]) -> None:
+        self._names.add(name)
+        if name.partition(".")[0] == "pybullet":
+            if name != "pybullet":  # what is used of it counts
+                self._add(line, name, *_judge_call(name.partition(".")[2], ()), error)
+            return
+        verdict, why = _judge(name)
+        if verdict != MISSING and error is AttributeError and (module := self._not_loaded(name)):
+            verdict, why = MISSING, f"a program must import {module} to use it"
+        self._add(line, name, verdict, why, error)
+
+    def _not_loaded(self, name: str) -> str:
+        """The module in a name that nothing in the program loads; empty if there is none."""
+        parts = name.split(".")
+        for end in range(2, len(parts) + 1):
+            module = ".".join(parts[:end])
+            if module in self._imports or not _is_module(module):
+                continue
+            if module not in loaded_by(self._imports):
+                return module
+        return ""
+
+    def _judge_call_of_bullet(self, call: str, node: ast.Call) -> None:
+        values = [*node.args, *(each.value for each in node.keywords)]
+        kinds = [kind for value in values if isinstance(kind := self.known(value), Handle)]
+        verdict, why = _judge_call(call, kinds)
+        if call == "changeDynamics" and kinds:
+            known = {"bodyUniqueId", "linkIndex", "mass", "physicsClientId"}
+            if len(node.args) > 3 or {each.arg for each in node.keywords} - known:
+                verdict, why = MISSING, _text(no_such_call(call))
+        self._add(node.lineno, f"pybullet.{call}", verdict, why, NotImplementedError)
+
+    def _add(
+        self, line: int, name: str, verdict: str, why: str, error: type[Exception] = Exception
+    ) -> None:
+        if not self._is_judging:
+            return
+        if verdict == MISSING:
+            self._missing += 1
+            if any(issubclass(error, caught) for caught in self._caught):
+                verdict, why = DIFFERS, f"the program catches the error: {why}"
         self.findings.append(Finding(self._file, line, name, verdict, why))
 
 
@@ -123,14 +302,73 @@ def _is_ours(package: str) -> bool:
     return package in PACKAGES
 
 
-def _judge_call(name: str) -> tuple[str, str]:
-    """What becomes of a name of PyBullet, and why."""
-    call = name.partition(".")[2]
-    if call.isupper():
+def _is_module(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ImportError:  # what is before it is no package
+        return False
+
+
+def _is_only_ours(body: Sequence[ast.stmt]) -> bool:
+    """True for nothing but imports of packages that are here: they raise no error."""
+    names = [
+        alias.name if isinstance(each, ast.Import) else (each.module or "")
+        for each in body
+        if isinstance(each, ast.Import | ast.ImportFrom)
+        for alias in each.names
+    ]
+    tops = {name.partition(".")[0] for name in names}
+    is_all = all(isinstance(each, ast.Import | ast.ImportFrom) for each in body)
+    return is_all and all(_is_ours(top) or top == "pybullet" for top in tops)
+
+
+def _errors(node: ast.expr | None) -> list[type[BaseException]]:
+    """The errors that a handler names."""
+    if node is None:
+        return [BaseException]
+    names = node.elts if isinstance(node, ast.Tuple) else [node]
+    found = [getattr(builtins, getattr(each, "id", ""), None) for each in names]
+    return [each for each in found if isinstance(each, type)]
+
+
+def _public(module: str) -> list[str]:
+    """What a star imports."""
+    with suppress(ImportError):
+        found = importlib.import_module(module)
+        return getattr(found, "__all__", [each for each in vars(found) if each[0] != "_"])
+    return []
+
+
+@cache
+def _has_bullet() -> bool:
+    return bullet.find_installed() is not None
+
+
+def _text(error: Exception) -> str:
+    return str(error).partition(": ")[2]
+
+
+def _judge_call(name: str, kinds: Sequence[Handle]) -> tuple[str, str]:
+    """What becomes of a name of PyBullet that gets ids of these kinds, and why."""
+    if name in CONSTANTS or name == "error":
         return SAME, ""
-    if call in SERVED:
-        return DIFFERS, f"if PyBullet is not installed; else {SERVED[call]}"
-    return MISSING, str(no_such_call(call)).partition(": ")[2]
+    if name not in FUNCTIONS:
+        has_name = _has_bullet() and hasattr(importlib.import_module("pybullet"), name)
+        return (SAME, "") if has_name else (MISSING, "PyBullet has no such name")
+    if name in VIEWS:
+        return DIFFERS, "it leaves a simulation alone: views belong to `trifinger view`"
+    bodies = {kind.kind for kind in kinds} - {"client"}
+    is_refused = name in bullet.SERVED and (
+        (name in _OF_OBJECTS and "robot" in bodies) or (name in _OF_ROBOT and "object" in bodies)
+    )
+    if is_refused:
+        return MISSING, f"it takes {'an object' if name in _OF_OBJECTS else 'the robot'} alone"
+    if name not in bullet.SERVED:
+        if kinds:
+            return MISSING, _text(no_such_call(name))
+        if not _has_bullet():
+            return MISSING, _text(not_installed(name))
+    return SAME, ""
 
 
 @cache
@@ -151,17 +389,17 @@ def _judge(name: str) -> tuple[str, str]:
     if name in _BY_PATH:
         symbol = _BY_PATH[name]
         return symbol.verdict, symbol.note
-    thing, lacks = _find(name)
-    if lacks:
-        return MISSING, lacks
+    thing, why, _ = _find(name)
+    if why:
+        return MISSING, why
     if id(thing) in _refused():
         symbol = _refused()[id(thing)]
         return symbol.verdict, symbol.note
     return SAME, ""
 
 
-def _find(name: str) -> tuple[object, str]:
-    """What a name with dots stands for, or why it stands for nothing.
+def _find(name: str) -> tuple[object, str, bool]:
+    """What a name with dots stands for, or why it stands for nothing, and whether that is all.
 
     It is only the beginning of the name if that says enough: if it is a value, whose members are
     not known without running the program, or if it refuses.
@@ -175,15 +413,33 @@ def _find(name: str) -> tuple[object, str]:
         except (ImportError, ValueError):
             continue
         thing: object = importlib.import_module(module)
-        for attribute in parts[end:]:
+        for place, attribute in enumerate(parts[end:], end + 1):
             if not hasattr(thing, attribute):
-                return None, f"{module} has no '{attribute}' here"
+                return None, f"{module} has no '{attribute}' here", False
             thing = getattr(thing, attribute)
             is_value = not isinstance(thing, type) and not hasattr(thing, "__name__")
             if is_value or id(thing) in _refused():
-                break
-        return thing, ""
-    return None, "there is no such module"
+                return thing, "", place == len(parts)
+        return thing, "", True
+    return None, "there is no such module", False
+
+
+def _mismatch(thing: Any, call: ast.Call) -> str:
+    """Why a call does not fit what is called; empty if it does, or cannot be known."""
+    starred = any(isinstance(value, ast.Starred) for value in call.args)
+    if starred or any(each.arg is None for each in call.keywords) or id(thing) in _refused():
+        return ""
+    if not (inspect.isclass(thing) or inspect.isroutine(thing)):
+        return ""
+    try:
+        signature = inspect.signature(thing)
+    except (TypeError, ValueError):
+        return ""
+    try:
+        signature.bind(*call.args, **{str(each.arg): each.value for each in call.keywords})
+    except TypeError as error:
+        return str(error)
+    return ""
 
 
 def _arguments(thing: Any, call: ast.Call) -> Iterator[tuple[str, ast.expr]]:
@@ -212,11 +468,13 @@ def _refusal(argument: str, node: ast.expr) -> str:
     return ""
 
 
-def check_text(text: str, file: Path) -> list[Finding]:
-    """All names of the original in a program; raises SyntaxError."""
-    names = _Names(file)
-    names.visit(ast.parse(text, str(file)))
-    return sorted(set(names.findings))
+def check_text(text: str, file: Path, others: frozenset[str] = frozenset()) -> list[Finding]:
+    """All names of the original in a program; raises SyntaxError.
+
+    `others` are modules that other files of the program import.
+    """
+    tree = ast.parse(text, str(file))
+    return _Names(file, tree, imported_by(tree) | others).judge()
 
 
 def programs(path: Path) -> Iterator[Path]:
@@ -227,6 +485,15 @@ def programs(path: Path) -> Iterator[Path]:
     yield from sorted(each for each in path.rglob("*.py") if ".git" not in each.parts)
 
 
+def _imports_of(files: Sequence[Path]) -> frozenset[str]:
+    """The modules that any of these files imports."""
+    imports: frozenset[str] = frozenset()
+    for file in files:
+        with suppress(SyntaxError, UnicodeDecodeError):
+            imports |= imported_by(ast.parse(file.read_text()))
+    return imports
+
+
 def report(path: Path, show_all: bool) -> int:
     """Prints what of the programs in `path` works; returns the exit status."""
     files = list(programs(path))
@@ -234,9 +501,10 @@ def report(path: Path, show_all: bool) -> int:
         print(f"trifinger compat-check: {path} has no Python files", file=sys.stderr)
         return 2
     counts: Counter[str] = Counter()
+    imports = _imports_of(files)
     for file in files:
         try:
-            findings = check_text(file.read_text(), file)
+            findings = check_text(file.read_text(), file, imports)
         except (SyntaxError, UnicodeDecodeError) as error:
             print(f"{file}: cannot be read as Python 3: {error}")
             counts["unreadable"] += 1
@@ -250,6 +518,7 @@ def report(path: Path, show_all: bool) -> int:
         f"{len(files)} files, {total} places that use the original: {counts[SAME]} work as they "
         f"are, {counts[DIFFERS]} work with a difference, {counts[MISSING]} do not work."
     )
+    print(f"PyBullet is {'installed' if _has_bullet() else 'not installed'}.")
     print(f"Not judged: members of objects, except {' and '.join(sorted(_MEMBERS))}.")
     if counts["unreadable"]:
         print(f"{counts['unreadable']} files could not be read.")

@@ -102,3 +102,11 @@ def chosen() -> Generation:
             "the original's versions appeared"
         )
     return GENERATIONS[name]
+
+
+def why_sizes_differ(size: int) -> str:
+    """Why images have another size than the masks of dice that a program made, and what to do."""
+    now = chosen()
+    fit = [each.name for each in (_OF_2021, _OF_2022, LATEST) if each.image_size == size]
+    remedy = f"; {VARIABLE}={' or '.join(fit)} has {size} pixels" if fit else ""
+    return f"images of generation {now.name} have {now.image_size} pixels{remedy}"

@@ -1,26 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The ids that the original has from PyBullet, for what lives in a simulation of this project.
 
-Markers, objects and cameras take them. If one of them gets into a call of PyBullet itself, the call
-raises NotImplementedError, which says what to use instead: PyBullet has no such world.
+Markers, objects and cameras take them, and so do the calls of PyBullet in `bullet_calls`. Any other
+call of PyBullet that is given one raises NotImplementedError, which says what to use instead:
+PyBullet has no such world.
 """
 
-import linecache
-import re
-import sys
 from dataclasses import dataclass
-from itertools import islice
-from types import FrameType
 
 PAGE = "docs/coming_from_the_original.md"
 
-# What to use in place of calls of PyBullet. trifinger_compat's own module `pybullet` has some more.
+# What to use in place of calls of PyBullet on what lives in a simulation here.
 INSTEAD = {
     "addUserDebugLine": "`trifinger view` shows goals and tips; remove the call",
     "addUserDebugText": "`trifinger view` shows goals and tips; remove the call",
     "calculateInverseDynamics": "use trifinger.Kinematics('trifinger_pro').gravity_torques(q)",
     "calculateInverseKinematics": "use simfinger.kinematics.inverse_kinematics(tips, q)",
     "calculateJacobian": "use simfinger.kinematics.compute_jacobian(finger, q)",
+    "changeDynamics": "only masses of objects can be changed: TriFingerPlatform(object_mass=..)",
     "connect": "create a TriFingerPlatform or a SimFinger: each has a world of its own",
     "createMultiBody": "use trifinger_simulation.visual_objects or collision_objects",
     "createVisualShape": "use trifinger_simulation.visual_objects",
@@ -33,29 +30,27 @@ INSTEAD = {
     "startStateLogging": "`trifinger film` makes a film of a log",
     "stepSimulation": "use simfinger._step_simulation()",
 }
-# These work without PyBullet, by the module `pybullet` that comes with this package.
-SERVED = {
-    "applyExternalForce": "platform.cube has the body",
-    "applyExternalTorque": "platform.cube has the body",
-    "changeDynamics": "give TriFingerPlatform(object_mass=..)",
-    "configureDebugVisualizer": "views belong to `trifinger view`; remove the call",
-    "getBasePositionAndOrientation": "use platform.cube.get_state()",
-    "getBaseVelocity": "platform.cube has the body",
-    "getEulerFromQuaternion": "use scipy.spatial.transform.Rotation.from_quat(..).as_euler('xyz')",
-    "getJointStates": "use simfinger.get_observation(t)",
-    "getMatrixFromQuaternion": "use scipy.spatial.transform.Rotation.from_quat(..).as_matrix()",
-    "getQuaternionFromEuler": "use scipy.spatial.transform.Rotation.from_euler(..).as_quat()",
-    "isConnected": "a simulation here always is; remove the call",
-    "resetBasePositionAndOrientation": "use platform.cube.set_state(position, orientation)",
-    "resetBaseVelocity": "platform.cube has the body",
-    "resetDebugVisualizerCamera": "views belong to `trifinger view`; remove the call",
-}
+# Calls that act on a view, not on a body.
+VIEWS = frozenset(("configureDebugVisualizer", "resetDebugVisualizerCamera"))
 
 
-def no_such_call(name: str) -> NotImplementedError:
-    """The error for a call of PyBullet that cannot be served."""
-    instead = (INSTEAD | SERVED).get(name, f"{PAGE} says what there is")
-    return NotImplementedError(f"pybullet.{name}: no PyBullet is below this simulation; {instead}")
+def no_such_call(name: str, instead: str = "") -> NotImplementedError:
+    """The error for a call of PyBullet on what lives in a simulation here."""
+    return NotImplementedError(
+        f"pybullet.{name}: no PyBullet is below this simulation; {instead or _instead(name)}"
+    )
+
+
+def not_installed(name: str) -> NotImplementedError:
+    """The error for a call that only PyBullet itself can serve, where it is not installed."""
+    return NotImplementedError(
+        f"pybullet.{name}: PyBullet is not installed; for a world of your own: "
+        f"pip install pybullet; for a simulation here: {_instead(name)}"
+    )
+
+
+def _instead(name: str) -> str:
+    return INSTEAD.get(name, f"{PAGE} says what there is")
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,11 @@ class Handle:
 
     def __index__(self) -> int:
         """Raises NotImplementedError: PyBullet asks for a number, and there is none for it."""
-        raise no_such_call(_called(sys._getframe(1)))
+        raise NotImplementedError(
+            "an id of a simulation here got into PyBullet, which has no such world; if it was an "
+            "argument of a call, PyBullet comes before trifinger-compat in sys.path, and must come "
+            f"after it; {PAGE} says what there is"
+        )
 
     def __eq__(self, other: object) -> bool:
         return self.number == (other.number if isinstance(other, Handle) else other)
@@ -85,12 +84,3 @@ class Body(Handle):
 
     client: Client
     name: str = ""
-
-
-def _called(frame: FrameType) -> str:
-    """The function that a frame calls just now, by the text of its program."""
-    positions = islice(frame.f_code.co_positions(), frame.f_lasti // 2, None)
-    line, _, column, _ = next(positions)
-    text = linecache.getline(frame.f_code.co_filename, line or 0).encode()[column or 0 :].decode()
-    found = re.match(r"(?:\w+\.)*(\w+)\(", text)
-    return found[1] if found else "*"

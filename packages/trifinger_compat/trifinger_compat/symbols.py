@@ -29,7 +29,7 @@ _OT = "trifinger_object_tracking"
 _RLDS = "trifinger_rl_datasets"
 
 _DRAWN_BY_NOBODY = "markers are kept, and drawn by nobody; `trifinger view` shows goals"
-_OPAQUE = "markers, objects and cameras take it; calls of an installed PyBullet raise an error"
+_OPAQUE = "markers, objects, cameras and some calls of PyBullet take it; see 'PyBullet'"
 _CAMERAS = "the robot's configuration has the cameras (docs/cameras.md); read them with a Frontend"
 _NO_DRIVER = "no driver for this robot; examples/05 and `trifinger new robot` show how to write one"
 _OWN_FILE = "reads the original's file, which no back-end takes; see 'The real robot'"

@@ -5,6 +5,7 @@ The files are made of this project's own models when they are first needed, in t
 """
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,6 +32,11 @@ FILES = {
 WITH_STAGE = ("fingerone", "trifingerone", "trifingeredu", "trifingerpro")
 WALL_RADIUS = {"trifingeredu": 0.242}  # inner radius at the table [m]; 0.195 for the others
 WALL_BOXES = 24
+# PyBullet gives 1 kg to a link that does not say what it weighs.
+_NEXT_TO_NOTHING = (
+    '<inertial><mass value="1e-6"/>'
+    '<inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
 
 
 @cache
@@ -39,7 +45,7 @@ def share_folder() -> Path:
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     share = cache_home / "trifinger-compat" / trifinger.__version__ / "robot_properties_fingers"
     for finger_type, name in FILES.items():
-        text = trifinger.export_urdf(CONFIGURATIONS[finger_type])
+        text = _numbered(trifinger.export_urdf(CONFIGURATIONS[finger_type]), finger_type)
         _write(share / "urdf" / name, text)
         if finger_type in WITH_STAGE:
             with_stage = (share / "urdf" / name).with_stem(Path(name).stem + "_with_stage")
@@ -58,6 +64,26 @@ def _write(path: Path, text: str) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}")
     part.write_text(text)
     part.replace(path)
+
+
+def _numbered(text: str, finger_type: str) -> str:
+    """The description with the links of the original's, so that PyBullet gives them its numbers."""
+    if finger_type == "fingeredu":  # has no platform below it
+        joint = r' *<joint name="base_to_platform_joint".*?</joint>\n'
+        text = re.sub(joint, "", text, flags=re.DOTALL).replace('  <link name="base_link"/>\n', "")
+        return text.replace('"platform"', '"base_link"')
+    if not finger_type.endswith("pro"):
+        return text
+    for part, next_part in (("upper", "middle"), ("middle", "lower")):  # have links for pictures
+        visuals = (
+            rf'  <link name="finger_{part}_link_visuals\1">\n    {_NEXT_TO_NOTHING}\n  </link>\n'
+            rf'  <joint name="finger_{part}_visuals_joint\1" type="fixed">\n'
+            rf'    <parent link="finger_{part}_link\1"/>\n'
+            rf'    <child link="finger_{part}_link_visuals\1"/>\n  </joint>\n'
+        )
+        moving = rf'  <joint name="finger_{part}_to_{next_part}_joint(\w*)"'
+        text = re.sub(moving, rf"{visuals}\g<0>", text)
+    return text
 
 
 def _stage(finger_type: str, is_alone: bool = False) -> str:

@@ -66,6 +66,11 @@ def world_of(client_id: Client | int) -> "World":
     return world
 
 
+def is_open(client_id: Client) -> bool:
+    """True while there is a world of this number."""
+    return client_id in _worlds and _worlds[client_id]() is not None
+
+
 @dataclass
 class Item:
     """A loose object of a world."""

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Kinematics against the figures of the original's models."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -184,3 +186,36 @@ def test_types_of_robots() -> None:
     ):
         with pytest.raises(ValueError, match="Invalid finger type"):
             function("nothing")
+
+
+def links_in_pybullets_order(path: str) -> list[str]:
+    """The links below the root as PyBullet numbers them: each with all that hangs on it."""
+    below: dict[str, list[str]] = {}
+    children = set()
+    for joint in ElementTree.parse(path).getroot().findall("joint"):  # noqa: S314  # our own file
+        parent, child = joint.find("parent"), joint.find("child")
+        assert parent is not None
+        assert child is not None
+        below.setdefault(parent.attrib["link"], []).append(child.attrib["link"])
+        children.add(child.attrib["link"])
+    (root,) = below.keys() - children
+
+    def walk(link: str) -> Iterator[str]:
+        for child in below.get(link, ()):
+            yield child
+            yield from walk(child)
+
+    return list(walk(root))
+
+
+@pytest.mark.parametrize("finger_type", FILES)
+def test_links_of_the_files_have_the_numbers_that_programs_give_to_pybullet(
+    finger_type: str,
+) -> None:
+    finger = SimFinger(finger_type)
+    paths = [Path(finger.finger_urdf_path)]
+    paths += filter(Path.is_file, [paths[0].with_stem(f"{paths[0].stem}_with_stage")])
+    for path in paths:
+        links = links_in_pybullets_order(str(path))
+        assert [links[i] for i in finger.pybullet_link_indices] == finger.link_names
+        assert [links[i] for i in finger.pybullet_tip_link_indices] == finger.tip_link_names

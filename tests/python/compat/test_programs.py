@@ -126,12 +126,14 @@ def test_a_log_reader(tmp_path: Path) -> None:
 
 
 def test_the_check_says_that_these_programs_work(capsys: pytest.CaptureFixture[str]) -> None:
-    assert check.main([str(PROGRAMS)]) == 0
-    assert "0 do not work" in capsys.readouterr().out
+    for program in PROGRAMS.glob("*.py"):
+        lacks_gym = program.name == "with_gym.py" and importlib.util.find_spec("gym") is None
+        assert check.main([str(program)]) == lacks_gym
+        assert f"{int(lacks_gym)} do not work" in capsys.readouterr().out
 
 
 def test_the_check_says_what_does_not_work_and_why(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = tmp_path / "theirs.py"
     program.write_text(
@@ -146,19 +148,26 @@ def test_the_check_says_what_does_not_work_and_why(
         "mc.sample_gaol(1)\n"
         "print(platform.simfinger.finger_id)\n"
     )
+    monkeypatch.setattr(check, "_has_bullet", lambda: False)
     assert check.main([str(program)]) == 1
     said = capsys.readouterr().out
     assert "theirs.py:2: trifinger_simulation.nothing does not work" in said
-    assert "theirs.py:5: pybullet.resetDebugVisualizerCamera works, differs: if PyBullet" in said
-    assert "theirs.py:6: pybullet.loadURDF does not work: no PyBullet is below this" in said
+    assert "theirs.py:5: pybullet.resetDebugVisualizerCamera works, differs: it leaves" in said
+    assert "theirs.py:6: pybullet.loadURDF does not work: PyBullet is not installed; " in said
     assert "theirs.py:7: pybullet.GUI" not in said
     assert "theirs.py:9: trifinger_simulation.tasks.move_cube.sample_gaol does not work" in said
     assert "theirs.py:10: SF.finger_id works, differs" in said
     assert "sample_goal works" not in said
+    assert "\nPyBullet is not installed.\n" in said
     assert check.main([str(program), "--all"]) == 1
     assert "theirs.py:8: trifinger_simulation.tasks.move_cube.sample_goal works\n" in (
         capsys.readouterr().out
     )
+    monkeypatch.setattr(check, "_has_bullet", lambda: True)
+    assert check.main([str(program)]) == 1
+    said = capsys.readouterr().out
+    assert "pybullet.loadURDF" not in said
+    assert "\nPyBullet is installed.\n" in said
 
 
 def test_the_check_sees_arguments_that_are_refused(
@@ -177,7 +186,7 @@ def test_the_check_sees_arguments_that_are_refused(
     )
     assert check.main([str(program)]) == 1
     said = capsys.readouterr().out.splitlines()
-    found = [line.partition("theirs.py:")[2].partition(": ")[0] for line in said[:-2]]
+    found = [line.partition("theirs.py:")[2].partition(": ")[0] for line in said[:-3]]
     assert [name.partition(" ")[0] for name in found] == ["3", "4", "5"]
     assert "SimFinger(time_step=) does not work: the time step is 0.0005 s" in said[0]
     assert "TriFingerPlatform(time_step_s=) does not work: the time step is 0.0015" in said[1]

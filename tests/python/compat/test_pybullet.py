@@ -1,48 +1,192 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Calls of PyBullet beside the simulation: what works without it, and what says what to use."""
+"""Calls of PyBullet beside the simulation: what is served, what is handed on, what says no."""
 
 import copy
+import importlib.machinery
+import inspect
 import operator
 import pickle
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pybullet as p
 import pytest
+from pybullet_stand_in import PyBullet
+from trifinger.errors import InvalidArgument
+from trifinger_compat import bullet
+from trifinger_compat.bullet_names import CONSTANTS, FUNCTIONS
+from trifinger_compat.handles import VIEWS
 from trifinger_simulation import SimFinger, TriFingerPlatform
 from trifinger_simulation.trifinger_platform import ObjectType
 
-# PyBullet, written in C, asks what it is given for a number like this.
-REAL = SimpleNamespace(getContactPoints=operator.index, anything=operator.index)
+
+@pytest.fixture
+def theirs() -> PyBullet:
+    return PyBullet()
 
 
-def test_an_installed_pybullet_gets_an_error_that_says_what_to_use() -> None:
+@pytest.fixture
+def both(theirs: PyBullet) -> Any:
+    """What `import pybullet` gives where PyBullet is installed."""
+    return SimpleNamespace(**bullet.names(theirs))
+
+
+def without() -> Any:
+    """What `import pybullet` gives where it is not."""
+    return SimpleNamespace(**bullet.names(None))
+
+
+def handles(platform: TriFingerPlatform) -> list[Any]:
+    finger, cube = platform.simfinger, platform.cube
+    return [finger._pybullet_client_id, finger.finger_id, cube._object_id, cube.block]
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS - {"isConnected"}))
+def test_calls_without_our_ids_are_those_of_an_installed_pybullet(
+    name: str, both: Any, theirs: PyBullet
+) -> None:
+    words: Any
+    for words, named in (((), {}), ((0, [1.0, 2.0]), {}), ((3,), {"physicsClientId": 1})):
+        theirs._calls.clear()
+        assert getattr(both, name)(*words, **named) == name
+        assert theirs._calls[-1] == (name, words, named)
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_no_call_hands_our_ids_to_pybullet(name: str, both: Any, theirs: PyBullet) -> None:
+    """Whatever the call makes of them, a world of PyBullet's is not moved in place of ours."""
+    for handle in handles(TriFingerPlatform()):
+        for words, named in (((handle,), {}), ((0,), {"physicsClientId": handle})):
+            for module in (both, without()):
+                call = partial(getattr(module, name), *words, **named)
+                if name in bullet.SERVED:  # something else may be wrong with the arguments
+                    with suppress(LookupError, NotImplementedError, TypeError, ValueError):
+                        call()
+                else:
+                    with pytest.raises(NotImplementedError, match=rf"\.{name}: no PyBullet is be"):
+                        call()
+    assert theirs._calls == []
+
+
+def test_a_planner_moves_a_world_of_its_own_beside_the_simulation(
+    both: Any, theirs: PyBullet
+) -> None:
     platform = TriFingerPlatform()
-    for handle in (
-        platform.simfinger._pybullet_client_id,
-        platform.simfinger.finger_id,
-        platform.cube._object_id,
-        platform.cube.block,
-    ):
-        with pytest.raises(NotImplementedError, match=r"getContactPoints: .*tip_force"):
-            REAL.getContactPoints(
-                handle,
-            )
-        with pytest.raises(NotImplementedError, match=r"anything: .*coming_from_the_original"):
-            (operator.index(0), REAL.anything(handle))
+    client, cube = platform.simfinger._pybullet_client_id, platform.cube._object_id
+    both.resetBasePositionAndOrientation(cube, [0.05, 0, 0.6], [0, 0, 0, 1], client)
+    position, orientation = both.getBasePositionAndOrientation(cube, physicsClientId=client)
+    both.resetBasePositionAndOrientation(7, [*position], [*orientation], physicsClientId=0)
+    assert theirs._calls == [
+        (
+            "resetBasePositionAndOrientation",
+            (7, [0.05, 0, 0.6], [0, 0, 0, 1]),
+            {"physicsClientId": 0},
+        )
+    ]
+    assert platform.cube.get_state()[0] == [0.05, 0, 0.6]
+
+
+def test_views_of_nobody_are_left_alone(both: Any, theirs: PyBullet) -> None:
+    """In the original, what names no client is the platform's view."""
+    theirs._is_connected = False
+    for name in VIEWS:
+        assert getattr(both, name)(both.COV_ENABLE_GUI, 0) is None
+    assert {call[0] for call in theirs._calls} == {"isConnected"}
+
+
+def test_clients_of_pybullet_utils_give_their_number_to_served_calls_too(both: Any) -> None:
+    """BulletClient does so if `inspect.isbuiltin` says yes."""
+    for name in bullet.SERVED:
+        assert inspect.isbuiltin(getattr(both, name))
+        assert getattr(both, name).__name__ == name
+
+
+def test_a_body_and_the_client_of_another_world_do_not_go_together(both: Any) -> None:
+    one, other = TriFingerPlatform(), SimFinger("trifingerpro")
+    for module in (both, without()):
+        for client in (other._pybullet_client_id, 5):
+            with pytest.raises(InvalidArgument, match="getBaseVelocity: the body is one of"):
+                module.getBaseVelocity(one.cube.block, physicsClientId=client)
+        finger = one.simfinger
+        with pytest.raises(InvalidArgument, match="getJointStates: the body is one of"):
+            module.getJointStates(finger.finger_id, [2], other._pybullet_client_id)
+        assert module.getBaseVelocity(one.cube.block, finger._pybullet_client_id.number)
+
+
+def test_ids_are_numbers_when_they_are_compared_and_kept() -> None:
+    for handle in handles(TriFingerPlatform()):
+        with pytest.raises(NotImplementedError, match="PyBullet, which has no such world"):
+            operator.index(handle)
         for copied in (copy.deepcopy(handle), pickle.loads(pickle.dumps(handle))):
             assert copied == handle
             assert copied == handle.number
 
 
-@pytest.mark.parametrize("call", ["connect", "loadURDF", "createMultiBody", "somethingElse"])
-def test_without_pybullet_calls_that_need_it_say_what_to_use(call: str) -> None:
-    function = getattr(p, call)
-    with pytest.raises(NotImplementedError, match=f"{call}: no PyBullet is below"):
-        function(1, x=2)
-    with pytest.raises(AttributeError, match="no 'NO_CONSTANT'"):
+@pytest.mark.parametrize("name", sorted(FUNCTIONS - bullet.SERVED.keys()))
+def test_without_pybullet_calls_that_need_it_say_how_to_get_it(name: str) -> None:
+    with pytest.raises(NotImplementedError, match=f"{name}: PyBullet is not installed; .*: pip in"):
+        getattr(without(), name)(1, x=2)
+
+
+def test_there_is_nothing_that_pybullet_has_not(both: Any) -> None:
+    for module in (both, without(), p):  # p has PyBullet itself where that is installed
+        public = {name for name in vars(module) if name[0] != "_"} - {"Any", "bullet"}
+        assert public == {*CONSTANTS, *FUNCTIONS, "error"}
+        assert issubclass(module.error, Exception)
+        assert {name: getattr(module, name) for name in CONSTANTS} == CONSTANTS
+    with pytest.raises(AttributeError, match="no attribute 'NO_CONSTANT'"):
         p.NO_CONSTANT  # noqa: B018
+
+
+@pytest.mark.skipif(bullet.find_installed() is None, reason="PyBullet itself is not installed")
+def test_pybullet_itself_moves_a_mirror_of_the_robot_and_tests_collisions() -> None:
+    platform = TriFingerPlatform()
+    finger, cube = platform.simfinger, platform.cube._object_id
+    for world in (p.connect(p.DIRECT), p.connect(p.DIRECT)):
+        robot = p.loadURDF(finger.finger_urdf_path, useFixedBase=True, physicsClientId=world)
+        box = p.createCollisionShape(p.GEOM_BOX, halfExtents=[0.0325] * 3, physicsClientId=world)
+        mirror = p.createMultiBody(0.1, box, physicsClientId=world)
+        states = p.getJointStates(finger.finger_id, finger.pybullet_link_indices)
+        for joint, state in zip(finger.pybullet_joint_indices, states, strict=True):
+            p.resetJointState(robot, joint, state[0], physicsClientId=world)
+        tips = platform.forward_kinematics([state[0] for state in states])
+        for link, tip in zip(finger.pybullet_tip_link_indices, tips, strict=True):
+            seen = p.getLinkState(robot, link, computeForwardKinematics=1, physicsClientId=world)
+            assert seen[4] == pytest.approx(tip, abs=1e-5)
+        for place, distance in ((tips[0], 0), ([0.0, 0.0, 0.6], None)):
+            p.resetBasePositionAndOrientation(mirror, place, [0, 0, 0, 1], physicsClientId=world)
+            near = p.getClosestPoints(robot, mirror, 0.001, physicsClientId=world)
+            assert bool(near) is (distance == 0)
+        pose = p.getBasePositionAndOrientation(cube)
+        p.resetBasePositionAndOrientation(mirror, *pose, physicsClientId=world)
+        assert p.getBasePositionAndOrientation(mirror, physicsClientId=world) == pose
+        with pytest.raises(NotImplementedError, match=r"getContactPoints: .*tip_force"):
+            p.getContactPoints(finger.finger_id, physicsClientId=world)
+    p.disconnect(0)
+    p.disconnect(1)
+
+
+def test_pybullet_is_found_in_whatever_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = Path(p.__file__).parents[1]
+    name = f"pybullet{importlib.machinery.EXTENSION_SUFFIXES[0]}"
+    # pip puts both into one folder: the package is what Python finds.
+    (tmp_path / "pybullet").symlink_to(packages / "pybullet")
+    (tmp_path / name).touch()
+    monkeypatch.setattr("sys.path", [str(packages), str(tmp_path)])
+    spec = bullet.find_installed()
+    assert spec is not None
+    assert spec.origin == str(tmp_path / name)
+    found = importlib.machinery.PathFinder.find_spec("pybullet", [str(tmp_path)])
+    assert found is not None
+    assert found.origin == str(tmp_path / "pybullet" / "__init__.py")
+    monkeypatch.setattr("sys.path", [str(packages)])
+    assert bullet.find_installed() is None
 
 
 def test_mathematics_is_that_of_pybullet() -> None:
@@ -62,8 +206,9 @@ def test_views_are_left_alone_and_a_simulation_is_connected() -> None:
     p.resetDebugVisualizerCamera(
         cameraDistance=0.6, cameraYaw=0, cameraPitch=-40, cameraTargetPosition=[0, 0, 0]
     )
-    assert p.isConnected(client)
-    assert not p.isConnected(0)
+    assert not p.isConnected(client)  # its world has gone
+    finger = SimFinger("trifingerpro")
+    assert p.isConnected(finger._pybullet_client_id)
 
 
 def hold(platform: Any, steps: int) -> None:
@@ -89,7 +234,7 @@ def test_the_cube_is_moved_pushed_and_weighed() -> None:
     assert p.getBaseVelocity(cube)[0][2] == pytest.approx(-0.981, rel=0.02)
     with pytest.raises(NotImplementedError, match="object_mass"):
         p.changeDynamics(cube, -1, lateralFriction=0.5)
-    with pytest.raises(NotImplementedError, match="platform"):
+    with pytest.raises(NotImplementedError, match=r"platform\.cube"):
         p.getBaseVelocity(platform.simfinger.finger_id)
 
 

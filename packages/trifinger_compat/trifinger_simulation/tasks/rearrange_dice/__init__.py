@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from trifinger_compat.generation import why_sizes_differ
 from trifinger_compat.types import Array, Image
 
 Cell: TypeAlias = tuple[int, int]
@@ -101,7 +102,10 @@ def evaluate_state(goal_masks: Sequence[Image], actual_masks: Sequence[Image]) -
     """The cost: the number of pixels that show a die where the goal has none."""
     goals, actuals = np.asarray(goal_masks), np.asarray(actual_masks)
     if goals.shape != actuals.shape:
-        raise ValueError(f"the masks have the shapes {goals.shape} and {actuals.shape}")
+        raise ValueError(
+            f"the masks of the goal have shape {goals.shape} and the others {actuals.shape}, must "
+            f"have the same; {why_sizes_differ(goals.shape[-1] if goals.ndim else 0)}"
+        )
     return float(np.count_nonzero(np.logical_and(actuals != 0, goals == 0)))
 
 

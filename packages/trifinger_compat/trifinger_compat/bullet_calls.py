@@ -1,42 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What programs for the original call of PyBullet beside it, where PyBullet is not installed.
+"""The calls of PyBullet that act on what lives in a simulation of this project.
 
 Mathematics works as it does there. So do poses, speeds, forces and masses of the objects that
-`trifinger_simulation` has made. Calls that change the view do nothing. All others raise
-NotImplementedError, which says what to use instead. An installed PyBullet comes first.
+`trifinger_simulation` has made. Calls that change the view do nothing.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from trifinger.errors import InvalidArgument
+
+from trifinger_compat.bullet_names import CONSTANTS
 from trifinger_compat.handles import Body, Client, no_such_call
 from trifinger_compat.types import Array, Numbers
-from trifinger_compat.world import World, link_indices, world_of
-
-# PyBullet's numbers of what programs name.
-GUI, DIRECT, SHARED_MEMORY = 1, 2, 3
-LINK_FRAME, WORLD_FRAME = 1, 2
-GEOM_SPHERE, GEOM_BOX, GEOM_CYLINDER, GEOM_MESH, GEOM_PLANE, GEOM_CAPSULE = 2, 3, 4, 5, 6, 7
-COV_ENABLE_GUI, COV_ENABLE_SHADOWS, COV_ENABLE_WIREFRAME = 1, 2, 3
-COV_ENABLE_RENDERING = 7
-COV_ENABLE_RGB_BUFFER_PREVIEW = 13
-COV_ENABLE_DEPTH_BUFFER_PREVIEW = 14
-COV_ENABLE_SEGMENTATION_MARK_PREVIEW = 15
-STATE_LOGGING_VIDEO_MP4 = 3
-ER_TINY_RENDERER, ER_BULLET_HARDWARE_OPENGL = 1 << 16, 1 << 17
-
-
-def __getattr__(name: str) -> Callable[..., Any]:
-    """A function that raises NotImplementedError when it is called."""
-    if name.startswith("_") or name.isupper():
-        raise AttributeError(f"module 'pybullet' of trifinger-compat has no '{name}'")
-
-    def refuse(*_: Any, **__: Any) -> Any:
-        raise no_such_call(name)
-
-    return refuse
+from trifinger_compat.world import World, is_open, link_indices, world_of
 
 
 def getQuaternionFromEuler(eulerAngles: Numbers, **_: Any) -> tuple[float, ...]:  # noqa: N802, N803
@@ -64,28 +43,26 @@ def resetDebugVisualizerCamera(*_: Any, **__: Any) -> None:  # noqa: N802
 
 def isConnected(physicsClientId: object = 0) -> bool:  # noqa: N802, N803
     """True for the client id of a simulation."""
-    return isinstance(physicsClientId, Client)
+    return isinstance(physicsClientId, Client) and is_open(physicsClientId)
 
 
 def resetBasePositionAndOrientation(  # noqa: N802
     bodyUniqueId: Body,  # noqa: N803
     posObj: Numbers,  # noqa: N803
     ornObj: Numbers,  # noqa: N803
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> None:
     """Places an object at rest: position [m], orientation x, y, z, w."""
-    world, name = _object(bodyUniqueId, "resetBasePositionAndOrientation")
+    world, name = _object(bodyUniqueId, physicsClientId, "resetBasePositionAndOrientation")
     world.place(name, posObj, ornObj)
 
 
 def getBasePositionAndOrientation(  # noqa: N802
     bodyUniqueId: Body,  # noqa: N803
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Position [m] and orientation x, y, z, w of an object."""
-    world, name = _object(bodyUniqueId, "getBasePositionAndOrientation")
+    world, name = _object(bodyUniqueId, physicsClientId, "getBasePositionAndOrientation")
     position, orientation = world.pose(name)
     return _numbers(position), _numbers(orientation)
 
@@ -94,21 +71,19 @@ def resetBaseVelocity(  # noqa: N802
     objectUniqueId: Body,  # noqa: N803
     linearVelocity: Numbers = (0, 0, 0),  # noqa: N803
     angularVelocity: Numbers = (0, 0, 0),  # noqa: N803
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> None:
     """Sets the velocities of an object in the world frame [m/s], [rad/s]."""
-    world, name = _object(objectUniqueId, "resetBaseVelocity")
+    world, name = _object(objectUniqueId, physicsClientId, "resetBaseVelocity")
     world.core.set_object_velocity(name, linearVelocity, angularVelocity)
 
 
 def getBaseVelocity(  # noqa: N802
     bodyUniqueId: Body,  # noqa: N803
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """The velocities of an object in the world frame [m/s], [rad/s]."""
-    world, name = _object(bodyUniqueId, "getBaseVelocity")
+    world, name = _object(bodyUniqueId, physicsClientId, "getBaseVelocity")
     linear, angular = world.core.object_velocity(name)
     return _numbers(linear), _numbers(angular)
 
@@ -117,11 +92,13 @@ def changeDynamics(  # noqa: N802
     bodyUniqueId: Body,  # noqa: N803
     linkIndex: int,  # noqa: N803
     mass: float | None = None,
+    *,
+    physicsClientId: object = None,  # noqa: N803
     **others: Any,
 ) -> None:
     """Sets the mass of an object [kg]; nothing else of it can be changed."""
-    world, name = _object(bodyUniqueId, "changeDynamics")
-    if mass is None or linkIndex > 0 or set(others) - {"physicsClientId"}:
+    world, name = _object(bodyUniqueId, physicsClientId, "changeDynamics")
+    if mass is None or linkIndex > 0 or others:
         raise no_such_call("changeDynamics")
     world.core.set_object_mass(name, mass)
 
@@ -132,14 +109,13 @@ def applyExternalForce(  # noqa: N802
     forceObj: Numbers,  # noqa: N803
     posObj: Numbers,  # noqa: N803
     flags: int,
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> None:
     """Lets a force act on an object in the next step [N], at a place [m]."""
-    world, name = _object(objectUniqueId, "applyExternalForce")
+    world, name = _object(objectUniqueId, physicsClientId, "applyExternalForce")
     turn, centre = _frame(world, name, flags)
     force = turn.apply(forceObj)
-    lever = turn.apply(posObj) - (centre if flags == WORLD_FRAME else 0)
+    lever = turn.apply(posObj) - (centre if flags == CONSTANTS["WORLD_FRAME"] else 0)
     world.core.push_object(name, force, np.cross(lever, force))
 
 
@@ -148,24 +124,22 @@ def applyExternalTorque(  # noqa: N802
     linkIndex: int,  # noqa: ARG001, N803  # objects are one body
     torqueObj: Numbers,  # noqa: N803
     flags: int,
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> None:
     """Lets a moment act on an object in the next step [Nm]."""
-    world, name = _object(objectUniqueId, "applyExternalTorque")
+    world, name = _object(objectUniqueId, physicsClientId, "applyExternalTorque")
     world.core.push_object(name, np.zeros(3), _frame(world, name, flags)[0].apply(torqueObj))
 
 
 def getJointStates(  # noqa: N802
     bodyUniqueId: Body,  # noqa: N803
     jointIndices: Sequence[int],  # noqa: N803
-    *_: Any,
-    **__: Any,
+    physicsClientId: object = None,  # noqa: N803
 ) -> list[tuple[float, float, tuple[float, ...], float]]:
     """Position [rad], velocity [rad/s], six zeros and torque [Nm] of joints of the robot."""
     if not isinstance(bodyUniqueId, Body) or bodyUniqueId.name:
-        raise no_such_call("getJointStates")
-    world = world_of(bodyUniqueId.client)
+        raise no_such_call("getJointStates", "give simfinger.finger_id")
+    world = _world(bodyUniqueId, physicsClientId, "getJointStates")
     position, velocity, torque, _forces = world.core.observation()
     links, _tips = link_indices(world.finger_type)
     places = [links.index(index) for index in jointIndices]
@@ -173,17 +147,28 @@ def getJointStates(  # noqa: N802
     return [(float(position[i]), float(velocity[i]), no_forces, float(torque[i])) for i in places]
 
 
-def _object(body: object, call: str) -> tuple[World, str]:
+def _object(body: object, client: object, call: str) -> tuple[World, str]:
     """World and name of an object; raises NotImplementedError for other bodies."""
     if not isinstance(body, Body) or not body.name:
-        raise no_such_call(call)
-    return world_of(body.client), body.name
+        raise no_such_call(call, "give the id of an object here, such as platform.cube._object_id")
+    return _world(body, client, call), body.name
+
+
+def _world(body: Body, client: object, call: str) -> World:
+    """The world of a body; raises ValueError if the call names another one."""
+    if client is not None and client != body.client:
+        number = client.number if isinstance(client, Client) else client
+        raise InvalidArgument(
+            f"pybullet.{call}: the body is one of the simulation {body.client.number}, but "
+            f"physicsClientId is {number}; give `_pybullet_client_id` of its simulation, or none"
+        )
+    return world_of(body.client)
 
 
 def _frame(world: World, name: str, flags: int) -> tuple[Rotation, Array]:
     """The rotation from the frame that `flags` names, and where the object is."""
     position, orientation = world.pose(name)
-    is_world = flags == WORLD_FRAME
+    is_world = flags == CONSTANTS["WORLD_FRAME"]
     return Rotation.identity() if is_world else Rotation.from_quat(orientation), position
 
 
