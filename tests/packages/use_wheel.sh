@@ -28,7 +28,8 @@ within() {
 begin=$(date +%s)
 "$python" -m venv "$place/environment"
 source "$place/environment/bin/activate"
-pip install --quiet --find-links "$folder" trifinger
+tag=$(python -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
+pip install --quiet "$folder"/trifinger-*-"$tag"-*.whl  # the file: the name is not ours on PyPI
 cd "$place"
 lift=$(trifinger demo) || fail "the demo"
 took=$(($(date +%s) - begin))

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from trifinger_compat.opencv import opencv
 from trifinger_compat.types import Array, Image, Numbers
 
 
@@ -14,7 +15,7 @@ def convert_image(raw_image: Any, format: str = "bgr") -> Image:  # noqa: A002  
     Colours have the shape (height, width, 3), gray (height, width). Raises ValueError for another
     format.
     """
-    import cv2
+    cv2 = opencv()
 
     image = np.ascontiguousarray(np.squeeze(np.asarray(raw_image)), dtype=np.uint8)
     # OpenCV names a mosaic by the second row, from the second column on.
@@ -39,7 +40,7 @@ def check_image_sharpness(
     image: Image, threshold1: float = 25, threshold2: float = 250
 ) -> tuple[float, Image]:
     """The mean of the edges in an image, and the edges. More edges mean a sharper image."""
-    import cv2
+    cv2 = opencv()
 
     edges = np.asarray(cv2.Canny(image, threshold1, threshold2), dtype=np.uint8)
     return float(np.mean(edges)), edges

@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from trifinger_compat import bullet
+from trifinger_compat import bullet, opencv
 from trifinger_compat.bullet_names import CONSTANTS, FUNCTIONS
 from trifinger_compat.generation import chosen, why_sizes_differ
 from trifinger_compat.handles import VIEWS, no_such_call, not_installed
@@ -386,16 +386,14 @@ def _refused() -> dict[int, Symbol]:
 
 def _judge(name: str) -> tuple[str, str]:
     """What becomes of a name with dots, and why."""
-    if name in _BY_PATH:
-        symbol = _BY_PATH[name]
-        return symbol.verdict, symbol.note
     thing, why, _ = _find(name)
     if why:
         return MISSING, why
-    if id(thing) in _refused():
-        symbol = _refused()[id(thing)]
-        return symbol.verdict, symbol.note
-    return SAME, ""
+    module, attribute = (getattr(thing, each, "") for each in ("__module__", "__qualname__"))
+    if f"{module}.{attribute}" in opencv.USERS and opencv.is_missing():
+        return MISSING, opencv.MISSING
+    symbol = _BY_PATH.get(name) or _refused().get(id(thing))
+    return (symbol.verdict, symbol.note) if symbol else (SAME, "")
 
 
 def _find(name: str) -> tuple[object, str, bool]:

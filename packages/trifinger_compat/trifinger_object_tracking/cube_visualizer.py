@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from trifinger_compat.opencv import opencv
 from trifinger_compat.types import Array, Image, PoseLike
 from trifinger_simulation.camera import CameraParameters
 
@@ -45,7 +46,7 @@ class CubeVisualizer:
         opacity: float = 0.5,
     ) -> list[Image]:
         """The images (BGR) with the faces of the cube that the cameras can see."""
-        import cv2
+        cv2 = opencv()
 
         rotation = Rotation.from_quat(object_pose.orientation).as_matrix()
         position = np.asarray(object_pose.position, dtype=float)
@@ -77,7 +78,7 @@ class CubeVisualizer:
         scale: float = 1.0,
     ) -> list[Image]:
         """The images (BGR) with a circle where the cube is."""
-        import cv2
+        cv2 = opencv()
 
         position = np.asarray(object_pose.position, dtype=float)
         drawn = []
@@ -93,7 +94,7 @@ class CubeVisualizer:
 
     @staticmethod
     def _project(camera: CameraParameters, points: Array) -> Array:
-        import cv2
+        cv2 = opencv()
 
         turn = Rotation.from_matrix(camera.tf_world_to_camera[:3, :3]).as_rotvec()
         pixels, _ = cv2.projectPoints(

@@ -2,6 +2,7 @@
 """Finding the light blue dice in an image."""
 
 import numpy as np
+from trifinger_compat.opencv import opencv
 from trifinger_compat.types import Image
 
 # Of the colour of the dice, 0x0A7DCF, in all light: hue (0 to 179), saturation, value.
@@ -10,7 +11,7 @@ LOW, HIGH = (92, 90, 40), (112, 255, 255)
 
 def segment_image(image_bgr: Image) -> Image:
     """255 where an image (height, width, 3) shows dice, 0 elsewhere; RuntimeError for others."""
-    import cv2
+    cv2 = opencv()
 
     image = np.asarray(image_bgr)
     if image.ndim != 3 or image.shape[2] != 3:

@@ -6,12 +6,33 @@
     if not result.problems:
         Path("robot.cameras.yml").write_text(result.calibration.text())
 
-Needs OpenCV: the packages of the extra `cameras`, as `trifinger.extras` says.
+These names need OpenCV: the packages of the extra `cameras`, as `trifinger.extras` says. Files of
+the original stack (`original`) do not.
 """
 
-from trifinger.camera_calibration.board import PRESETS, Board
-from trifinger.camera_calibration.calibration import Options, calibrate
-from trifinger.camera_calibration.images import ImageSet
-from trifinger.camera_calibration.result import Result
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trifinger.camera_calibration.board import PRESETS, Board
+    from trifinger.camera_calibration.calibration import Options, calibrate
+    from trifinger.camera_calibration.images import ImageSet
+    from trifinger.camera_calibration.result import Result
 
 __all__ = ["PRESETS", "Board", "ImageSet", "Options", "Result", "calibrate"]
+
+_MODULES = {
+    "PRESETS": "board",
+    "Board": "board",
+    "ImageSet": "images",
+    "Options": "calibration",
+    "Result": "result",
+    "calibrate": "calibration",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of this package, whose module is imported when somebody asks for it."""
+    if name not in _MODULES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -14,7 +14,6 @@ import enum
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -120,6 +119,8 @@ def natural_order(name: str) -> list[tuple[int, str]]:
 
 def read(path: Path) -> Pixels:
     """The pixels of an image as in the file: one channel, or red, green, blue."""
+    import cv2
+
     loaded = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if loaded is None:
         raise InvalidArgument(f"{path} cannot be read: it is damaged or no image")
@@ -168,6 +169,8 @@ def to_grey(pixels: Pixels) -> Grey:
     stay where they are, which demosaicing does not promise.
     """
     if pixels.ndim == 3:
+        import cv2
+
         return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
     gains = mosaic_gains(pixels)
     if np.max(np.abs(gains - 1)) < 0.01:
@@ -198,6 +201,8 @@ class Quality:
     @classmethod
     def of(cls, grey: Grey, mask: NDArray[np.bool_] | None = None) -> "Quality":
         """Measures an image, or the part of it in a mask."""
+        import cv2
+
         inside = np.ones(grey.shape, bool) if mask is None else mask
         values = grey[inside]
         black, white = np.percentile(values, (2, 98))

@@ -12,12 +12,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from trifinger._trifinger import Camera, CameraCalibration, Lens
-from trifinger.camera_calibration.board import Matrix
-from trifinger.camera_calibration.geometry import inverse, nearest_rotation
+from trifinger.camera_calibration.geometry import Matrix, inverse, nearest_rotation
 from trifinger.camera_calibration.images import natural_order
 from trifinger.errors import InvalidArgument
 
@@ -99,6 +97,8 @@ def read(paths: Sequence[Path]) -> CameraCalibration:
 
 def read_camera(path: Path) -> Camera:
     """The camera of a file of the original stack, with images of 540 x 540 pixels."""
+    import cv2
+
     text = path.read_text()
     if not text.startswith("%YAML"):  # OpenCV's reader asks for it
         text = "%YAML:1.0\n---\n" + text

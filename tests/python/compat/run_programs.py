@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs each of the programs on stdin in a process of its own; says on stdout how each one ended.
 
-With the word `pybullet` a module with PyBullet's interface is installed.
+With the word `pybullet` a module with PyBullet's interface is installed; without the word `cv2`,
+OpenCV is not.
 """
 
 import importlib
@@ -26,6 +27,8 @@ def run(program: str) -> str:
         warnings.simplefilter("ignore")
         error = ""
         try:
+            if "cv2" not in sys.argv[1:]:
+                sys.modules["cv2"] = None  # type: ignore[assignment]
             if "pybullet" in sys.argv[1:]:
                 bullet = importlib.import_module("trifinger_compat.bullet")
                 stand_in = importlib.import_module("pybullet_stand_in").PyBullet()

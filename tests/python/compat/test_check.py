@@ -142,6 +142,15 @@ PROGRAMS = {
     "        p.setGravity(0, 0, 0, physicsClientId=self.id)\nMine()",
     "a mirror": f"{BULLET}c = p.connect(p.DIRECT)\npose = p.getBasePositionAndOrientation(\n"
     "    cube._object_id)\np.resetBasePositionAndOrientation(3, [0.0], [0.0], physicsClientId=0)",
+    # OpenCV.
+    "a raw image": "import numpy as np\nfrom trifinger_cameras.utils import convert_image\n"
+    "convert_image(np.zeros((4, 4), np.uint8))",
+    "a segmented image": "import trifinger_object_tracking as o, numpy as np\n"
+    "o.py_lightblue_segmenter.segment_image(np.zeros((4, 4, 3), np.uint8))",
+    "a cube in images": "from trifinger_object_tracking.py_tricamera_types import CubeVisualizer\n"
+    "class Pose: position, orientation = [0, 0, 0], [0, 0, 0, 1]\n"
+    "CubeVisualizer([]).draw_cube([], Pose)",
+    "a rotation of images": "from trifinger_cameras import utils\nutils.rodrigues_to_matrix([0, 0, 1])",
     "a call that is caught": "import pybullet as p\ntry:\n    p.connect(p.DIRECT)\n"
     "except NotImplementedError:\n    pass",
 }
@@ -178,10 +187,12 @@ def missing(program: str) -> list[str]:
     return [str(each) for each in findings if each.verdict == MISSING]
 
 
-@pytest.mark.parametrize("has_bullet", [False, True])
+@pytest.mark.parametrize(("has_bullet", "has_opencv"), [(False, True), (True, False)])
 def test_what_the_check_says_is_what_happens(
-    has_bullet: bool, monkeypatch: pytest.MonkeyPatch
+    has_bullet: bool, has_opencv: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if not has_opencv:
+        monkeypatch.setitem(sys.modules, "cv2", None)  # type: ignore[arg-type]
     if bullet.find_installed() is None:
         monkeypatch.setattr(check, "_has_bullet", lambda: has_bullet)
     programs = {
@@ -191,6 +202,7 @@ def test_what_the_check_says_is_what_happens(
         if bullet.find_installed() is None or name not in ("a world of its own", "a mirror")
     }
     words = ["pybullet"] if has_bullet and bullet.find_installed() is None else []
+    words += ["cv2"] if has_opencv else []
     ended = dict(zip(programs, ends([*programs.values()], *words), strict=True))
     wrong = {
         name: (missing(text), ended[name])
@@ -209,7 +221,7 @@ def test_programs_whose_images_have_another_size_learn_which_generation_they_nee
     monkeypatch.setenv(VARIABLE, name)
     suffixes = {"cropped": "2024", "cropped_and_downsampled": "2021 or 2022"}
     programs = [DICE.replace("SUFFIX", suffix) for suffix in suffixes]
-    errors = ends(programs, **{VARIABLE: name})
+    errors = ends(programs, "cv2", **{VARIABLE: name})
     for program, error, others in zip(programs, errors, suffixes.values(), strict=True):
         said = missing(program)
         fits = name in others

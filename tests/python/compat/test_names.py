@@ -3,6 +3,9 @@
 
 import datetime
 import re
+import sys
+from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -14,7 +17,8 @@ import trifinger_cameras
 import trifinger_object_tracking
 import trifinger_simulation
 from backend import PACKAGES
-from trifinger_cameras import camera as camera_types
+from trifinger_cameras import camera as camera_types, utils as utils_of_cameras
+from trifinger_object_tracking import py_lightblue_segmenter
 from trifinger_simulation import (
     SimFinger,
     TriFingerPlatform,
@@ -246,6 +250,23 @@ def test_what_cannot_be_served_says_what_to_use() -> None:
     ):
         with pytest.raises(NotImplementedError, match=text):
             refused(1, 2)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: utils_of_cameras.convert_image(np.zeros((2, 2), np.uint8)),
+        lambda: utils_of_cameras.check_image_sharpness(np.zeros((2, 2), np.uint8)),
+        lambda: py_lightblue_segmenter.segment_image(np.zeros((2, 2, 3), np.uint8)),
+        lambda: rearrange_dice.generate_goal_mask([SimpleNamespace(width=2, height=2)], []),
+    ],
+)
+def test_what_needs_opencv_names_both_packages_that_have_it(
+    call: Callable[[], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)  # type: ignore[arg-type]
+    with pytest.raises(ModuleNotFoundError, match=r"opencv-python, or opencv-python-headless"):
+        call()
 
 
 def test_back_ends_refuse_configurations_of_the_original() -> None:

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 from trifinger_compat.generation import why_sizes_differ
+from trifinger_compat.opencv import opencv
 from trifinger_compat.types import Array, Image
 
 Cell: TypeAlias = tuple[int, int]
@@ -119,7 +120,7 @@ def generate_goal_mask(camera_parameters: Sequence[Any], goal: Goal) -> list[Ima
 
 
 def _mask(camera: Any, goal: Goal) -> Image:
-    import cv2
+    cv2 = opencv()
 
     mask: Image = np.zeros((camera.height, camera.width), dtype=np.uint8)
     from_world = np.asarray(camera.tf_world_to_camera, dtype=float)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The project is on no index: nothing lets pip look there for a package by one of its names."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[2]
+PROJECTS = [ROOT / "pyproject.toml", *ROOT.glob("packages/*/pyproject.toml")]
+OWN = {tomllib.loads(path.read_text())["project"]["name"].replace("_", "-") for path in PROJECTS}
+# What tells people, or pip itself, to install something.
+TEXTS = [
+    *(ROOT / name for name in ("README.md", "apps/shared/external_command.cpp")),
+    *(path for path in (ROOT / "docs").rglob("*") if path.suffix in (".md", ".ipynb")),
+    *(path for path in (ROOT / "packages").rglob("*") if path.suffix in (".md", ".py")),
+    *(path for path in (ROOT / "python").rglob("*.py")),
+    *(ROOT / "tests" / "packages").glob("*.sh"),
+    *(ROOT / "tools").rglob("*.py"),
+]
+
+
+def words_of(text: str) -> set[str]:
+    """What follows `pip install` in a text, word by word."""
+    lines = re.findall(r"pip install\b([^\n`#;]*)", text)
+    return {word.strip("'\"") for line in lines for word in line.split()}
+
+
+def is_own(word: str) -> bool:
+    found = re.match(r"[\w.-]+", word)
+    return found is not None and found[0].replace("_", "-") in OWN and "/" not in word
+
+
+def test_own_names_are_recognised() -> None:
+    assert {"trifinger", "trifinger-compat", "lerobot-robot-trifinger"} <= OWN
+    words = words_of("`pip install --find-links F 'trifinger[demo]'` and pip install ./trifinger .")
+    assert {word for word in words if is_own(word)} == {"trifinger[demo]"}
+
+
+@pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
+def test_no_package_requires_another_one_of_the_project(path: Path) -> None:
+    project = tomllib.loads(path.read_text())["project"]
+    required = [*project["dependencies"]]
+    for extra in project.get("optional-dependencies", {}).values():
+        required += extra
+    assert [each for each in required if is_own(Requirement(each).name)] == []
+
+
+@pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
+def test_no_package_takes_the_place_of_an_installed_opencv(path: Path) -> None:
+    required = tomllib.loads(path.read_text())["project"]["dependencies"]
+    assert [each for each in required if "opencv" in each] == []
+
+
+def test_nobody_is_told_to_install_the_project_by_its_name() -> None:
+    told = {
+        f"{path.relative_to(ROOT)}: {word}"
+        for path in TEXTS
+        for word in words_of(path.read_text())
+        if is_own(word)
+    }
+    assert told == set()
+
+
+@pytest.mark.parametrize("name", ["trifinger_compat"])
+def test_a_package_is_installed_where_the_sources_were_built(tmp_path: Path, name: str) -> None:
+    """After `./run demo` pip knows no `trifinger`; without an index it cannot ask for it."""
+    sources = tmp_path / name
+    subprocess.run(["cp", "-r", str(ROOT / "packages" / name), str(sources)], check=True)
+    words = ["install", "--dry-run", "--no-index", "--no-build-isolation", "--quiet", str(sources)]
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", *words]
+    done = subprocess.run(pip, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        path.parent.name if path.stem == "__init__" else path.stem
+        for package in (ROOT / "packages").iterdir()
+        for path in (*package.glob("*.py"), *package.glob("*/__init__.py"))
+    ],
+)
+def test_a_package_without_trifinger_says_where_to_get_it(module: str) -> None:
+    folders = [*(ROOT / "packages").iterdir(), ROOT / "tests" / "python" / "lerobot_stand_in"]
+    # -S: what a .pth file names, such as a build folder, is not found.
+    others = [folder for folder in sys.path if folder.endswith("site-packages")]
+    path = ":".join(map(str, [*folders, *others]))
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", f"import {module}"],
+        env={"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith("ModuleNotFoundError: ")
+    assert "needs the package `trifinger`" in said
+    assert "docs/installing.md" in said
