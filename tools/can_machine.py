@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests SocketCAN in a virtual machine with Debian's real-time kernel, which has CAN interfaces.
+"""Tests in a virtual machine with Debian's real-time kernel, which has CAN and control groups.
 
     tools/can_machine.py RESULTS
 

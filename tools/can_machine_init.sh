@@ -1,7 +1,8 @@
 #!/bin/busybox sh
 # SPDX-License-Identifier: BSD-3-Clause
 # The first process of the virtual machine of tools/can_machine.py. It makes six CAN interfaces,
-# runs the tests, sends their results through the second serial port, and switches the machine off.
+# mounts control groups, runs the tests, sends their results through the second serial port, and
+# switches the machine off.
 
 /bin/busybox mkdir -p /proc /sys /dev /tmp /root /sbin /usr/bin /usr/sbin
 /bin/busybox --install -s
@@ -10,6 +11,7 @@ mount -t proc proc /proc
 mount -t sysfs sysfs /sys
 mount -t devtmpfs dev /dev
 mkdir -p /dev/shm /results
+mount -t cgroup2 groups /sys/fs/cgroup
 mount -t tmpfs shm /dev/shm
 uname -a
 

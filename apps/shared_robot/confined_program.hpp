@@ -13,6 +13,8 @@
 
 namespace trifinger::apps {
 
+class ControlGroup;
+
 // Gives the calling thread a real-time priority above all that a confined program may have, but
 // below that of a back-end (80), so that a program which never waits can still be watched and
 // ended. Threads and processes that it starts later are ordinary ones. Returns the priority; 0 if
@@ -41,6 +43,8 @@ struct Confinement {
   JobLimits limits;
   // Folders in which it may write besides its own, where the rest can be made read-only.
   std::vector<std::filesystem::path> writable;
+  // Where its processes belong, or nullptr. It outlives the program.
+  const ControlGroup* group{nullptr};
   // Hide all other processes from it, where the kernel lets us. False only for tests.
   bool with_namespaces{true};
 };
@@ -52,7 +56,8 @@ struct ConfinedBy {
   bool read_only{false};        // It can write only where it should.
   bool hides_processes{false};  // Its /proc shows its own processes only.
   bool hides_places{false};     // It does not see what others have in /tmp and the like.
-  bool filters_calls{false};    // It cannot make namespaces or System V memory.
+  bool filters_calls{false};    // It cannot make namespaces or memory that no process shows.
+  bool counts_memory{false};    // The kernel counts its memory, in a control group.
 };
 
 // How a program has ended.

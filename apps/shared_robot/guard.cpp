@@ -27,6 +27,7 @@
 #include <utility>
 
 #include "shared/child_program.hpp"
+#include "shared_robot/control_group.hpp"
 #include "shared_robot/process_tree.hpp"
 #include "shared_robot/system_call_filter.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
@@ -227,6 +228,7 @@ bool give_up_rights(const std::optional<SystemUser>& user) noexcept {
   // root writes cannot be taken back.
   write_file("/proc/self/oom_score_adj", "1000");
   ::umask(022);
+  require(confinement.group == nullptr || confinement.group->enter(), report);
   require(set_limits(confinement.limits, other_threads, priority), report);
   require(give_up_rights(confinement.user), report);
   require(!can_forbid_hidden_memory() || forbid_hidden_memory(), report);
@@ -262,6 +264,7 @@ class Guard {
       ::prctl(PR_SET_CHILD_SUBREAPER, 1);
     }
     by_.filters_calls = can_forbid_hidden_memory();
+    by_.counts_memory = confinement_.group != nullptr;
     tell({.kind = News::Kind::kConfined, .confined_by = by_});
     for (;;) {
       obey();

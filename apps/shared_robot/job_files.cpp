@@ -95,26 +95,27 @@ bool go_through(const fs::path& folder, const Walk& walk) {
   return walk.through(AT_FDCWD, folder.c_str(), folder);
 }
 
-// Calls `use(status)` for each file that the process has open.
+// Calls `use(status)` for each file that a thread of the process has open.
 template <class Use>
 void for_each_open(pid_t pid, const Use& use) {
-  std::error_code ignored;
-  const fs::path folder = fmt::format("/proc/{}/fd", pid);
-  for (fs::directory_iterator entry(folder, ignored), end; entry != end; entry.increment(ignored)) {
-    struct stat status{};
-    if (::stat(entry->path().c_str(), &status) == 0 && S_ISREG(status.st_mode)) use(status);
-    if (ignored) break;
-  }
+  for_each_thread(pid, [&use](const fs::path& thread) {
+    std::error_code ignored;
+    for (fs::directory_iterator entry(thread / "fd", ignored), end; entry != end && !ignored;
+         entry.increment(ignored)) {
+      struct stat status{};
+      if (::stat(entry->path().c_str(), &status) == 0 && S_ISREG(status.st_mode)) use(status);
+    }
+  });
 }
 
 constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
 
 // Calls `use(identity)` for each file that the process has mapped. Reads at most so many bytes.
 template <class Use>
-void for_each_mapped(pid_t pid, const Use& use, std::size_t most = kAll) {
+void for_each_mapped(const ProcessEntry& process, const Use& use, std::size_t most = kAll) {
   // For example "7f0-7f1 rw-s 00000000 00:1b 1234   /dev/shm/name": device and inode are the
   // fourth and the fifth word.
-  std::istringstream maps(proc_text(pid, "maps", most));
+  std::istringstream maps(proc_text(process.live_thread, "maps", most));
   for (std::string line; std::getline(maps, line);) {
     std::istringstream words(line);
     std::string skipped;
@@ -180,7 +181,7 @@ void JobFiles::look_at(const std::vector<ProcessEntry>& processes) {
   for (const ProcessEntry& process : processes) {
     // A process may have 65530 of them, and there may be hundreds of processes.
     constexpr std::size_t kMostRead = 1'000'000;
-    for_each_mapped(process.pid, note, kMostRead);
+    for_each_mapped(process, note, kMostRead);
     for_each_open(process.pid, [&](const struct stat& status) {
       note(identity_of(status));
       const bool is_ours = status.st_nlink == 0 && status.st_uid == user_;
@@ -209,7 +210,7 @@ void JobFiles::find_sessions_of_others(const std::vector<ProcessEntry>& job) {
   };
   for (const ProcessEntry& process : all_processes()) {
     if (std::ranges::find(job, process.pid, &ProcessEntry::pid) != job.end()) continue;
-    for_each_mapped(process.pid, note);
+    for_each_mapped(process, note);
     for_each_open(process.pid, [&](const struct stat& status) { note(identity_of(status)); });
   }
 }
@@ -245,7 +246,7 @@ FilesUsage JobFiles::usage(FilesUsage most) const {
 std::vector<std::string> JobFiles::remove_leftovers() const {
   std::set<FileIdentity> in_use;
   for (const ProcessEntry& process : all_processes()) {
-    for_each_mapped(process.pid, [&](const FileIdentity& file) { in_use.insert(file); });
+    for_each_mapped(process, [&](const FileIdentity& file) { in_use.insert(file); });
     for_each_open(process.pid,
                   [&](const struct stat& status) { in_use.insert(identity_of(status)); });
   }

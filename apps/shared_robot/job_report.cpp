@@ -195,7 +195,8 @@ void write_json(const JobReport& report, const std::filesystem::path& folder) {
                              {"read_only", report.confined_by->read_only},
                              {"hides_processes", report.confined_by->hides_processes},
                              {"hides_places", report.confined_by->hides_places},
-                             {"filters_calls", report.confined_by->filters_calls}});
+                             {"filters_calls", report.confined_by->filters_calls},
+                             {"counts_memory", report.confined_by->counts_memory}});
   }
   const Json json = Json::object(
       {{"robot", report.robot},

@@ -45,6 +45,27 @@ std::uint64_t sum_of(const std::string& text, const std::vector<std::string_view
   return sum;
 }
 
+// Whether the thread that this text /proc/PID/stat describes has ended.
+bool is_zombie(std::string_view stat) {
+  const std::size_t end_of_name = stat.rfind(')');
+  return end_of_name != std::string_view::npos && stat.substr(end_of_name).starts_with(") Z");
+}
+
+pid_t live_thread_of(pid_t process) {
+  pid_t found = process;
+  for_each_thread(process, [&found](const std::filesystem::path& thread) {
+    const pid_t number = number_of<pid_t>(thread.filename().string());
+    if (!is_zombie(proc_text(number, "stat"))) found = number;
+  });
+  return found;
+}
+
+// What the kernel says at once [bytes].
+std::uint64_t quick_memory_of(const ProcessEntry& process) {
+  return sum_of(proc_text(process.live_thread, "status"),
+                {"RssAnon", "RssShmem", "VmPTE", "VmSwap"});
+}
+
 // Takes the ends of all children that have ended.
 void reap() noexcept {
   while (::waitpid(-1, nullptr, WNOHANG) > 0) {
@@ -87,6 +108,9 @@ ProcessEntry parse_stat(std::string_view text) {
     if (field == 20) entry.threads = number_of<std::uint64_t>(word);
     rest.remove_prefix(std::min(rest.size(), word.size() + 1));
   }
+  // The state is that of the first thread. Others may go on without it.
+  entry.has_ended = entry.has_ended && entry.threads <= 1;
+  entry.live_thread = entry.pid;
   return entry;
 }
 
@@ -96,10 +120,22 @@ std::vector<ProcessEntry> all_processes() {
   for (const auto& entry : std::filesystem::directory_iterator("/proc", ignored)) {
     const std::string name = entry.path().filename().string();
     if (std::isdigit(static_cast<unsigned char>(name.front())) == 0) continue;
-    const ProcessEntry process = parse_stat(proc_text(number_of<pid_t>(name), "stat"));
-    if (process.pid > 0) all.push_back(process);  // It may have ended meanwhile.
+    const std::string stat = proc_text(number_of<pid_t>(name), "stat");
+    ProcessEntry process = parse_stat(stat);
+    if (process.pid <= 0) continue;  // It may have ended meanwhile.
+    if (is_zombie(stat)) process.live_thread = live_thread_of(process.pid);
+    all.push_back(process);
   }
   return all;
+}
+
+void for_each_thread(pid_t pid, const std::function<void(const std::filesystem::path&)>& use) {
+  std::error_code ignored;
+  const std::filesystem::path folder = fmt::format("/proc/{}/task", pid);
+  for (std::filesystem::directory_iterator entry(folder, ignored), end; entry != end && !ignored;
+       entry.increment(ignored)) {
+    use(entry->path());
+  }
 }
 
 std::vector<ProcessEntry> descendants_of(pid_t ancestor, const std::vector<ProcessEntry>& all) {
@@ -119,18 +155,18 @@ std::vector<ProcessEntry> descendants_of(pid_t ancestor, const std::vector<Proce
 
 std::uint64_t memory_of(const std::vector<ProcessEntry>& processes, std::uint64_t enough) {
   std::uint64_t sum = 0;
-  for (const ProcessEntry& process : processes) {
-    sum += sum_of(proc_text(process.pid, "status"), {"RssAnon", "RssShmem"});
-  }
+  for (const ProcessEntry& process : processes) sum += quick_memory_of(process);
   if (sum <= enough) return sum;
   // Whoever makes this slow is counted without it.
   constexpr auto kLongest = std::chrono::milliseconds(200);
   const Deadline deadline(kLongest);
   std::uint64_t exact = 0;
   for (const ProcessEntry& process : processes) {
-    const std::string rollup = deadline.passed() ? "" : proc_text(process.pid, "smaps_rollup");
-    exact += rollup.empty() ? sum_of(proc_text(process.pid, "status"), {"RssAnon", "RssShmem"})
-                            : sum_of(rollup, {"Pss_Anon", "Pss_Shmem"});
+    const std::string rollup =
+        deadline.passed() ? "" : proc_text(process.live_thread, "smaps_rollup");
+    exact += rollup.empty() ? quick_memory_of(process)
+                            : sum_of(rollup, {"Pss_Anon", "Pss_Shmem", "SwapPss"}) +
+                                  sum_of(proc_text(process.live_thread, "status"), {"VmPTE"});
   }
   return exact;
 }

@@ -5,6 +5,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <functional>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -20,6 +22,9 @@ struct ProcessEntry {
   pid_t parent{0};
   bool has_ended{false};  // Only its parent has not noticed yet.
   std::uint64_t threads{0};
+  // A thread of it that has not ended, usually the first one, which has the number of the process.
+  // /proc shows neither memory nor files of a process whose first thread has ended.
+  pid_t live_thread{0};
   Nanoseconds cpu_time{0};           // its own
   Nanoseconds children_cpu_time{0};  // of children that have ended and were waited for
 };
@@ -39,9 +44,13 @@ struct ProcessEntry {
 [[nodiscard]] std::vector<ProcessEntry> descendants_of(pid_t ancestor,
                                                        const std::vector<ProcessEntry>& all);
 
-// Memory that only the `processes` have, or that they share with each other [bytes]. Looks at it
-// closely only if it could be more than `enough`, and for at most 0.2 s: pages that several share
-// are counted again and again otherwise.
+// Calls `use(path)` for the folder /proc/PID/task/TID of each thread of a process. Each may have a
+// table of open files of its own.
+void for_each_thread(pid_t pid, const std::function<void(const std::filesystem::path&)>& use);
+
+// Memory that only the `processes` have, or that they share with each other, with their page tables
+// and what was swapped out [bytes]. Looks at it closely only if it could be more than `enough`, and
+// for at most 0.2 s: pages that several share are counted again and again otherwise.
 [[nodiscard]] std::uint64_t memory_of(const std::vector<ProcessEntry>& processes,
                                       std::uint64_t enough);
 

@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <stop_token>
 #include <system_error>
@@ -28,6 +29,7 @@
 #include "shared/terminal.hpp"
 #include "shared_robot/bounded_output.hpp"
 #include "shared_robot/confined_program.hpp"
+#include "shared_robot/control_group.hpp"
 #include "shared_robot/job_files.hpp"
 #include "shared_robot/job_folder.hpp"
 #include "shared_robot/job_report.hpp"
@@ -283,12 +285,14 @@ class Turn {
   }
 
   void prepare_program() {
+    group_ = ControlGroup::make(options_.limits.memory);
     Confinement confinement{.words = options_.words,
                             .folder = work_,
                             .environment = environment_for(options_, work_),
                             .user = user_,
                             .limits = options_.limits,
                             .writable = {},
+                            .group = group_.get(),
                             .with_namespaces = options_.with_namespaces};
     for (const fs::path& path : {session_folder(), fs::path("/dev/shm")}) {
       std::error_code ignored;
@@ -402,7 +406,7 @@ class Turn {
     }
     // The rest takes time that a fork bomb would use.
     if (usage.processes > options_.limits.processes) return usage;
-    usage.memory = memory_of(processes, options_.limits.memory);
+    usage.memory = group_ ? group_->memory() : memory_of(processes, options_.limits.memory);
     return usage;
   }
 
@@ -414,6 +418,11 @@ class Turn {
       // To the shell, too, a command that is not found has failed.
       told.kind = JobEnd::Kind::kExited;
       told.exit_code = 127;
+    } else if (group_ && group_->was_too_large()) {
+      told.kind = JobEnd::Kind::kLimit;
+      told.limit = Limit::kMemory;
+      told.text = fmt::format("was ended: it used more than {} of memory",
+                              size_text(options_.limits.memory));
     } else if (WIFSIGNALED(end.status)) {
       told.kind = JobEnd::Kind::kSignal;
       told.signal = WTERMSIG(end.status);
@@ -514,6 +523,7 @@ class Turn {
   std::optional<SystemUser> user_;  // only if root runs the program as somebody else
   bool was_interrupted_{false};
   bool is_broken_{false};  // This program has failed.
+  std::unique_ptr<ControlGroup> group_;
   std::optional<ConfinedProgram> program_;
   std::optional<JobFiles> files_;
 };

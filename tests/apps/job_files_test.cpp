@@ -3,13 +3,16 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+#include <latch>
 #include <limits>
 #include <string>
+#include <thread>
 
 #include "support/child_process.hpp"
 #include "support/folder.hpp"
@@ -25,7 +28,9 @@ void write(const std::filesystem::path& path, std::size_t size) {
   std::ofstream(path) << std::string(size, 'x');
 }
 
-std::vector<ProcessEntry> this_process() { return {{.pid = ::getpid()}}; }
+std::vector<ProcessEntry> this_process() {
+  return {{.pid = ::getpid(), .live_thread = ::getpid()}};
+}
 
 TEST(JobFiles, CountWhatIsInTheFolderWithoutFollowingLinks) {
   const test::Folder folder;
@@ -58,6 +63,27 @@ TEST(JobFiles, CountAFileThatWasRemovedButIsStillOpen) {
   JobFiles files(folder.path(), {}, ::geteuid());
   EXPECT_LT(files.usage(kAny).bytes, 1'000'000U);
   files.look_at(this_process());
+  EXPECT_GE(files.usage(kAny).bytes, 1'000'000U);
+}
+
+TEST(JobFiles, fault_79_CountAFileThatOnlyAnotherThreadHasOpen) {
+  const test::Folder folder;
+  JobFiles files(folder.path(), {}, ::geteuid());
+  std::latch is_open(1);
+  std::latch is_done(1);
+  const std::jthread thread([&] {
+    ASSERT_EQ(::unshare(CLONE_FILES), 0);  // Its table of open files is its own now.
+    const std::filesystem::path path = folder / "file";
+    write(path, 1'000'000);
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    std::filesystem::remove(path);
+    is_open.count_down();
+    is_done.wait();
+    ::close(file);
+  });
+  is_open.wait();
+  files.look_at(this_process());
+  is_done.count_down();
   EXPECT_GE(files.usage(kAny).bytes, 1'000'000U);
 }
 

@@ -39,6 +39,7 @@ NEEDS = {
     "environment": "changes the Python environment that the tests run in",
     "setup": "./run test does it before any test",
     "release": "./run release --check does it",
+    "systemd": "no systemd runs where the tests do; tests/machine has such a group",
     "hours": "takes hours, and nothing of it can be left out",
 }
 """Why no test types a command, after `needs` in a block of a page."""

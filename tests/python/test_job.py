@@ -143,6 +143,30 @@ def test_a_limit_ends_a_program_that_goes_too_far(shared: Place, name: str) -> N
     shared.run(*shell("true"), expect=0)
 
 
+WITHOUT_LEADER = """
+import ctypes, threading
+def fill():
+    x = [bytearray(10**7) for _ in range(10**6)]
+threading.Thread(target=fill).start()
+ctypes.CDLL(None).pthread_exit(None)  # Nothing of a process is shown whose first thread has ended.
+"""
+SEMAPHORES = """
+import ctypes, os
+libc = ctypes.CDLL(None)
+os._exit(0 if any(libc.semget(0, 32000, 0o600) < 0 for _ in range(20)) else 1)
+"""
+
+
+def test_fault_79_memory_is_counted_or_refused(shared: Place) -> None:
+    """What no process shows is refused; what was shown of too few threads is counted."""
+    limits = ("--memory", "200MB", "--time", "60s")
+    run = ("--", INTERPRETER, "-c")
+    report = shared.run(*limits, *run, WITHOUT_LEADER, expect=11)
+    assert report["end"]["limit"] == "memory"
+    report = shared.run(*limits, *run, SEMAPHORES, expect=0)
+    assert report["confined_by"]["filters_calls"] or report["confined_by"]["counts_memory"]
+
+
 def test_limits_hold_while_a_program_may_still_end_by_itself(shared: Place) -> None:
     # It is asked to end after a second, uses too much then, and would go on if it could.
     hog = "import time; x = b'x' * 500_000_000; time.sleep(5)"
