@@ -11,10 +11,26 @@ import numpy as np
 import trifinger
 
 from trifinger_compat.types import Array
+from trifinger_compat.urdf import write_text
 
 NAMES = ("camera60", "camera180", "camera300")
 IDS = (60, 180, 300)
 MATRICES = ("camera_matrix", "distortion_coefficients", "tf_world_to_camera")
+
+# For worlds of PyBullet; the original's has a mesh with colours.
+_CUBE = """\
+<?xml version="1.0"?>
+<robot name="cube_v2">
+  <link name="cube_v2">
+    <inertial>
+      <mass value="0.094"/>
+      <inertia ixx="6.62e-5" iyy="6.62e-5" izz="6.62e-5" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+    <visual><geometry><box size="0.065 0.065 0.065"/></geometry></visual>
+    <collision><geometry><box size="0.065 0.065 0.065"/></geometry></collision>
+  </link>
+</robot>
+"""
 
 
 @cache
@@ -33,21 +49,16 @@ def calibration(text: str) -> trifinger.CameraCalibration:
 
 @cache
 def data_folder() -> Path:
-    """A folder with `camera_params`, the calibration files of the model's cameras."""
+    """A folder with `camera_params`, the calibrations of the model's cameras, and `cube_v2`."""
     from trifinger.camera_calibration.original import SUFFIXES, text_of
 
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = cache_home / "trifinger-compat" / trifinger.__version__ / "data"
     parameters = folder / "camera_params"
-    parameters.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "cube_v2" / "cube_v2.urdf", _CUBE)
     for each in figures().cameras:
         for suffix in SUFFIXES:
-            path = parameters / f"{each.name}{suffix}.yml"
-            text = text_of(each, suffix)
-            if not path.is_file() or path.read_text() != text:
-                part = path.with_name(f".{path.name}.{os.getpid()}")
-                part.write_text(text)
-                part.replace(path)
+            write_text(parameters / f"{each.name}{suffix}.yml", text_of(each, suffix))
     return folder
 
 

@@ -15,7 +15,7 @@ class CameraParameters:
         self.image_width = 0
         self.image_height = 0
         self.camera_matrix: Array = np.zeros((3, 3))
-        self.distortion_coefficients: Array = np.zeros((1, 5))
+        self.distortion_coefficients: Array = np.zeros(5)
         self.tf_world_to_camera: Array = np.zeros((4, 4))
 
 
@@ -47,6 +47,6 @@ def _info_of(camera: trifinger.Camera, rate: float) -> CameraInfo:
     info.frame_rate_fps = rate
     (fx, fy), (cx, cy) = camera.lens.focal_length, camera.lens.principal_point
     info.camera_matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    info.distortion_coefficients = np.array(camera.lens.distortion)[None]
+    info.distortion_coefficients = np.array(camera.lens.distortion)
     info.tf_world_to_camera = inverse(camera.pose)
     return info

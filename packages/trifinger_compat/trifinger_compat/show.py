@@ -44,6 +44,6 @@ class Show:
             if self._window is not None:
                 self._window.close()
             mjcf = trifinger.export_mjcf(self._world.config, self._world.overrides)
-            self._window = Window(mjcf, View(), FRAME_TIME)
+            self._window = Window(mjcf, View(), FRAME_TIME, "a simulation without visualization")
             self._shown = self._world.core
         self._window.draw(self._world.core.configuration(), np.zeros((0, 3)))

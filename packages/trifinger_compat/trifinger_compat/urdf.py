@@ -46,17 +46,18 @@ def share_folder() -> Path:
     share = cache_home / "trifinger-compat" / trifinger.__version__ / "robot_properties_fingers"
     for finger_type, name in FILES.items():
         text = _numbered(trifinger.export_urdf(CONFIGURATIONS[finger_type]), finger_type)
-        _write(share / "urdf" / name, text)
+        write_text(share / "urdf" / name, text)
         if finger_type in WITH_STAGE:
             with_stage = (share / "urdf" / name).with_stem(Path(name).stem + "_with_stage")
-            _write(with_stage, text.replace("</robot>", f"{_stage(finger_type)}</robot>"))
+            write_text(with_stage, text.replace("</robot>", f"{_stage(finger_type)}</robot>"))
     alone = f'<?xml version="1.0"?>\n<robot name="stage">\n{_stage("fingerone", True)}</robot>\n'
-    _write(share / "urdf" / "stage.urdf", alone)
+    write_text(share / "urdf" / "stage.urdf", alone)
     (share / "meshes").mkdir(exist_ok=True)  # the models need none
     return share
 
 
-def _write(path: Path, text: str) -> None:
+def write_text(path: Path, text: str) -> None:
+    """Writes a file, if it is not there already."""
     if path.is_file() and path.read_text() == text:
         return
     path.parent.mkdir(parents=True, exist_ok=True)

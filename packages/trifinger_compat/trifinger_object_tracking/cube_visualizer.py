@@ -11,6 +11,7 @@ from trifinger_compat.opencv import opencv
 from trifinger_compat.types import Array, Image, PoseLike
 from trifinger_simulation.camera import CameraParameters
 
+MODEL = "cube_v2"
 WIDTH = 0.0652  # of the tracker's cube [m]
 # Corners of each face, and its colour in BGR: +x, +y, +z, -z, -x, -y.
 _FACES = (
@@ -31,7 +32,13 @@ class CubeVisualizer:
     def __init__(
         self, cube_model: Any, calibration_files: Sequence[str | Path] | None = None
     ) -> None:
-        """Programs of 2020 give only the files."""
+        """Programs of 2020 give only the files. Raises NotImplementedError for other objects."""
+        if calibration_files is not None and cube_model != MODEL:
+            raise NotImplementedError(
+                f"CubeVisualizer draws '{MODEL}', a cube of {WIDTH * 1e3:.1f} mm with six colours, "
+                f"and the model is {cube_model!r}, whose size and colours are not known here; draw "
+                "it with the lens and pose of a trifinger_simulation.camera.CameraParameters"
+            )
         files = cube_model if calibration_files is None else calibration_files
         self._cameras = []
         for path in files:

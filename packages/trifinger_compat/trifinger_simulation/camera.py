@@ -11,6 +11,7 @@ import trifinger
 from scipy.spatial.transform import Rotation
 from trifinger_compat import yaml_files
 from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, to_matrix
+from trifinger_compat.generation import chosen
 from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Image, Numbers
 from trifinger_compat.world import world_of
@@ -21,6 +22,10 @@ _SIMPLE_POSES = (
     ((0.0047, -0.2834, 0.4558), (0.9655, -0.0098, -0.0065, -0.2603)),
     ((-0.2470, 0.2513, 0.3943), (-0.3633, 0.8686, -0.3141, 0.1220)),
 )
+
+# What planes of cameras must leave [m]: between them is all that the original's cameras can see.
+_NEAREST, _FARTHEST = 0.1, 1.5
+_SIZE = chosen().image_size
 
 
 def calib_data_to_matrix(data: dict[str, Any]) -> Array:
@@ -43,7 +48,7 @@ class CameraParameters(NamedTuple):
     width: int
     height: int
     camera_matrix: Array
-    distortion_coefficients: Array
+    distortion_coefficients: Array  # five numbers
     tf_world_to_camera: Array
 
     @classmethod
@@ -52,14 +57,14 @@ class CameraParameters(NamedTuple):
         content = yaml_files.read(stream.read())
         matrices = [to_matrix(content[name]) for name in MATRICES]
         size = content["image_width"], content["image_height"]
-        return cls(content["camera_name"], *size, matrices[0], matrices[1], matrices[2])
+        return cls(content["camera_name"], *size, matrices[0], matrices[1].ravel(), matrices[2])
 
     def dump(self, stream: IO[str]) -> None:
         """Writes a calibration file."""
         text = f"camera_name: {self.name}\n"
         text += f"image_height: {self.height}\nimage_width: {self.width}\n"
         for name, matrix in zip(MATRICES, self[3:], strict=True):
-            text += matrix_text(name, np.asarray(matrix))
+            text += matrix_text(name, np.atleast_2d(matrix))
         stream.write(text)
 
 
@@ -72,6 +77,20 @@ def load_camera_parameters(
         with Path(config_dir, filename_pattern.format(id=camera_id)).open() as file:
             parameters.append(CameraParameters.load(file))
     return parameters
+
+
+def _check_planes(near: float, far: float) -> None:
+    """Raises an error for planes that are wrong, or that would hide what images here show."""
+    if not 0 < near < far:
+        raise ValueError(
+            f"near_plane_distance is {near} m and far_plane_distance {far} m, must be greater than "
+            "0 and in this order"
+        )
+    if near > _NEAREST or far < _FARTHEST:
+        raise NotImplementedError(
+            f"near_plane_distance is {near} m and far_plane_distance {far} m: images here show all "
+            f"that is in front of a camera, so give at most {_NEAREST} m and at least {_FARTHEST} m"
+        )
 
 
 class BaseCamera:
@@ -122,13 +141,14 @@ class Camera(BaseCamera):
         self,
         camera_position: Numbers,
         camera_orientation: Numbers,
-        image_size: tuple[int, int] = (540, 540),
+        image_size: tuple[int, int] = (_SIZE, _SIZE),
         field_of_view: float = 52,
-        near_plane_distance: float = 0.001,  # noqa: ARG002  # nothing is that near or far
-        far_plane_distance: float = 100.0,  # noqa: ARG002
+        near_plane_distance: float = 0.001,
+        far_plane_distance: float = 100.0,
         pybullet_client_id: Client | int = 0,
     ) -> None:
         """`image_size` is width and height [pixel], `field_of_view` that of the height [degree]."""
+        _check_planes(near_plane_distance, far_plane_distance)
         width, height = image_size
         focal_length = height / 2 / tan(radians(field_of_view) / 2)
         pose = np.eye(4)
@@ -149,11 +169,12 @@ class CalibratedCamera(BaseCamera):
         distortion_coefficients: Numbers,
         tf_world_to_camera: Numbers,
         image_size: tuple[int, int],
-        near_plane_distance: float = 0.02,  # noqa: ARG002  # nothing is that near or far
-        far_plane_distance: float = 2.0,  # noqa: ARG002
+        near_plane_distance: float = 0.02,
+        far_plane_distance: float = 2.0,
         pybullet_client_id: Client | int = 0,
     ) -> None:
         """`image_size` is width and height [pixel]."""
+        _check_planes(near_plane_distance, far_plane_distance)
         width, height = image_size
         matrix = np.asarray(camera_matrix, dtype=float)
         distortion = np.zeros(5)
@@ -172,6 +193,23 @@ class CalibratedCamera(BaseCamera):
         super().__init__(
             trifinger.Camera("camera", width, height, "rgb8", lens, pose), pybullet_client_id
         )
+
+    def distort_image(self, image: Image) -> Image:
+        """An image of a camera without distortion, as this lens shows it; black where it ends.
+
+        It may have margins on all sides: its middle is that of this camera's images.
+        """
+        height, width = image.shape[:2]
+        margins = (width - self._described.width) // 2, (height - self._described.height) // 2
+        lens = self._described.lens.cropped(-margins[0], -margins[1])
+        rows, columns = np.mgrid[:height, :width]
+        rays = lens.unproject(np.stack([columns.ravel(), rows.ravel()], axis=1).astype(float))
+        seen = np.rint(rays[:, :2] * lens.focal_length + lens.principal_point).astype(int)
+        is_inside = np.all((seen >= 0) & (seen < (width, height)), axis=1).reshape(height, width)
+        x, y = seen.T.reshape(2, height, width) * is_inside
+        distorted = np.zeros_like(image)
+        distorted[is_inside] = image[y, x][is_inside]
+        return distorted
 
 
 class CameraArray:

@@ -104,8 +104,8 @@ class ColoredCubeV2(BaseCollisionObject):
 
     def __init__(
         self,
-        position: Numbers,
-        orientation: Numbers,
+        position: Numbers = (0, 0, 0),
+        orientation: Numbers = (0, 0, 0, 1),
         pybullet_client_id: Client | int = 0,
         *,
         mass: float = 0.094,

@@ -97,7 +97,12 @@ def _triangle(finger: Any, low: Array, high: Array) -> Array:
 def get_tip_positions_around_position(
     number_of_fingers: int, position: Sequence[float]
 ) -> list[Array]:
-    """Positions of the tips 5 cm around a point, or at the point for a single finger [m]."""
+    """Positions of the tips 5 cm around a point, or at the point for a single finger [m].
+
+    Raises ValueError for any other number of fingers than one and three.
+    """
+    if number_of_fingers not in (1, 3):
+        raise ValueError(f"Invalid number of fingers: {number_of_fingers}, must be 1 or 3")
     if number_of_fingers == 1:
         return [np.array(position, dtype=float)]
     return [

@@ -253,10 +253,10 @@ class SimFinger:
 
     @staticmethod
     def _sanitise_torques(
-        desired_torques: Numbers, max_torque: float, safety_kd: Numbers, velocities: Numbers
+        desired_torques: Numbers, max_torque: float, safety_kd: Numbers, joint_velocities: Numbers
     ) -> Array:
         """Clips torques [Nm], damps them, and clips them again."""
         torques = np.clip(np.asarray(desired_torques, dtype=float), -max_torque, max_torque)
-        torques = torques - np.asarray(safety_kd) * np.asarray(velocities)
+        torques = torques - np.asarray(safety_kd) * np.asarray(joint_velocities)
         final: Array = np.clip(torques, -max_torque, max_torque)
         return final

@@ -242,7 +242,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             )
         if self._drawing is None:
             if self.render_mode == "human":
-                self._drawing = Window(self._mjcf(), self._view, 1 / self.metadata["render_fps"])
+                frame_time, instead = 1 / self.metadata["render_fps"], 'render_mode="rgb_array"'
+                self._drawing = Window(self._mjcf(), self._view, frame_time, instead)
             else:
                 self._drawing = Painter(self._mjcf(), is_plain=True, view=self._view)
         return self._drawing.draw(self._configuration(), self._marks())

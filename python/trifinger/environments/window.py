@@ -15,14 +15,15 @@ from trifinger.picture import Sight, View, draw_marks
 class Window:
     """A window of MuJoCo's viewer, which shows an episode at real speed."""
 
-    def __init__(self, mjcf: str, view: View, frame_time: float) -> None:
-        """Opens the window; raises InvalidArgument if there is no screen or no library for it."""
+    def __init__(self, mjcf: str, view: View, frame_time: float, instead: str) -> None:
+        """Opens the window; raises InvalidArgument if there is no screen or no library for it.
+
+        `instead` says in the error what needs no screen.
+        """
         if sys.platform.startswith("linux") and not (
             os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
         ):
-            raise InvalidArgument(
-                'there is no screen for a window; render_mode="rgb_array" needs none'
-            )
+            raise InvalidArgument(f"there is no screen for a window; {instead} needs none")
         try:
             import mujoco
             import mujoco.viewer

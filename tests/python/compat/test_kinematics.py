@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Kinematics against the figures of the original's models."""
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -163,7 +164,8 @@ def test_the_closed_form_refuses_what_is_too_near_and_has_no_number_for_what_is_
     assert np.isnan(trifingerpro_ik.fingerpro_ik([0.1, 1.0, 0.0])).all()
 
 
-def test_old_names_are_the_same_class() -> None:
+def test_old_names_are_the_same_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "trifinger_simulation.pinocchio_utils", raising=False)
     assert SameKinematics is Kinematics
     with pytest.warns(FutureWarning, match="old name"):
         import trifinger_simulation.pinocchio_utils as old

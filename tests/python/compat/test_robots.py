@@ -155,7 +155,7 @@ def require_figures(info: Any) -> None:
         assert camera.frame_rate_fps == pytest.approx(10)
         assert camera.camera_matrix == pytest.approx(expected.camera_matrix)
         assert camera.distortion_coefficients == pytest.approx(
-            np.atleast_2d(expected.distortion_coefficients), abs=1e-9
+            expected.distortion_coefficients, abs=1e-9
         )
         assert camera.tf_world_to_camera == pytest.approx(expected.tf_world_to_camera, abs=1e-9)
 

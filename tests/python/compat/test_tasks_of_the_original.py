@@ -89,7 +89,7 @@ def test_a_cuboid_begins_like_a_cube_with_any_face_up() -> None:
         cuboid, cube = move_cuboid.sample_goal(-1), move_cube.sample_goal(-1)
         assert list(cuboid.orientation) == list(cube.orientation)
         radii = [np.hypot(*pose.position[:2]) for pose in (cuboid, cube)]
-        share = move_cuboid._max_cuboid_com_distance_to_center
+        share = move_cuboid._max_cube_com_distance_to_center
         assert radii[0] == pytest.approx(
             radii[1] * share / move_cube._max_cube_com_distance_to_center
         )

@@ -49,11 +49,13 @@ def validate_goal(trajectory: Trajectory) -> None:
     if not len(trajectory):
         raise ValueError("Trajectory is empty")
     if trajectory[0][0] != 0:
-        raise ValueError("First goal does not start at t = 0")
+        raise ValueError(f"First goal does not start at t=0, but at t={trajectory[0][0]}")
     previous = -1
-    for start, position in trajectory:
+    for i, (start, position) in enumerate(trajectory):
         if start <= previous:
-            raise ValueError(f"Start times do not increase: {start} comes after {previous}")
+            raise ValueError(
+                f"Goal {i} starts before previous goal, or with it: {start} comes after {previous}"
+            )
         previous = start
         move_cube.validate_goal(move_cube.Pose(position, [0, 0, 0, 1]))
 

@@ -34,12 +34,12 @@ _max_height = _task.MAX_HEIGHT
 _flat = _task.Box(
     size=(0.02, 0.08, 0.02), flat_goals_from=_min_height, turned_goals_from=0.0, lifted=0.06
 )
-_cuboid_3d_radius = _flat.radius
-_max_cuboid_com_distance_to_center = _flat.max_distance
+_cube_3d_radius = _flat.radius
+_max_cube_com_distance_to_center = _flat.max_distance
 _box = _task.Box(
     size=_flat.size,
     flat_goals_from=_min_height,
-    turned_goals_from=_cuboid_3d_radius,
+    turned_goals_from=_cube_3d_radius,
     lifted=_flat.lifted,
 )
 _cube_corners = _box.corners

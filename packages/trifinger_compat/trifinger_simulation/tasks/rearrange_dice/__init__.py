@@ -15,6 +15,8 @@ from trifinger_compat.generation import why_sizes_differ
 from trifinger_compat.opencv import opencv
 from trifinger_compat.types import Array, Image
 
+from trifinger_simulation.tasks.move_cube import NumpyEncoder as NumpyEncoder
+
 Cell: TypeAlias = tuple[int, int]
 Position: TypeAlias = Sequence[float] | Array
 Goal: TypeAlias = Sequence[Position]
@@ -47,12 +49,12 @@ class InvalidGoalError(Exception):
 class OutOfArenaError(InvalidGoalError):
     """A die of a goal would not be on the table; `position` is where."""
 
-    def __init__(self, message: str, position: Position) -> None:
-        super().__init__(message)
+    def __init__(self, position: Position) -> None:
+        super().__init__(f"Position {position} is outside the arena.")
         self.position = position
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (*self.args, self.position)
+        return type(self), (self.position,)
 
 
 def seed(seed: int) -> None:
@@ -86,17 +88,16 @@ def sample_goal() -> list[tuple[float, float, float]]:
 def validate_goal(goal: Goal) -> None:
     """Raises InvalidGoalError for a wrong shape, OutOfArenaError for a die beside the table."""
     if len(goal) != NUM_DICE:
-        raise InvalidGoalError(f"the goal has {len(goal)} dice, must have {NUM_DICE}")
+        raise InvalidGoalError(f"Wrong number of positions.  Expected {NUM_DICE}, got {len(goal)}")
     for i, position in enumerate(goal):
         if np.shape(position) != (3,):
             raise InvalidGoalError(
-                f"the position of die {i} has shape {np.shape(position)}, must have (3,)"
+                f"Position {i} has invalid shape. It is {np.shape(position)}, must be (3,)"
             )
         x, y, z = (float(value) for value in position)
-        if hypot(abs(x) + DIE_WIDTH / 2, abs(y) + DIE_WIDTH / 2) > ARENA_RADIUS:
-            raise OutOfArenaError(f"die {i} is outside of the arena", position)
-        if z < DIE_WIDTH / 2:
-            raise OutOfArenaError(f"die {i} is below the table", position)
+        is_outside = hypot(abs(x) + DIE_WIDTH / 2, abs(y) + DIE_WIDTH / 2) > ARENA_RADIUS
+        if is_outside or z < DIE_WIDTH / 2:
+            raise OutOfArenaError(position)
 
 
 def evaluate_state(goal_masks: Sequence[Image], actual_masks: Sequence[Image]) -> float:

@@ -6,15 +6,20 @@ from pathlib import Path
 from typing import IO
 
 from trifinger_simulation.tasks import rearrange_dice as _task
+from trifinger_simulation.tasks.rearrange_dice import (
+    N_CELLS_PER_ROW as N_CELLS_PER_ROW,
+    NUM_DICE as NUM_DICE,
+)
 
-OUTSIDE, EMPTY, DIE = "#", ".", "X"
+CHAR_OUTSIDE, CHAR_EMPTY, CHAR_FILLED = "#", ".", "X"
 
 
 def create_empty_pattern() -> str:
     """The pattern without dice: a row for each cell in x, a column for each in y."""
     cells = range(_task.N_CELLS_PER_ROW)
     rows = (
-        "".join(EMPTY if _task._is_cell_valid((x, y)) else OUTSIDE for y in cells) for x in cells
+        "".join(CHAR_EMPTY if _task._is_cell_valid((x, y)) else CHAR_OUTSIDE for y in cells)
+        for x in cells
     )
     return "\n".join(rows)
 
@@ -39,13 +44,13 @@ def parse_pattern(goal_pattern: str | Iterable[str]) -> list[tuple[float, float,
         raise RuntimeError(f"a pattern must have {count} rows of {count} characters")
     for x, row in enumerate(rows):
         for y, character in enumerate(row):
-            expected = EMPTY + DIE if _task._is_cell_valid((x, y)) else OUTSIDE
+            expected = CHAR_EMPTY + CHAR_FILLED if _task._is_cell_valid((x, y)) else CHAR_OUTSIDE
             if character not in expected:
                 raise RuntimeError(
                     f"row {x}, column {y} of the pattern is '{character}', must be one of "
                     f"'{expected}'"
                 )
-            if character == DIE:
+            if character == CHAR_FILLED:
                 goal.append(_task._get_cell_center_position((x, y)))
     return goal
 
