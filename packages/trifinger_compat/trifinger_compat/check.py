@@ -59,6 +59,8 @@ _FILES = {
     "robot_properties_fingers",
     "data": "use trifinger_simulation.get_data_dir()",
 }
+# How a program finds the folder of a package.
+_FILES_BEGIN = ("__file__", "__path__", "files(", "resource_filename")
 # Of the calls of PyBullet that are served, those that take an object, and those for the robot.
 _OF_ROBOT = {"getJointStates"}
 _OF_OBJECTS = bullet.SERVED.keys() & {
@@ -87,8 +89,11 @@ class Finding:
 class _Names(Scopes):
     """Collects where a program uses names of the original's packages, in the order it runs."""
 
-    def __init__(self, file: Path, tree: ast.Module, imports: frozenset[str]) -> None:
+    def __init__(
+        self, file: Path, tree: ast.Module, imports: frozenset[str], has_files: bool
+    ) -> None:
         super().__init__(tree)
+        self._has_files = has_files
         self._file = file
         self._imports = imports
         self._caught: list[type[BaseException]] = []
@@ -236,7 +241,7 @@ class _Names(Scopes):
 
     def _judge_file(self, node: ast.expr) -> bool:
         """Judges a path in the folder of a package; False if it is not one, or is there."""
-        text = self.text(node)
+        text = self.text(node) if self._has_files else None
         if text is None or text.package is None:
             return False
         path, folder = Path(text.value), Path(text.package)
@@ -472,7 +477,10 @@ def check_text(text: str, file: Path, others: frozenset[str] = frozenset()) -> l
     `others` are modules that other files of the program import.
     """
     tree = ast.parse(text, str(file))
-    return _Names(file, tree, imported_by(tree) | others).judge()
+    if not any(name in text for name in (*PACKAGES, *_COMPANIONS, "pybullet", *_MEMBERS)):
+        return []  # most files of a folder are about something else
+    has_files = any(word in text for word in _FILES_BEGIN)
+    return _Names(file, tree, imported_by(tree) | others, has_files).judge()
 
 
 def programs(path: Path) -> Iterator[Path]:
