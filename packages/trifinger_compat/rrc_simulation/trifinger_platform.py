@@ -5,7 +5,6 @@ from typing import Any
 
 from trifinger_compat.generation import FIRST
 from trifinger_compat.types import Numbers, PoseLike
-from trifinger_simulation import camera
 from trifinger_simulation.trifinger_platform import (
     CameraObservation as CameraObservation,
     ObjectPose as ObjectPose,
@@ -32,6 +31,7 @@ class TriFingerPlatform(_TriFingerPlatform):
 
     spaces = _Spaces
     _finger_class = SimFinger
+    _image_size = FIRST.image_size
 
     def __init__(
         self,
@@ -49,17 +49,3 @@ class TriFingerPlatform(_TriFingerPlatform):
             visualization, initial_robot_position, initial_object_pose, enable_cameras, **options
         )
         self.camera_rate_fps = FIRST.camera_rate
-
-    @property
-    def tricamera(self) -> Any:
-        """The three cameras, made when they are first needed."""
-        if self._tricamera is None:
-            size = (FIRST.image_size, FIRST.image_size)
-            self._tricamera = camera.TriFingerCameras(
-                image_size=size, pybullet_client_id=self.simfinger._pybullet_client_id
-            )
-        return self._tricamera
-
-    @tricamera.setter
-    def tricamera(self, cameras: Any) -> None:
-        self._tricamera = cameras

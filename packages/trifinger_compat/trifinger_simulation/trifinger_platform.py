@@ -108,6 +108,7 @@ class TriFingerPlatform:
 
     # Its own figures, which rrc_simulation changes.
     _finger_class: type[SimFinger] = SimFinger
+    _image_size: int = _generation.image_size
 
     def __init__(
         self,
@@ -189,8 +190,9 @@ class TriFingerPlatform:
     def tricamera(self) -> Any:
         """The three cameras, made when they are first needed; any object with `get_images()`."""
         if self._tricamera is None:
-            self._tricamera = camera.default_cameras(
-                self.simfinger._pybullet_client_id, _generation.image_size
+            self._tricamera = camera.TriFingerCameras(
+                image_size=(self._image_size, self._image_size),
+                pybullet_client_id=self.simfinger._pybullet_client_id,
             )
         return self._tricamera
 

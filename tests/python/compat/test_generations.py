@@ -338,13 +338,17 @@ def test_tips_around_a_point_are_at_0_and_minus_120_and_minus_240_degrees() -> N
 
 @pytest.mark.release
 def test_cameras_see_the_cube_where_their_calibration_says() -> None:
-    platform = trifinger_simulation.TriFingerPlatform(enable_cameras=True)
-    seen = platform.get_camera_observation(0)
+    platform = trifinger_simulation.TriFingerPlatform()
+    folder = trifinger_simulation.get_data_dir() / "camera_params"
+    parameters = camera.load_camera_parameters(folder, "camera{id}_cropped.yml")
+    platform.tricamera = camera.create_trifinger_camera_array(
+        parameters, platform.simfinger._pybullet_client_id
+    )
+    platform.enable_cameras = True
+    seen = platform._get_current_camera_observation(0)
     for each in seen.cameras:
         assert each.image.shape == (540, 540, 3)
         assert each.image.dtype == np.uint8
-    folder = trifinger_simulation.get_data_dir() / "camera_params"
-    parameters = camera.load_camera_parameters(folder, "camera{id}_cropped.yml")
     files = [folder / f"camera{i}_cropped.yml" for i in (60, 180, 300)]
     drawn = CubeVisualizer("cube_v2", files).draw_cube(
         [each.image for each in seen.cameras], seen.object_pose, opacity=1.0
@@ -358,6 +362,70 @@ def test_cameras_see_the_cube_where_their_calibration_says() -> None:
         assert np.count_nonzero(covered & changed) > 0.85 * np.count_nonzero(covered)
     with pytest.raises(ValueError, match="camera60"):
         camera.create_trifinger_camera_array(parameters[::-1])
+
+
+# The cameras of the original's platform: position [m] and orientation x, y, z, w.
+CAMERAS = (
+    ((0.2496, 0.2458, 0.4190), (0.3760, 0.8690, -0.2918, -0.1354)),
+    ((0.0047, -0.2834, 0.4558), (0.9655, -0.0098, -0.0065, -0.2603)),
+    ((-0.2470, 0.2513, 0.3943), (-0.3633, 0.8686, -0.3141, 0.1220)),
+)
+
+
+def projected_as_opengl_does(number: int, point: Any, size: int) -> Any:
+    """Where the original's camera sees a point of the world [pixel].
+
+    It calls gluLookAt with its own third axis as the point to look at, and gluPerspective with
+    52 degrees.
+    """
+    eye, (x, y, z, w) = np.array(CAMERAS[number][0]), CAMERAS[number][1]
+    x, y, z, w = np.array([x, y, z, w]) / np.linalg.norm([x, y, z, w])
+    up = -np.array([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)])
+    target = np.array([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)])
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    side = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+    ray = np.array(point) - eye
+    seen = np.array([ray @ side, ray @ np.cross(forward, side)])  # to the right and down
+    on_screen = seen / (ray @ forward * np.tan(np.radians(52 / 2)))  # from -1 to 1
+    # The edges of the image are at -0.5 and size - 0.5.
+    return (on_screen + 1) * size / 2 - 0.5
+
+
+@pytest.mark.release
+@pytest.mark.parametrize(
+    ("make", "size"),
+    [
+        (lambda: trifinger_simulation.TriFingerPlatform(enable_cameras=True), 540),
+        (lambda: rrc_simulation.TriFingerPlatform(enable_cameras=True), 270),
+    ],
+    ids=["trifinger_simulation", "rrc_simulation"],
+)
+def test_the_platform_has_the_picture_of_the_original(make: Any, size: int) -> None:
+    platform = make()
+    half, colour = 0.006, (0.9, 0.0, 0.9)
+    dot = collision_objects.Cuboid(
+        [0, 0, 0.1], [0, 0, 0, 1], [half] * 3, 0.1, colour, platform.simfinger._pybullet_client_id
+    )
+    platform.cube.set_state([0, 0, -1], [0, 0, 0, 1])
+    found = []  # camera, size of the dot as if it were 1 m away, how far it is off
+    for point in ([0, 0, 0.02], [0.1, 0.03, 0.02], [-0.09, -0.04, 0.02], [0.02, -0.11, 0.02]):
+        dot.set_state(point, [0, 0, 0, 1])
+        observation = platform._get_current_camera_observation(0)
+        for number, each in enumerate(observation.cameras):
+            assert each.image.shape == (size, size, 3)
+            red, green, blue = np.moveaxis(each.image.astype(int), 2, 0)
+            rows, columns = np.nonzero((red - green > 60) & (blue - green > 60))
+            if len(rows) == 0:
+                continue
+            area = len(rows) * np.linalg.norm(np.subtract(point, CAMERAS[number][0])) ** 2
+            expected = projected_as_opengl_does(number, point, size)
+            miss = np.abs(np.mean([columns, rows], axis=1) - expected).max()
+            found.append((number, area, miss))
+    # Where a finger hides a part of the dot, its middle says nothing.
+    largest = max(area for _, area, _ in found)
+    whole = [(number, miss) for number, area, miss in found if area > 0.8 * largest]
+    assert {number for number, _ in whole} == {0, 1, 2}
+    assert max(miss for _, miss in whole) < 0.7
 
 
 @pytest.mark.release

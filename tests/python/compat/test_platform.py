@@ -16,7 +16,7 @@ import trifinger_simulation
 from hypothesis import given, settings, strategies as st
 from trifinger_object_tracking.py_lightblue_segmenter import segment_image
 from trifinger_simulation import SimFinger, TriFingerPlatform, trifingerpro_limits as limits
-from trifinger_simulation.camera import load_camera_parameters
+from trifinger_simulation.camera import create_trifinger_camera_array, load_camera_parameters
 from trifinger_simulation.tasks import move_cube, rearrange_dice
 from trifinger_simulation.trifinger_platform import ObjectType
 
@@ -249,21 +249,20 @@ def test_25_dice_lie_on_the_table() -> None:
 @pytest.mark.release
 def test_dice_are_light_blue_in_images() -> None:
     rearrange_dice.seed(1)
-    platform = TriFingerPlatform(object_type=ObjectType.DICE, enable_cameras=True)
-    empty = TriFingerPlatform(object_type=ObjectType.NONE, enable_cameras=True)
+    platform = TriFingerPlatform(object_type=ObjectType.DICE)
+    empty = TriFingerPlatform(object_type=ObjectType.NONE)
     goal = [die.get_state()[0] for die in platform.dice]
     folder = trifinger_simulation.get_data_dir() / "camera_params"
     cameras = load_camera_parameters(folder, "camera{id}_cropped.yml")
     masks = rearrange_dice.generate_goal_mask(cameras, goal)
-    for mask, seen, other in zip(
-        masks,
-        platform.get_camera_observation(0).cameras,
-        empty.get_camera_observation(0).cameras,
-        strict=True,
-    ):
+    dice, robot = (
+        create_trifinger_camera_array(cameras, each.simfinger._pybullet_client_id).get_images()
+        for each in (platform, empty)
+    )
+    for mask, seen, other in zip(masks, dice, robot, strict=True):
         # One of the fingers is blue, too.
         found, of_robot = (
-            segment_image(np.ascontiguousarray(one.image[:, :, ::-1])) for one in (seen, other)
+            segment_image(np.ascontiguousarray(one[:, :, ::-1])) for one in (seen, other)
         )
         assert np.count_nonzero(found & ~mask & ~of_robot) < 50
         assert np.count_nonzero(found & mask) > 0.4 * np.count_nonzero(mask)
