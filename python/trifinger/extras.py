@@ -13,7 +13,7 @@ MODULES = {
     "demo": ("matplotlib", "OpenGL"),
     "plot": ("matplotlib", "plotly"),
     "film": ("matplotlib", "OpenGL", "av"),
-    "cameras": ("cv2",),
+    "cameras": ("cv2", "yaml"),
     "export": ("pandas", "pyarrow"),
     "lerobot": ("pandas", "pyarrow", "av", "PIL"),
     "minari": ("minari", "h5py", "gymnasium"),

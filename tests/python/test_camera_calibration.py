@@ -15,9 +15,10 @@ import pytest
 import rendered_boards as boards
 import trifinger
 from conftest import BUILD, PROGRAM, output_of
+from foreign_writers import WRITERS
 from hypothesis import given, strategies as st
 from rendered_boards import Look, TrueCamera
-from trifinger import CameraCalibration, Lens
+from trifinger import CameraCalibration, Lens, foreign_yaml
 from trifinger.camera_calibration import (
     PRESETS,
     Board,
@@ -47,6 +48,15 @@ ARENA = np.stack(
         )
     ],
     axis=1,
+)
+
+
+# In files of the original.
+MATRICES = (
+    "camera_matrix",
+    "distortion_coefficients",
+    "tf_world_to_camera",
+    "tf_world_to_camera_std",
 )
 
 
@@ -643,6 +653,22 @@ def test_files_of_the_original_come_back(cameras: dict[str, TrueCamera], tmp_pat
     assert storage.getNode("camera_matrix").getNode("data").at(2).real() == pytest.approx(379.286)
 
 
+@pytest.mark.parametrize("writer", WRITERS)
+def test_files_of_the_original_are_read_from_every_writer(
+    writer: str, cameras: dict[str, TrueCamera], tmp_path: Path
+) -> None:
+    paths = original.write(true_calibration(cameras), tmp_path)
+    for path in paths:
+        content = foreign_yaml.parse(path.read_text())
+        for name in MATRICES:
+            content[name] = foreign_yaml.matrix(content[name])
+        path.write_text(WRITERS[writer](content))
+    new = tmp_path / "new.yml"
+    command = ["pro", "--file", str(new), "--from-original", *map(str, paths)]
+    assert calibrate_cameras.main(command) == 0
+    assert_true(CameraCalibration.read(new), cameras, pixel=1e-9, position=1e-12, angle=1e-9)
+
+
 def test_half_the_size_is_the_originals_in_files_and_ours_in_images(
     cameras: dict[str, TrueCamera], tmp_path: Path
 ) -> None:
@@ -666,9 +692,12 @@ def test_files_of_the_original_that_make_no_sense_are_refused(
         with pytest.raises(InvalidArgument, match=sentence):
             original.read([bad])
 
-    refuses(good.replace("camera_matrix", "other"), "has no 'camera_matrix.data'")
+    refuses(good.replace("camera_matrix", "other"), "has no 'camera_matrix'")
     refuses(good.replace("image_width: 720", "image_width: 640"), "must be 720 x 540")
-    refuses(re.sub(r"data: \[-0.238.*\]", "data: [1, 2]", good), "must be 1 x 5 numbers")
+    refuses(
+        re.sub(r"data: \[-0.238.*\]", "data: [1, 2]", good),
+        "'distortion_coefficients': it must have 1 x 5",
+    )
     refuses(re.sub(r"data: \[-0.70", "data: [-0.90", good), "no rotation and translation")
     refuses("{[", "is not YAML")
     # What the original writes: no first line, lists over lines, and rotations that are means.

@@ -225,7 +225,7 @@ def compat(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installatio
     (compat_wheel,) = folder.glob("*.whl")
     environment = Installation(folder / "environment", wheel)
     environment.install(compat_wheel)
-    environment.link("scipy", "scipy.libs", "cv2", "opencv_python_headless.libs")
+    environment.link("scipy", "scipy.libs", "cv2", "opencv_python_headless.libs", "yaml", "_yaml")
     environment.link("gymnasium", "cloudpickle", "farama_notifications", "typing_extensions.py")
     return environment
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from trifinger_compat import yaml_files
+from trifinger import foreign_yaml
 from trifinger_compat.robot_data import BaseData, RobotBackend
 from trifinger_compat.types import Numbers
 
@@ -73,7 +73,7 @@ class _Config:
     def load_config(cls, config_file_name: str | Path) -> "_Config":
         """Reads a file; RuntimeError if it cannot be read."""
         try:
-            return cls(yaml_files.read(Path(config_file_name).read_text()))
+            return cls(foreign_yaml.parse(Path(config_file_name).read_text()))
         except (OSError, ValueError) as error:
             raise RuntimeError(
                 f"cannot read the configuration {config_file_name}: {error}"

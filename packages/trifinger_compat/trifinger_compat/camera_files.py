@@ -5,7 +5,6 @@ import os
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trifinger
@@ -60,11 +59,6 @@ def data_folder() -> Path:
         for suffix in SUFFIXES:
             write_text(parameters / f"{each.name}{suffix}.yml", text_of(each, suffix))
     return folder
-
-
-def to_matrix(data: dict[str, Any]) -> Array:
-    """A matrix of {rows, cols, data}."""
-    return np.array(data["data"], dtype=float).reshape(int(data["rows"]), int(data["cols"]))
 
 
 def matrix_text(name: str, matrix: Array) -> str:

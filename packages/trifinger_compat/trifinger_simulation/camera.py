@@ -9,8 +9,8 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 import trifinger
 from scipy.spatial.transform import Rotation
-from trifinger_compat import yaml_files
-from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, to_matrix
+from trifinger import foreign_yaml
+from trifinger_compat.camera_files import IDS, MATRICES, matrix_text
 from trifinger_compat.generation import chosen
 from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Image, Numbers
@@ -30,7 +30,7 @@ _SIZE = chosen().image_size
 
 def calib_data_to_matrix(data: dict[str, Any]) -> Array:
     """The matrix of a calibration file's {rows, cols, data}."""
-    return to_matrix(data)
+    return foreign_yaml.matrix(data)
 
 
 def rbg_to_bayer_bg(image: Image) -> Image:
@@ -54,8 +54,8 @@ class CameraParameters(NamedTuple):
     @classmethod
     def load(cls, stream: IO[str]) -> "CameraParameters":
         """Reads a calibration file."""
-        content = yaml_files.read(stream.read())
-        matrices = [to_matrix(content[name]) for name in MATRICES]
+        content = foreign_yaml.parse(stream.read())
+        matrices = [foreign_yaml.matrix(content[name]) for name in MATRICES]
         size = content["image_width"], content["image_height"]
         return cls(content["camera_name"], *size, matrices[0], matrices[1].ravel(), matrices[2])
 

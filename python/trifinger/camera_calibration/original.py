@@ -11,9 +11,11 @@ meaning, when read and when written.
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from trifinger import foreign_yaml
 from trifinger._trifinger import Camera, CameraCalibration, Lens
 from trifinger.camera_calibration.geometry import Matrix, inverse, nearest_rotation
 from trifinger.camera_calibration.images import natural_order
@@ -97,38 +99,32 @@ def read(paths: Sequence[Path]) -> CameraCalibration:
 
 def read_camera(path: Path) -> Camera:
     """The camera of a file of the original stack, with images of 540 x 540 pixels."""
-    import cv2
-
-    text = path.read_text()
-    if not text.startswith("%YAML"):  # OpenCV's reader asks for it
-        text = "%YAML:1.0\n---\n" + text
-    flags = cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     try:
-        storage = cv2.FileStorage(text, flags)
-    except (cv2.error, SystemError) as error:
-        raise InvalidArgument(f"{path} is no file of a camera: it is not YAML") from error
+        content = foreign_yaml.parse(path.read_text())
+    except (UnicodeDecodeError, InvalidArgument) as error:
+        raise InvalidArgument(f"{path} is no file of a camera: {error}") from error
 
-    def node(*names: str) -> cv2.FileNode:
-        found = storage.root()
-        for name in names:
-            found = found.getNode(name) if found.isMap() else cv2.FileNode()
-        if found.empty():
-            raise InvalidArgument(f"{path} has no '{'.'.join(names)}'")
-        return found
+    def value(name: str) -> Any:
+        if name not in content:
+            raise InvalidArgument(f"{path} has no '{name}'")
+        return content[name]
 
     def matrix(name: str, *shapes: tuple[int, int]) -> Matrix:
-        data = node(name, "data")
-        numbers = np.array([data.at(i).real() for i in range(data.size())])
-        for shape in shapes:
-            if len(numbers) == shape[0] * shape[1] and np.isfinite(numbers).all():
-                return numbers.reshape(shape)
-        raise InvalidArgument(f"{path}: '{name}' must be {shapes[0][0]} x {shapes[0][1]} numbers")
+        try:
+            numbers = foreign_yaml.matrix(value(name))
+        except InvalidArgument as error:
+            raise InvalidArgument(f"{path}: '{name}': {error}") from error
+        if numbers.shape not in shapes or not np.isfinite(numbers).all():
+            raise InvalidArgument(
+                f"{path}: '{name}' must be {shapes[0][0]} x {shapes[0][1]} numbers"
+            )
+        return numbers
 
-    size = (int(node("image_width").real()), int(node("image_height").real()))
-    name = re.sub(r"_(full|cropped|cropped_and_downsampled)$", "", node("camera_name").string())
+    size = value("image_width"), value("image_height")
+    name = re.sub(r"_(full|cropped|cropped_and_downsampled)$", "", str(value("camera_name")))
     intrinsics = matrix("camera_matrix", (3, 3))
     focal, centre = intrinsics[[0, 1], [0, 1]], intrinsics[:2, 2]
-    distortion = matrix("distortion_coefficients", (1, 5)).ravel()
+    distortion = matrix("distortion_coefficients", (1, 5), (5, 1)).ravel()
     if size == FULL:
         lens = Lens(focal, centre - (LEFT, 0), distortion)
     elif size == CROPPED:

@@ -16,6 +16,7 @@ import rrc_simulation
 import trifinger_cameras
 import trifinger_simulation
 from backend import environment
+from foreign_writers import WRITERS
 from trifinger_cameras import utils
 from trifinger_cameras.camera_calibration_file import CameraCalibrationFile
 from trifinger_compat import evaluation, generation
@@ -457,6 +458,28 @@ def test_calibration_files_survive(tmp_path: Path) -> None:
         again = camera.CameraParameters.load(file)
     assert np.array_equal(again.tf_world_to_camera, first.tf_world_to_camera)
     assert CameraCalibrationFile(path)["camera_matrix"].shape == (3, 3)
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_calibration_files_are_read_from_every_writer(writer: str, tmp_path: Path) -> None:
+    folder = trifinger_simulation.get_data_dir() / "camera_params"
+    (first, *_) = known = camera.load_camera_parameters(folder, "camera{id}_cropped.yml")
+    for each in known:
+        content = {
+            "camera_name": each.name,
+            "image_width": each.width,
+            "image_height": each.height,
+            "camera_matrix": each.camera_matrix,
+            "distortion_coefficients": np.array(each.distortion_coefficients).reshape(1, 5),
+            "tf_world_to_camera": each.tf_world_to_camera,
+        }
+        (tmp_path / f"{each.name}.yml").write_text(WRITERS[writer](content))
+    again, *_ = camera.load_camera_parameters(tmp_path)
+    assert again[:3] == first[:3]
+    for one, other in zip(again[3:], first[3:], strict=True):
+        assert np.array_equal(one, other)
+    lens = CameraCalibrationFile(tmp_path / "camera60.yml")["camera_matrix"]
+    assert np.array_equal(lens, first.camera_matrix)
 
 
 def test_raw_images_become_colours() -> None:
