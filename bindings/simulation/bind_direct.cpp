@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <map>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -293,6 +295,31 @@ void bind_direct(nb::module_& m) {
             direct.visit([&](auto& steps) { steps.simulation.set_object_mass(name, mass); });
           },
           "name"_a, "mass"_a, docs::DirectSimulation::set_object_mass)
+      .def(
+          "use_physics",
+          [](PythonDirect& direct, nb::handle stop_lower, nb::handle stop_upper, double margin,
+             double link_friction, double boundary_friction,
+             const std::map<std::string, double>& object_margins) {
+            direct.visit([&]<class R>(DirectSteps<R>& steps) {
+              steps.simulation.use_physics(
+                  {.stop_lower = to_numbers<R::kJoints>(stop_lower, "stop_lower"),
+                   .stop_upper = to_numbers<R::kJoints>(stop_upper, "stop_upper"),
+                   .margin = margin,
+                   .link_friction = link_friction,
+                   .boundary_friction = boundary_friction});
+              for (const auto& [name, object_margin] : object_margins) {
+                steps.simulation.set_object_margin(name, object_margin);
+              }
+            });
+          },
+          nb::kw_only(), "stop_lower"_a, "stop_upper"_a, "margin"_a, "link_friction"_a,
+          "boundary_friction"_a, "object_margins"_a,
+          nb::sig("def use_physics(self, *, stop_lower: numpy.typing.ArrayLike, stop_upper: "
+                  "numpy.typing.ArrayLike, margin: float, link_friction: float, "
+                  "boundary_friction: float, object_margins: dict[str, float]) -> None"),
+          "Takes figures of another simulator: where joints are stopped [rad], the distance at "
+          "which fingers and\nobjects touch already, from 0 to 0.01 [m], and the sliding friction "
+          "of links and of the boundary\nagainst anything.")
       .def(
           "object_pose",
           [](const PythonDirect& direct, const std::string& name) {

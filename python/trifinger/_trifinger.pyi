@@ -949,6 +949,13 @@ class DirectSimulation:
         Raises InvalidArgument that names the existing objects, or if the mass is not valid.
         """
 
+    def use_physics(self, *, stop_lower: numpy.typing.ArrayLike, stop_upper: numpy.typing.ArrayLike, margin: float, link_friction: float, boundary_friction: float, object_margins: dict[str, float]) -> None:
+        """
+        Takes figures of another simulator: where joints are stopped [rad], the distance at which fingers and
+        objects touch already, from 0 to 0.01 [m], and the sliding friction of links and of the boundary
+        against anything.
+        """
+
     def object_pose(self, name: str) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
         """Position [m] and quaternion w, x, y, z of an object now."""
 

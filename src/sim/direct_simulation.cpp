@@ -24,6 +24,17 @@ void require_all_finite(const std::array<double, N>& values, const char* what) {
   }
 }
 
+void require_margin(double margin) {
+  constexpr double kLargestMargin = 0.01;  // [m]; what touches from farther away is another shape
+  require(margin >= 0.0 && margin <= kLargestMargin,
+          "margin is " + detail::text_of(margin) + " m, must be 0 to 0.01");
+}
+
+void require_friction(double friction, const char* what) {
+  require(friction >= 0.001 && friction <= 5.0,
+          std::string(what) + " is " + detail::text_of(friction) + ", must be 0.001 to 5");
+}
+
 constexpr double kLargestTorque = 10.0;  // [Nm]; a description allows no more
 
 double or_else(double value, double other) noexcept { return std::isnan(value) ? other : value; }
@@ -137,7 +148,51 @@ void DirectSimulation<R>::set_object_mass(const std::string& name, double mass) 
   for (std::ptrdiff_t axis = 0; axis < 3; ++axis) {
     model_->body_inertia[3 * static_cast<std::ptrdiff_t>(object.body) + axis] *= factor;
   }
-  // This works with data of its own, so that the simulation goes on where it is.
+  update_constants();
+}
+
+template <class R>
+void DirectSimulation<R>::set_object_margin(const std::string& name, double margin) {
+  const ObjectAddress& object = simulator_.model().object(name);
+  require_margin(margin);
+  for (int geom = 0; geom < static_cast<int>(model_->ngeom); ++geom) {
+    if (model_->geom_bodyid[geom] == object.body) model_->geom_margin[geom] = margin;
+  }
+  update_constants();
+}
+
+template <class R>
+void DirectSimulation<R>::use_physics(const Physics& physics) {
+  require_margin(physics.margin);
+  require_friction(physics.link_friction, "link_friction");
+  require_friction(physics.boundary_friction, "boundary_friction");
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const double lower = physics.stop_lower[i];
+    const double upper = physics.stop_upper[i];
+    require(std::isfinite(lower) && std::isfinite(upper) && lower < upper,
+            "the stops of joint " + std::to_string(i) + " are " + detail::text_of(lower) + " and " +
+                detail::text_of(upper) + " rad, the first must be below the second");
+    model_->jnt_range[2 * i] = lower;
+    model_->jnt_range[2 * i + 1] = upper;
+  }
+  const auto& surfaces = simulator_.model().surfaces();
+  for (std::size_t geom = 0; geom < surfaces.size(); ++geom) {
+    const auto decide = [&](double friction, int priority) {
+      model_->geom_friction[3 * geom] = friction;
+      model_->geom_priority[geom] = priority;
+    };
+    if (surfaces[geom] == Surface::kLink) decide(physics.link_friction, 2);
+    if (surfaces[geom] == Surface::kBoundary) decide(physics.boundary_friction, 1);
+    if (surfaces[geom] == Surface::kLink || surfaces[geom] == Surface::kTip) {
+      model_->geom_margin[geom] = physics.margin;
+    }
+  }
+  update_constants();
+}
+
+// This works with data of its own, so that the simulation goes on where it is.
+template <class R>
+void DirectSimulation<R>::update_constants() {
   const RobotModel::Data scratch = simulator_.model().make_data();
   mj_setConst(model_.get(), scratch.get());
 }

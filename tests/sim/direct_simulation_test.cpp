@@ -11,6 +11,8 @@
 
 #include "sim/robots.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/model/robot_description.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -144,6 +146,114 @@ TEST(DirectSimulation, ContinuesFromAnotherOneWithTheObjectsThatBothHave) {
   EXPECT_EQ(second.observation().torque, first.observation().torque);
   EXPECT_EQ(second.object_pose("cube").position, first.object_pose("cube").position);
   EXPECT_THAT(second.object_pose("ball").position, ElementsAre(0, 0, DoubleNear(0.7, 1e-12)));
+}
+
+Direct::Physics stops_at(const JointVector<9>& lower, const JointVector<9>& upper) {
+  return {.stop_lower = lower, .stop_upper = upper};
+}
+
+// Stops that hold the fingers where they are.
+Direct::Physics locked(const Direct& direct) {
+  JointVector<9> lower = direct.observation().position;
+  JointVector<9> upper = lower;
+  for (double& angle : lower) angle -= 1e-3;
+  for (double& angle : upper) angle += 1e-3;
+  return stops_at(lower, upper);
+}
+
+constexpr double kDieMass = 0.05;  // [kg]
+
+// A cube of 20 mm.
+SimulationOptions<TriFinger> with_die() {
+  SimulationOptions<TriFinger> options;
+  ObjectDescription& die = options.description.objects.front();
+  die.size = {0.02, 0.02, 0.02};
+  die.mass = kDieMass;
+  return options;
+}
+
+TEST(DirectSimulation, StopsJointsWhereAnotherSimulatorDoes) {
+  for (const double torque : {0.3, -0.3}) {
+    Direct direct({});
+    JointVector<9> lower = direct.observation().position;
+    JointVector<9> upper = lower;
+    for (double& angle : lower) angle -= 0.1;
+    for (double& angle : upper) angle += 0.2;
+    direct.use_physics(stops_at(lower, upper));
+    for (int i = 0; i < 1000; ++i) ASSERT_TRUE(direct.step(all(torque)));
+    const JointVector<9>& stops = torque > 0.0 ? upper : lower;
+    for (std::size_t i = 0; i < 9; ++i) {
+      EXPECT_NEAR(direct.observation().position[i], stops[i], 0.03) << "joint " << i;
+    }
+  }
+}
+
+TEST(DirectSimulation, LetsBodiesTouchFromTheirMarginsAway) {
+  constexpr double kMargin = 0.001;
+  Direct direct({});
+  direct.set_object_margin("cube", kMargin);
+  direct.use_physics(locked(direct));
+  direct.place_object("cube", {.position = {0, 0, 0.04}});
+  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(direct.step({}));
+  EXPECT_NEAR(direct.object_pose("cube").position[2], 0.0325 + kMargin, 1.5e-4);
+
+  // Below the tip of finger 0, a gap below the two margins is a contact, and a wider one is none.
+  const SimulationOptions<TriFinger> options = with_die();
+  const double radius = figures(options.description).tip_radius;
+  const Eigen::Vector3d tip = Kinematics(options.description).tip_positions().head<3>();
+  for (const double gap : {2 * kMargin - 1e-4, 2 * kMargin + 1e-4}) {
+    Direct above(options);
+    Direct::Physics physics = locked(above);
+    physics.margin = kMargin;
+    above.use_physics(physics);
+    above.set_object_margin("cube", kMargin);
+    above.place_object("cube", {.position = {tip[0], tip[1], tip[2] - radius - gap - 0.01}});
+    ASSERT_TRUE(above.step({}));
+    EXPECT_EQ(above.observation().tip_force[0] > 0.0, gap < 2 * kMargin) << gap;
+  }
+}
+
+// A body slides if what pulls it is more than friction times what presses it.
+TEST(DirectSimulation, RubsAtLinksAndBoundaryAsAnotherSimulatorDoes) {
+  constexpr double kWeight = kDieMass * 9.81;
+  for (const double friction : {0.1, 0.4}) {
+    Direct direct(with_die());
+    Direct::Physics physics = locked(direct);
+    physics.link_friction = physics.boundary_friction = friction;
+    direct.use_physics(physics);
+    const auto speed_after = [&](const std::array<double, 3>& force, std::size_t axis) {
+      for (int i = 0; i < 50; ++i) {
+        direct.push_object("cube", force, {});
+        EXPECT_TRUE(direct.step({}));
+      }
+      return std::abs(direct.object_velocity("cube").linear[axis]);
+    };
+    // On the upper link of finger 0, which is 37 mm thick and points away from the middle.
+    direct.place_object("cube", {.position = {0, 0.11, 0.283 + 0.0185 + 0.01}});
+    EXPECT_EQ(speed_after({0, 0.2 * kWeight, 0}, 1) > 0.02, friction < 0.2);
+    // At the wall, which has a radius of 242 mm.
+    direct.place_object("cube", {.position = {0.242 - 0.01, 0, 0.15}});
+    EXPECT_EQ(speed_after({5 * kWeight, 0, 0}, 2) > 0.02, friction < 0.2);
+  }
+}
+
+TEST(DirectSimulation, RefusesPhysicsThatCannotBe) {
+  Direct direct({});
+  const auto refuses = [&](auto change, const std::string& text) {
+    Direct::Physics physics = stops_at(all(-1.0), all(1.0));
+    change(physics);
+    EXPECT_THAT([&] { direct.use_physics(physics); },
+                ThrowsMessage<InvalidArgument>(HasSubstr(text)));
+  };
+  refuses([](auto& physics) { physics.stop_lower[3] = 1.0; }, "stops of joint 3 are 1 and 1 rad");
+  refuses([](auto& physics) { physics.stop_upper[8] = kNaN; }, "stops of joint 8");
+  refuses([](auto& physics) { physics.margin = kNaN; }, "margin is nan m, must be 0 to 0.01");
+  refuses([](auto& physics) { physics.link_friction = 0.0; }, "link_friction is 0, must be 0.001");
+  refuses([](auto& physics) { physics.boundary_friction = kNaN; }, "boundary_friction is nan");
+  EXPECT_THAT([&] { direct.set_object_margin("cube", 0.02); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("margin is 0.02 m")));
+  EXPECT_THAT([&] { direct.set_object_margin("dog", 0.001); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("cube")));
 }
 
 TEST(DirectSimulation, RefusesWhatItsObjectsCannotBe) {

@@ -23,6 +23,20 @@ struct DirectControl {
   double max_torque{0.0};    ///< [Nm]
 };
 
+/// What another simulator assumes of fingers, where a description has the hardware's figures.
+template <std::size_t N>
+struct DirectPhysics {
+  /// Where stops are, in place of those beyond the hard limits [rad].
+  JointVector<N> stop_lower{};
+  JointVector<N> stop_upper{};
+  double margin{0.0};  ///< Distance at which fingers touch already [m], 0 to 0.01.
+  /// Sliding friction of links, and of the boundary, against anything, from 0.001 to 5. If two meet
+  /// that decide, it is that of the link, then that of the tip or the boundary, whichever is
+  /// larger.
+  double link_friction{0.5};
+  double boundary_friction{0.5};
+};
+
 /// A simulated robot that its owner moves step by step. There are no sessions, no limits of
 /// positions and speeds, and no faults: it is for programs that bring their own rules, such as
 /// those written for other simulators. `Simulation` is for all others.
@@ -35,6 +49,7 @@ class DirectSimulation {
   using Observation = typename R::Observation;
   using Joints = JointVector<R::kJoints>;
   using Control = DirectControl<R::kJoints>;
+  using Physics = DirectPhysics<R::kJoints>;
 
   /// The robot begins at rest at its initial position, objects where the description says.
   /// @throws InvalidArgument
@@ -72,6 +87,13 @@ class DirectSimulation {
   /// Sets the mass of an object, which must be above 0 [kg]. Its inertia grows with it.
   /// @throws InvalidArgument that names the existing objects, or if the mass is not valid
   void set_object_mass(const std::string& name, double mass);
+  /// Sets the distance at which an object touches already, from 0 to 0.01 [m]. Those of two bodies
+  /// add up.
+  /// @throws InvalidArgument that names the existing objects, or if the margin is not valid
+  void set_object_margin(const std::string& name, double margin);
+  /// Takes figures of another simulator. The robot stays where it is.
+  /// @throws InvalidArgument that names the figure that is not valid
+  void use_physics(const Physics& physics);
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
   /// @throws InvalidArgument that names the existing objects
@@ -86,6 +108,8 @@ class DirectSimulation {
   [[nodiscard]] std::span<const double> configuration_velocity() const noexcept;
 
  private:
+  void update_constants();
+
   Simulator<R> simulator_;
   RobotModel::Compiled model_;
   RobotModel::Data data_;

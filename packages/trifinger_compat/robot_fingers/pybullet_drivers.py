@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Back-ends of simulated robots, by the original's name. They need no PyBullet."""
 
+from trifinger_compat import physics
 from trifinger_compat.generation import chosen
 from trifinger_compat.robot_data import BaseData, RobotBackend
 from trifinger_compat.world import CONFIGURATIONS
 
 
 def simulator_overrides(finger_type: str) -> dict[str, object]:
-    """What a configuration needs to have the gains of SimFinger, and no limits but its torque."""
+    """What a configuration needs to have gains and physics of SimFinger, and no limits but torque.
+
+    A back-end obeys its configuration alone, so links have the friction of objects, stops are
+    beyond the hard limits, and meshes have no margin.
+    """
     generation = chosen()
     gains = generation.gains(finger_type)
     return {
+        **physics.settings(finger_type),
         "safety.max_torque": generation.max_torque,
         "safety.continuous_torque": ".inf",
         "safety.safety_kd": list(generation.safety_kd),
@@ -19,7 +25,7 @@ def simulator_overrides(finger_type: str) -> dict[str, object]:
         "safety.max_kp": 1000,
         "safety.max_kd": 100,
         "safety.max_velocity": ".inf",
-        # No joint gets there: the original's simulator has no limits of positions.
+        # No joint gets there: the original's simulator clips no positions.
         "safety.soft_lower": [-1e3] * 3,
         "safety.soft_upper": [1e3] * 3,
         "safety.hard_lower": [-2e3] * 3,

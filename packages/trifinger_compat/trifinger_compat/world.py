@@ -14,6 +14,8 @@ import numpy as np
 from trifinger._trifinger import DirectSimulation
 from trifinger.errors import InvalidArgument
 
+from trifinger_compat import physics
+from trifinger_compat.generation import Generation
 from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Numbers, wxyz, xyzw
 
@@ -79,6 +81,7 @@ class Item:
     position: Array
     orientation: Array  # x, y, z, w
     is_static: bool = False
+    margin: float = 0.0  # distance at which it touches already [m]
 
 
 class _NotBuilt:
@@ -100,11 +103,12 @@ class World:
     Objects may come and go at any time: the simulation is built again and continues where it was.
     """
 
-    def __init__(self, finger_type: str, time_step: float) -> None:
+    def __init__(self, finger_type: str, time_step: float, generation: Generation) -> None:
         """`finger_type` is a name in CONFIGURATIONS, `time_step` whole milliseconds [s]."""
         milliseconds = whole_milliseconds(time_step)
         self.finger_type = finger_type
         self.config = CONFIGURATIONS[finger_type]
+        self.generation = generation
         self.time_step = milliseconds / 1000
         self.items: dict[str, Item] = {}
         self.statics: list[str] = []
@@ -126,6 +130,7 @@ class World:
             for name, item in self.items.items()
         ]
         return {
+            **physics.settings(self.finger_type),
             "objects": shapes,
             "backend.period": self.time_step,
             "simulation.object_period": self.time_step,
@@ -135,6 +140,16 @@ class World:
     def build(self) -> DirectSimulation:
         """The simulation with all objects of now."""
         core = DirectSimulation(self.config, self.overrides)
+        lower, upper = physics.stops(self.finger_type, self.generation)
+        fingers = 3 if self.finger_type.startswith("tri") else 1
+        core.use_physics(
+            stop_lower=lower * fingers,
+            stop_upper=upper * fingers,
+            margin=physics.MESH_MARGIN,
+            link_friction=physics.LINK_FRICTION,
+            boundary_friction=physics.DEFAULT_FRICTION,
+            object_margins={name: item.margin for name, item in self.items.items()},
+        )
         if self._built is not None:
             core.continue_from(self._built)
         for name, item in self.items.items():

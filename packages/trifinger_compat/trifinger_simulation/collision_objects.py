@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from trifinger_compat.handles import Body, Client
+from trifinger_compat.physics import MESH_MARGIN
 from trifinger_compat.types import Numbers
 from trifinger_compat.world import STATIC_MASS, Item, World, world_of
 
@@ -20,6 +21,7 @@ class BaseCollisionObject:
         shape: dict[str, object],
         mass: float,
         pybullet_client_id: Client | int,
+        margin: float = 0.0,
     ) -> None:
         is_static = mass == 0
         if mass < 0:
@@ -29,6 +31,7 @@ class BaseCollisionObject:
             position=np.array(position, dtype=float),
             orientation=np.array(orientation, dtype=float),
             is_static=is_static,
+            margin=margin,
         )
         self._world: World = world_of(pybullet_client_id)
         self._pybullet_client_id = pybullet_client_id
@@ -117,6 +120,7 @@ class ColoredCubeV2(BaseCollisionObject):
             {"type": "cube", "size": [0.065 * scale]},
             mass,
             pybullet_client_id,
+            margin=MESH_MARGIN,
         )
 
 

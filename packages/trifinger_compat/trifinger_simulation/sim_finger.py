@@ -58,7 +58,7 @@ class SimFinger:
         self._configure(self._generation)
         self.time_step_s = time_step
         self.enable_visualization = enable_visualization
-        self._world = World(self.finger_type, time_step)
+        self._world = World(self.finger_type, time_step, self._generation)
         self._show = Show(self._world) if enable_visualization else None
         self._pybullet_client_id = self._world.client_id
         self._number_of_joints = 3 * self.number_of_fingers
