@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -275,6 +276,62 @@ def test_another_board_is_named(
     image = boards.render(cameras["camera60"], shown, pose, Look(), "mono8", 1)
     boards.save(image, tmp_path / "mark.png")
     assert sentence in look("camera60", "mark", tmp_path / "mark.png", BOARD).reason
+
+
+def test_a_board_whose_markers_begin_later_is_found_and_named(
+    cameras: dict[str, TrueCamera], tmp_path: Path
+) -> None:
+    shown = dataclasses.replace(BOARD, first_id=17)
+    assert "ids from 17 on" in str(shown)
+    pose = boards.flat(shown, 0, 0, 0.2)
+    image = boards.render(cameras["camera60"], shown, pose, Look(), "mono8", 1)
+    numbers, found, _ = find_corners(image, shown)
+    points = shown.corners[numbers] @ pose[:3, :3].T + pose[:3, 3]
+    assert len(numbers) == len(shown.corners)
+    assert np.abs(found - cameras["camera60"].project(points)).max() < 0.5
+    boards.save(image, tmp_path / "mark.png")
+    assert "say --first-id 17" in look("camera60", "mark", tmp_path / "mark.png", BOARD).reason
+    file = tmp_path / "board.svg"
+    assert calibrate_cameras.main(["--print-board", str(file), "--first-id", "17"]) == 0
+    assert svg(shown) == file.read_text() != svg(BOARD)
+
+
+@pytest.mark.parametrize(
+    ("names", "words", "sentence"),
+    [
+        ({"camera60": ["a", "b", "c", "d"]}, [], "no image shows the board at the mark"),
+        ({"camera60": ["mark", "a", "b"]}, [], "camera60 sees the board in 3 images; 4 are needed"),
+        (
+            {"camera60": ["mark", "a", "b", "c"], "camera180": ["d", "e", "f", "g"]},
+            [],
+            "no image of camera180 shows the board together with one of camera60",
+        ),
+        ({"camera60": ["mark", "a", "raised_up", "c"]}, [], "must say the height of the block"),
+        ({"camera60": ["mark", "a", "b", "c"]}, ["--check"], "no two images of one name"),
+        ({"camera7": ["mark", "a", "b", "c"]}, ["--check"], "does not know camera7"),
+    ],
+)
+def test_what_names_of_images_tell_is_said_before_anybody_looks_at_the_images(
+    names: dict[str, list[str]],
+    words: list[str],
+    sentence: str,
+    cameras: dict[str, TrueCamera],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def nobody_looks(*_: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("trifinger.camera_calibration.detection.read", nobody_looks)
+    for camera, images in names.items():
+        for name in images:
+            boards.save(np.zeros((54, 54), np.uint8), tmp_path / camera / f"{name}.png")
+    file = tmp_path / "pro.yml"
+    file.write_text(true_calibration(cameras).text())
+    command = ["pro", "--images", str(tmp_path), "--file", str(file), *words]
+    assert calibrate_cameras.main(command) in (1, 2)
+    assert sentence in capsys.readouterr().err
 
 
 def test_a_board_of_an_older_opencv_is_known(

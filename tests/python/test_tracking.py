@@ -9,6 +9,7 @@ import PIL.Image
 import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, output_of
+from trifinger.cameras import to_rgb
 from trifinger.colours import Samples
 from trifinger.commands import calibrate_colours
 from trifinger.tracking import Tracker, faces_in_blocks, tracked_object
@@ -134,6 +135,13 @@ def test_the_command_learns_colours_from_saved_images(
     tracker = Tracker(renderer.calibration, tracked_object("sim"), target.read_text())
     images = [np.asarray(PIL.Image.open(Path(folders[-1], f"{n}.png"))) for n in renderer.names]
     assert tracker.track(images).is_sure
+    # Colours serve a camera of mosaics, too: the original's programs save such images.
+    for folder in folders:
+        for path in Path(folder).glob("*.png"):
+            raw = np.asarray(PIL.Image.open(path))
+            PIL.Image.fromarray(to_rgb(raw, "bayer_rggb8")).save(path)
+    assert calibrate_colours.main(["sim", "--images", *folders, "--to", str(target)]) == 0
+    assert "left out" not in capsys.readouterr().out
     assert calibrate_colours.main(["sim", "--images", str(tmp_path), "--to", str(target)]) == 1
     assert "camera60.png is missing" in capsys.readouterr().err
 

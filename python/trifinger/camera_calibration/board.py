@@ -47,6 +47,8 @@ class Board:
     marker: float = 0.027
     """Side of the black frame of a marker [m]."""
     dictionary: str = "4x4_50"
+    first_id: int = 0
+    """Number in the dictionary of the first marker; the others follow."""
     legacy: bool = False
     """Whether OpenCV before 4.6 drew the board, which begins boards of even rows with white."""
     thickness: float = 0.0
@@ -65,10 +67,12 @@ class Board:
             )
         if not 0 <= self.thickness < 0.2:
             raise InvalidArgument(f"thickness is {self.thickness} m, must be 0 to 0.2 m")
-        if self.markers > len(dictionary_of(self.dictionary).bytesList):
+        last = self.first_id + self.markers - 1
+        known = len(dictionary_of(self.dictionary).bytesList)
+        if self.first_id < 0 or last >= known:
             raise InvalidArgument(
-                f"{self.dictionary} has {len(dictionary_of(self.dictionary).bytesList)} markers, "
-                f"a board of {self.columns} x {self.rows} squares needs {self.markers}"
+                f"{self.dictionary} has {known} markers, 0 to {known - 1}; a board of "
+                f"{self.columns} x {self.rows} squares needs those from {self.first_id} to {last}"
             )
 
     @property
@@ -96,16 +100,21 @@ class Board:
     def to_opencv(self) -> cv2.aruco.CharucoBoard:
         """OpenCV's object for this board."""
         board = cv2.aruco.CharucoBoard(
-            (self.columns, self.rows), self.square, self.marker, dictionary_of(self.dictionary)
+            (self.columns, self.rows),
+            self.square,
+            self.marker,
+            dictionary_of(self.dictionary),
+            np.arange(self.first_id, self.first_id + self.markers, dtype=np.int32),
         )
         board.setLegacyPattern(self.legacy)
         return board
 
     def __str__(self) -> str:
+        later = f", ids from {self.first_id} on" if self.first_id else ""
         older = ", legacy pattern" if self.legacy else ""
         return (
             f"{self.columns} x {self.rows} squares of {self.square * 1e3:g} mm with markers of "
-            f"{self.marker * 1e3:g} mm from {self.dictionary}{older}"
+            f"{self.marker * 1e3:g} mm from {self.dictionary}{later}{older}"
         )
 
 

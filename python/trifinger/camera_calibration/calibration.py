@@ -28,7 +28,7 @@ from trifinger.camera_calibration.result import (
     measure_scale,
     uncertainty_of,
 )
-from trifinger.camera_calibration.start import Guess, first_lens
+from trifinger.camera_calibration.start import Guess, first_lens, require_names
 from trifinger.errors import Error, InvalidArgument
 
 WRONG = 1.0  # a calibration that leaves more unexplained is none [pixel]
@@ -172,6 +172,9 @@ def calibrate(
     `problems`.
     """
     options = options or Options()
+    require_names(images, has_lenses=options.lenses is not None, turns=options.turntable)
+    if options.lenses:
+        known_lenses(options.lenses, images.cameras)
     say(f"looking for the board in {sum(map(len, images.paths.values()))} images")
     views = look_at_all(images, board)
     formats = {

@@ -2,6 +2,8 @@
 """Checks a calibration with new images of a board: do the cameras still stand where they stood?"""
 
 import dataclasses
+from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -56,20 +58,35 @@ class Check:
         return lines
 
 
+def require_known(seen: Iterable[str], calibration: CameraCalibration) -> None:
+    """Raises InvalidArgument if a calibration does not know one of the cameras."""
+    cameras = [camera.name for camera in calibration.cameras]
+    if strange := [name for name in seen if name not in cameras]:
+        raise InvalidArgument(
+            f"the calibration does not know {findings.listed(strange)}; it has "
+            f"{findings.listed(cameras)}"
+        )
+
+
+def not_comparable() -> Error:
+    """The error if no place of the board is seen by two cameras."""
+    return Error("no two images of one name show the board, so cameras cannot be compared")
+
+
 def check(images: ImageSet, board: Board, calibration: CameraCalibration) -> Check:
     """Checks a calibration; what is wrong is in `problems`."""
+    # Looking takes minutes, and the names of images tell this at once.
+    require_known(images.cameras, calibration)
+    counts = Counter(name for paths in images.paths.values() for name in paths)
+    if max(counts.values()) < 2:
+        raise not_comparable()
     return check_views(look_at_all(images, board), board, calibration)
 
 
 def check_views(all_views: list[View], board: Board, calibration: CameraCalibration) -> Check:
     """Checks a calibration with what images show."""
     cameras = [camera.name for camera in calibration.cameras]
-    seen = dict.fromkeys(view.camera for view in all_views)
-    if strange := [name for name in seen if name not in cameras]:
-        raise InvalidArgument(
-            f"the calibration does not know {findings.listed(strange)}; it has "
-            f"{findings.listed(cameras)}"
-        )
+    require_known(dict.fromkeys(view.camera for view in all_views), calibration)
     views = used_views(all_views)
     for view in views:
         camera = calibration.cameras[cameras.index(view.camera)]
@@ -82,7 +99,7 @@ def check_views(all_views: list[View], board: Board, calibration: CameraCalibrat
     said = placements_of(views)
     places = [dataclasses.replace(place, kind=Kind.FREE) for place in said]
     if all(sum(view.name == place.name for view in views) < 2 for place in places):
-        raise Error("no two images of one name show the board, so cameras cannot be compared")
+        raise not_comparable()
     state = state_of(calibration, len(places))
     adjustment, fit = place_boards(board, state, cameras, places, views)
     residuals = {

@@ -149,19 +149,25 @@ def mask_of(pixels: Matrix, shape: tuple[int, int]) -> NDArray[np.bool_]:
     return mask.astype(bool)
 
 
-def why_not_found(grey: Grey, board: Board, found: int, markers: int, search: bool) -> str:
+def why_not_found(grey: Grey, board: Board, found: int, seen: Numbers, search: bool) -> str:
     """Why an image shows too few corners of a board, as the end of a sentence.
 
     On request, other dictionaries of markers are searched, which takes longer.
     """
     if trouble := Quality.of(grey).trouble():
         return trouble
+    is_marked = len(seen) > board.markers // 2
+    if is_marked and (first := first_id_in(grey, board, seen)) is not None:
+        return (
+            f"shows the board with markers from {first} on, not from {board.first_id}: say "
+            f"--first-id {first}"
+        )
     if found:
         return (
             f"shows only {found} corners of the board, {LEAST_CORNERS} are needed: bring the "
             "board nearer, or turn it to the camera"
         )
-    if markers > board.markers // 2:
+    if is_marked:
         if board.rows % 2 == 0:
             other = dataclasses.replace(board, legacy=not board.legacy)
             if len(find_corners(grey, other)[0]):
@@ -170,7 +176,7 @@ def why_not_found(grey: Grey, board: Board, found: int, markers: int, search: bo
         if in_order(grey, board):
             return "shows the board, but no corners: it is too steep, too far away or blurred"
         return (
-            f"shows {markers} markers of {board.dictionary}, but not in the order of a board of "
+            f"shows {len(seen)} markers of {board.dictionary}, but not in the order of a board of "
             f"{board.columns} x {board.rows} squares"
         )
     if search and (other_dictionary := dictionary_in(grey, board)):
@@ -179,6 +185,16 @@ def why_not_found(grey: Grey, board: Board, found: int, markers: int, search: bo
             "is another board"
         )
     return "shows no board"
+
+
+def first_id_in(grey: Grey, board: Board, seen: Numbers) -> int | None:
+    """The first marker of the board in an image, if the board has other markers than was said."""
+    last = len(dictionary_of(board.dictionary).bytesList) - board.markers
+    for first in range(max(0, int(seen.max()) - board.markers + 1), min(last, int(seen.min())) + 1):
+        other = dataclasses.replace(board, first_id=first)
+        if first != board.first_id and len(find_corners(grey, other)[0]) >= LEAST_CORNERS:
+            return first
+    return None
 
 
 def in_order(grey: Grey, board: Board) -> bool:
@@ -225,7 +241,7 @@ def look(camera: str, name: str, path: Path, board: Board, search: bool = True) 
     numbers, pixels, markers = find_corners(grey, board)
     size = (grey.shape[1], grey.shape[0])
     if len(numbers) < LEAST_CORNERS:
-        reason = why_not_found(grey, board, len(numbers), len(markers), search)
+        reason = why_not_found(grey, board, len(numbers), markers, search)
         return View(camera, name, path, size, Quality.of(grey), numbers, pixels, reason)
     quality = Quality.of(grey, mask_of(pixels, grey.shape))
     # Such images are measured all the same: they are weak, but the page says so.

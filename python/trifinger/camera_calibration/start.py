@@ -19,11 +19,57 @@ from trifinger.camera_calibration.adjustment import (
 from trifinger.camera_calibration.board import Board, Matrix
 from trifinger.camera_calibration.detection import View
 from trifinger.camera_calibration.geometry import angle_between, inverse, pose, rotations, vector_of
-from trifinger.camera_calibration.images import Kind
+from trifinger.camera_calibration.images import ImageSet, Kind, Placement
 from trifinger.errors import Error
 
 LEAST_VIEWS = 4  # of the board for a lens
 CAP = 0.2  # poses that differ by more are just different
+
+
+def no_mark() -> Error:
+    """The error if nothing says where the world is."""
+    return Error(
+        "no image shows the board at the mark, so nothing says where the world is: lay it "
+        "there, and let the name of the images begin with 'mark'"
+    )
+
+
+def not_together(some: Sequence[str], others: Sequence[str]) -> Error:
+    """The error if no image connects cameras with the others."""
+    alone, together = sorted((some, others), key=len)
+    return Error(
+        f"no image of {' or '.join(alone)} shows the board together with one of "
+        f"{' or '.join(together)}: images of one instant must have the same name in "
+        "the folder of each camera"
+    )
+
+
+def too_few(camera: str, count: int) -> Error:
+    """The error if a camera has not enough images for a lens."""
+    return Error(
+        f"{camera} sees the board in {count} images; {LEAST_VIEWS} are needed at least, and "
+        "20 are good"
+    )
+
+
+def require_names(images: ImageSet, *, has_lenses: bool, turns: bool) -> None:
+    """Says at once what the names of images tell before anybody has looked at the images.
+
+    Raises Error if there cannot be a calibration even if every image shows the board.
+    """
+    kinds = [Placement.of_name(name).kind for name in images.names]
+    if not turns and Kind.MARK not in kinds:
+        raise no_mark()
+    first, *others = images.cameras
+    reached, names = {first}, set(images.paths[first])
+    while new := [one for one in others if one not in reached and names & set(images.paths[one])]:
+        reached.update(new)
+        names.update(name for one in new for name in images.paths[one])
+    if apart := [one for one in others if one not in reached]:
+        raise not_together(apart, [one for one in images.cameras if one in reached])
+    for camera, paths in images.paths.items():
+        if not has_lenses and len(paths) < LEAST_VIEWS:
+            raise too_few(camera, len(paths))
 
 
 def difference(one: Matrix, other: Matrix) -> float:
@@ -43,10 +89,7 @@ def first_lens(camera: str, views: Sequence[View], board: Board) -> Matrix:
     """The lens of a camera from its own views; raises Error if there are too few."""
     own = [view for view in views if view.camera == camera]
     if len(own) < LEAST_VIEWS:
-        raise Error(
-            f"{camera} sees the board in {len(own)} images; {LEAST_VIEWS} are needed at least, and "
-            "20 are good"
-        )
+        raise too_few(camera, len(own))
     flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     _, matrix, distortion, _, _ = cv2.calibrateCamera(
         [board.corners[view.numbers].astype(np.float32) for view in own],
@@ -144,12 +187,7 @@ class Guess:
             if best is None:
                 alone = [adjustment.cameras[i] for i in set(range(count)) - set(rig)]
                 together = [adjustment.cameras[i] for i in rig]
-                alone, together = sorted((alone, together), key=len)
-                raise Error(
-                    f"no image of {' or '.join(alone)} shows the board together with one of "
-                    f"{' or '.join(together)}: images of one instant must have the same name in "
-                    "the folder of each camera"
-                )
+                raise not_together(alone, together)
             known, new, common = best
             rig[new] = rig[known] @ most_central(common)
         return [rig[camera] for camera in range(count)]
@@ -168,10 +206,7 @@ class Guess:
             if adjustment.placements[place].kind is Kind.MARK or adjustment.is_turning(place)
         ]
         if not candidates:
-            raise Error(
-                "no image shows the board at the mark, so nothing says where the world is: lay it "
-                "there, and let the name of the images begin with 'mark'"
-            )
+            raise no_mark()
         flat = [
             (adjustment.placements[place].height, rig[camera] @ board)
             for (camera, place), board in self.seen.items()

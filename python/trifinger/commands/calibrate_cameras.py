@@ -132,6 +132,12 @@ def add_board_options(parser: argparse.ArgumentParser) -> None:
     board.add_argument("--marker", type=float, metavar="METRES", help="side of a marker")
     board.add_argument("--dictionary", help="of the markers, such as 4x4_50 or apriltag_16h5")
     board.add_argument(
+        "--first-id",
+        type=int,
+        metavar="NUMBER",
+        help="number of the first marker in its dictionary; the others follow; default: 0",
+    )
+    board.add_argument(
         "--legacy",
         action=argparse.BooleanOptionalAction,
         default=None,
@@ -146,7 +152,7 @@ def board_of(arguments: argparse.Namespace) -> Board:
     """The board that the options of `add_board_options` describe; raises InvalidArgument."""
     from trifinger.camera_calibration import PRESETS
 
-    names = ("square", "marker", "dictionary", "legacy", "thickness")
+    names = ("square", "marker", "dictionary", "first_id", "legacy", "thickness")
     given = {name: getattr(arguments, name) for name in names}
     changes = {name: value for name, value in given.items() if value is not None}
     if arguments.squares is not None:

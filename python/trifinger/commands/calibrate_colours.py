@@ -80,6 +80,11 @@ def read_image(path: Path, pixels: str) -> Array:
     if not path.exists():
         raise Error(f"{path} is missing; each folder needs an image of each camera")
     image = np.asarray(Image.open(path))
+    if pixels == "bayer_rggb8" and image.ndim == 3:
+        # Colours of a mosaic, as the original's programs save them; the tracker takes mosaics.
+        raw = image[:, :, 1].copy()
+        raw[::2, ::2], raw[1::2, 1::2] = image[::2, ::2, 0], image[1::2, 1::2, 2]
+        return raw
     if image.ndim != (2 if pixels == "bayer_rggb8" else 3):
         raise InvalidArgument(
             f"{path} is not in the format of its camera, {pixels}; save it with "
