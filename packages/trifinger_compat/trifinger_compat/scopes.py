@@ -3,10 +3,6 @@
 
 import ast
 import importlib
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -381,38 +377,51 @@ def _folder(package: Text | None) -> Text | None:
     return Text(folder, folder)
 
 
-def imported_by(tree: ast.Module) -> frozenset[str]:
-    """The modules of the original that a program imports, without those that they import."""
+def imported_by(tree: ast.Module, at_once: bool = False) -> frozenset[str]:
+    """The modules of the original that a program imports, without those that they import.
+
+    With `at_once`, those that it does not leave to a function.
+    """
     modules: set[str] = set()
-    for node in ast.walk(tree):
+    pending: list[ast.AST] = [tree]
+    while pending:
+        node = pending.pop()
         if isinstance(node, ast.Import):
             modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             modules.add(node.module)
             modules |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif not (at_once and isinstance(node, ast.FunctionDef)):
+            pending += ast.iter_child_nodes(node)
     parts = {
         name.rsplit(".", count)[0]
         for name in modules
         for count in range(name.count(".") + 1)
-        if name.partition(".")[0] in PACKAGES
+        if name.partition(".")[0] in (*PACKAGES, "trifinger_compat")
     }
     return frozenset(parts)
 
 
 @cache
 def loaded_by(modules: frozenset[str]) -> frozenset[str]:
-    """The modules that are loaded if these are imported, in a process of its own."""
-    program = (
-        "import contextlib, importlib, json, sys\n"
-        "for name in json.loads(sys.argv[1]):\n"
-        "    with contextlib.suppress(ImportError): importlib.import_module(name)\n"
-        "print(json.dumps(sorted(sys.modules)))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program, json.dumps(sorted(modules))],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return frozenset(json.loads(done.stdout.splitlines()[-1]))
+    """The modules that are loaded if these are imported, by the text of the packages."""
+    loaded: set[str] = set()
+    pending = set(modules)
+    while pending:
+        name = pending.pop()
+        if name not in loaded and (imports := _imports_of(name)) is not None:
+            loaded.add(name)
+            pending |= imports
+    return frozenset(loaded)
+
+
+@cache
+def _imports_of(module: str) -> frozenset[str] | None:
+    """What a module imports; None if there is no such module."""
+    try:
+        spec = find_spec(module)
+    except ImportError:  # what is before it is no package
+        return None
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        return None
+    return imported_by(ast.parse(Path(spec.origin).read_text()), at_once=True)

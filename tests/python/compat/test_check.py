@@ -10,7 +10,10 @@ import pytest
 from backend import environment
 from trifinger_compat import bullet, check
 from trifinger_compat.generation import VARIABLE
-from trifinger_compat.symbols import MISSING
+from trifinger_compat.scopes import loaded_by
+from trifinger_compat.symbols import MISSING, PACKAGES
+
+pytestmark = pytest.mark.release
 
 HERE = Path(__file__).parent
 PLATFORM = """
@@ -166,6 +169,16 @@ cameras = camera.load_camera_parameters(get_data_dir() / "camera_params", "camer
 masks = rearrange_dice.generate_goal_mask(cameras, rearrange_dice.sample_goal())
 rearrange_dice.evaluate_state(masks, seen)
 """
+
+
+@pytest.mark.parametrize("package", ["trifinger_simulation", "robot_fingers"])
+def test_the_check_knows_what_is_loaded(package: str) -> None:
+    program = f"import json, sys, {package}\nprint(json.dumps(sorted(sys.modules)))"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, check=True)
+    ours = (*PACKAGES, "trifinger_compat")
+    loaded = {name for name in json.loads(done.stdout) if name.partition(".")[0] in ours}
+    assert loaded_by(frozenset([package])) == loaded
 
 
 def ends(programs: list[str], *words: str, **variables: str) -> list[str]:
