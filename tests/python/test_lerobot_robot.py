@@ -173,34 +173,82 @@ def begin_late(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+def start_seeing(start_program: StartProgram, *options: str) -> None:
+    size = ("--set", "cameras.size=54", "--set", "cameras.rate=10")
+    running = start_program("run", "sim_cameras", "--name", "seeing", *options, *size)
+    running.wait_for("waits for a user")
+
+
+def cameras(names: tuple[str, ...], **options: Any) -> dict[str, Any]:
+    config = importlib.import_module("lerobot.cameras").CameraConfig.known["trifinger"]
+    return {name: config(**{"width": 54, "height": 54, **options}) for name in names}
+
+
 @pytest.mark.usefixtures("plugin")
 def test_the_first_observation_has_an_image_of_each_camera(
     start_program: StartProgram, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin_late(monkeypatch)
-    size = ("--set", "cameras.size=54", "--set", "cameras.rate=10")
-    running = start_program("run", "sim_cameras", "--name", "seeing", "--non-real-time", *size)
-    running.wait_for("waits for a user")
-    images = {"camera60": [54, 54], "camera300": [54, 54]}
-    options: dict[str, Any] = {"robot": "seeing", "images": images}
+    start_seeing(start_program, "--non-real-time")
+    names = ("camera60", "camera300")
+    options: dict[str, Any] = {"robot": "seeing", "cameras": cameras(names)}
     robot = device_of("robot", configured("robot", "trifinger", **options))
+    assert tuple(robot.cameras) == names
     with robot:
+        assert all(camera.is_connected for camera in robot.cameras.values())
         first = robot.get_observation()
         assert list(first) == list(robot.observation_features)
-        assert all(first[name].shape == robot.observation_features[name] for name in images)
+        assert all(first[name].shape == robot.observation_features[name] for name in names)
         action = {name: first[name] for name in robot.action_features}
         for _ in range(10):
             robot.send_action(action)
         last = robot.get_observation()
-        assert all((last[name] is not first[name]) for name in images), "newer images have come"
+        assert all((last[name] is not first[name]) for name in names), "newer images have come"
+        for name, camera in robot.cameras.items():  # what programs may read of a camera
+            last = robot.get_observation()
+            assert (camera.height, camera.width, 3) == last[name].shape
+            np.testing.assert_array_equal(camera.read_latest(), last[name])
+            np.testing.assert_array_equal(camera.async_read(), last[name])
+            with pytest.raises(TimeoutError, match=r"no new image of camera\d+ of seeing"):
+                camera.async_read(timeout_ms=1)
+            for _ in range(20):  # 0.7 s; the newest image is at most 0.1 s old
+                robot.send_action(action)
+            camera.read_latest()
+            with pytest.raises(TimeoutError, match="old, more than 0 ms"):
+                camera.read_latest(max_age_ms=0)
+    assert not any(camera.is_connected for camera in robot.cameras.values())
     hasty = device_of("robot", configured("robot", "trifinger", first_images=0.05, **options))
     with pytest.raises(CameraLost, match=r"of camera60 and camera300 has come in 0\.05 s"):
         hasty.connect()
     assert not hasty.is_connected
-    options["images"] = {"camera60": [54, 108]}
+    options["cameras"] = cameras(("camera60",), width=108)
     wrong = device_of("robot", configured("robot", "trifinger", **options))
-    with pytest.raises(InvalidArgument, match="images of camera60 have the shape"):
+    with pytest.raises(InvalidArgument, match="images of camera60 of seeing have the shape"):
         wrong.connect()
+
+
+def test_a_camera_works_alone_beside_a_robot_that_somebody_controls(
+    plugin: Any, start_program: StartProgram
+) -> None:
+    from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
+
+    start_seeing(start_program, *PATIENT)
+    (found,) = plugin.TrifingerCamera.find_cameras()
+    assert (found["type"], found["robot"]) == ("trifinger", "seeing")
+    config = cameras(("any",), robot=found["robot"], camera="camera60")["any"]
+    camera = plugin.TrifingerCamera(config)
+    with pytest.raises(DeviceNotConnectedError, match="call connect"):
+        camera.read()
+    robot = device_of("robot", configured("robot", "trifinger", robot="seeing"))
+    with robot:  # from now on there are steps
+        camera.connect()
+        with pytest.raises(DeviceAlreadyConnectedError):
+            camera.connect()
+        first = camera.read()
+        assert first.shape == (54, 54, 3)
+        assert camera.read() is not first, "the next one"
+        camera.disconnect()
+    assert not camera.is_connected
 
 
 @pytest.mark.usefixtures("plugin")

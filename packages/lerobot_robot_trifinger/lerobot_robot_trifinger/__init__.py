@@ -10,11 +10,18 @@ if find_spec("trifinger") is None:
         name="trifinger",
     )
 
-from lerobot_robot_trifinger.config_trifinger import TrifingerLeaderConfig, TrifingerRobotConfig
+from lerobot_robot_trifinger.camera import TrifingerCamera
+from lerobot_robot_trifinger.config_trifinger import (
+    TrifingerCameraConfig,
+    TrifingerLeaderConfig,
+    TrifingerRobotConfig,
+)
 from lerobot_robot_trifinger.leader import TrifingerLeader
 from lerobot_robot_trifinger.robot import TrifingerRobot
 
 __all__ = [
+    "TrifingerCamera",
+    "TrifingerCameraConfig",
     "TrifingerLeader",
     "TrifingerLeaderConfig",
     "TrifingerRobot",

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass, field
 
+from lerobot.cameras import CameraConfig
 from lerobot.robots import RobotConfig
 from lerobot.teleoperators import TeleoperatorConfig
 
@@ -13,6 +14,21 @@ def _observation_fields() -> dict[str, int]:
 
 def _positions() -> dict[str, int]:
     return {"position": 9}
+
+
+@CameraConfig.register_subclass("trifinger")
+@dataclass(kw_only=True)
+class TrifingerCameraConfig(CameraConfig):
+    """A camera of a robot behind a back-end of TriFinger. LeRobot demands width and height."""
+
+    fps: int | None = 30
+    """For LeRobot. The file of the robot says how many images come."""
+    robot: str = ""
+    """Name of the back-end; as usual that of the robot whose camera this is."""
+    camera: str = ""
+    """Name of the camera there; as usual that by which LeRobot knows it."""
+    first_image: float = 10.0
+    """Alone, without a robot: it waits so long for an image [s]."""
 
 
 @RobotConfig.register_subclass("trifinger")
@@ -26,8 +42,8 @@ class TrifingerRobotConfig(RobotConfig):
     """Fields of the observation, and how many numbers each has."""
     action_fields: dict[str, int] = field(default_factory=_positions)
     """Fields of the action. All others stay as a new action has them."""
-    images: dict[str, list[int]] = field(default_factory=dict)
-    """Cameras, with height and width of their images [pixels]."""
+    cameras: dict[str, CameraConfig] = field(default_factory=dict)
+    """Cameras of this robot (type `trifinger`), or any others that LeRobot has."""
     first_images: float = 10.0
     """connect() waits so long for the first image of each camera, in the robot's time [s]."""
     fps: int = 30

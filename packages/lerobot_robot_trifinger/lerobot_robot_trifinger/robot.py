@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import trifinger
+from lerobot.cameras import Camera, CameraConfig, make_cameras_from_configs
 from lerobot.robots import Robot
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 from trifinger.cameras import Cameras
-from trifinger.errors import CameraLost, Error, HistoryLost, InvalidArgument
+from trifinger.errors import CameraLost, Error, InvalidArgument
 
-from lerobot_robot_trifinger.config_trifinger import TrifingerRobotConfig
+from lerobot_robot_trifinger.camera import TrifingerCamera
+from lerobot_robot_trifinger.config_trifinger import TrifingerCameraConfig, TrifingerRobotConfig
 from lerobot_robot_trifinger.numbers import check_fields, fields_of, names_of, numbers_of
 
 
@@ -33,17 +35,28 @@ class TrifingerRobot(Robot):
             )
         if not config.first_images >= 0:
             raise InvalidArgument(f"first_images is {config.first_images}, must be at least 0")
+        self.cameras: dict[str, Camera] = make_cameras_from_configs(
+            {name: self._named(name, camera) for name, camera in config.cameras.items()}
+        )
+        """The cameras by name. LeRobot counts them for the threads that write images."""
+        # Those whose images are in the session of the robot.
+        self._own_cameras = {
+            name: camera
+            for name, camera in self.cameras.items()
+            if isinstance(camera, TrifingerCamera) and camera.config.robot == config.robot
+        }
         self._robot: trifinger.Frontend | None = None
         self._seen: trifinger.Frontend | None = None
-        self._cameras: Cameras | None = None
-        self._image: dict[str, Any] = {}
+        self._session_cameras: Cameras | None = None
         self._feeder: _Feeder | None = None
 
     @property
     def observation_features(self) -> dict[str, Any]:
         """What get_observation returns: `float` for a number, (height, width, 3) for an image."""
         numbers: dict[str, Any] = dict.fromkeys(names_of(self.config.observation_fields), float)
-        return numbers | {name: (*size, 3) for name, size in self.config.images.items()}
+        return numbers | {
+            name: (camera.height, camera.width, 3) for name, camera in self.cameras.items()
+        }
 
     @property
     def action_features(self) -> dict[str, Any]:
@@ -80,8 +93,13 @@ class TrifingerRobot(Robot):
             action = robot.new_action()
             if "position" in self.config.action_fields and "position" in (first.dtype.names or ()):
                 action = robot.new_action(position=first["position"])
-            if self.config.images:
-                self._cameras = Cameras(self._seen)
+            if self._own_cameras:
+                self._session_cameras = Cameras(self._seen)
+                for own in self._own_cameras.values():
+                    own.attach(self._seen, self._session_cameras)
+            for camera in self.cameras.values():
+                if not camera.is_connected:
+                    camera.connect()
             if robot.session_info().is_real_time:
                 self._feeder = _Feeder(robot, action, self.config.burst)
                 # Until then there is no step that could be read.
@@ -93,10 +111,10 @@ class TrifingerRobot(Robot):
         except BaseException:
             if self._feeder is not None:
                 self._feeder.stop()
+            self._disconnect_cameras()
             if self._seen is not None:
                 self._seen.close()
-            self._feeder = self._seen = self._cameras = None
-            self._image.clear()
+            self._feeder = self._seen = self._session_cameras = None
             robot.close()
             raise
 
@@ -118,7 +136,10 @@ class TrifingerRobot(Robot):
             seen.latest_observation(), self.config.observation_fields
         )
         self._look(seen)
-        return observation | self._image
+        for name, camera in self.cameras.items():
+            own = self._own_cameras.get(name)
+            observation[name] = camera.read_latest() if own is None else own.image
+        return observation
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """Lets the robot do `action` until the next one comes; returns what it was asked for.
@@ -137,7 +158,7 @@ class TrifingerRobot(Robot):
     def disconnect(self) -> None:
         """Ends the session: the back-end brings the robot to rest."""
         robot, seen = self._connected()
-        self._robot = self._seen = self._cameras = None
+        self._robot = self._seen = self._session_cameras = None
         try:
             if self._feeder is not None:
                 self._feeder.stop()
@@ -145,7 +166,7 @@ class TrifingerRobot(Robot):
                 robot.finish()
         finally:
             self._feeder = None
-            self._image.clear()
+            self._disconnect_cameras()
             seen.close()
             robot.close()
 
@@ -174,21 +195,24 @@ class TrifingerRobot(Robot):
                 robot.wait_until_time_index(step + 1)
 
     def _look(self, seen: trifinger.Frontend) -> list[str]:
-        """Keeps the newest good image of each camera. Returns the cameras that have none."""
+        """Shows the newest images to all cameras of the robot. Returns those that have none."""
         images = None
-        if self._cameras is not None:
-            images = self._cameras.get_latest_at(seen.current_time_index())
-        for name, size in self.config.images.items():
-            # An image that was overwritten while it was read: a newer one comes at the next call.
-            with contextlib.suppress(HistoryLost):
-                if images is not None and images.frame(name).state == "good":
-                    self._image[name] = images[name]
-            if name in self._image and list(self._image[name].shape[:2]) != list(size):
-                raise InvalidArgument(
-                    f"the images of {name} have the shape {self._image[name].shape}; "
-                    f"`images` says {size}"
-                )
-        return [name for name in self.config.images if name not in self._image]
+        if self._session_cameras is not None:
+            images = self._session_cameras.get_latest_at(seen.current_time_index())
+        return [name for name, camera in self._own_cameras.items() if not camera.look(images)]
+
+    def _named(self, name: str, camera: CameraConfig) -> CameraConfig:
+        """The configuration of a camera, which usually belongs to this robot and has its name."""
+        if not isinstance(camera, TrifingerCameraConfig):
+            return camera
+        return replace(
+            camera, robot=camera.robot or self.config.robot, camera=camera.camera or name
+        )
+
+    def _disconnect_cameras(self) -> None:
+        for camera in self.cameras.values():
+            if camera.is_connected:
+                camera.disconnect()
 
     def _connected(self) -> tuple[trifinger.Frontend, trifinger.Frontend]:
         if self._robot is None or self._seen is None:

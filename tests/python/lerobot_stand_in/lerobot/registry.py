@@ -25,6 +25,7 @@ class Device:
     def __init__(self, config: Any) -> None:
         assert isinstance(config, self.config_class)
         self.id = config.id
+        self.robot_type = self.name
 
     def __enter__(self) -> Any:
         self.connect()  # type: ignore[attr-defined]
