@@ -43,6 +43,7 @@ class Generation:
     episode_length: int  # [steps]
     space_type: str  # of the elements of spaces
     turns_faces: bool  # whether each face of the object may be up when an episode begins
+    cube_is_mesh: bool  # or a box, which touches from nearer
     safety_kd: tuple[float, float, float] = (0.08, 0.08, 0.04)  # [Nms/rad]
 
     def gains(self, finger_type: str) -> "Gains":
@@ -68,6 +69,7 @@ LATEST = Generation(
     episode_length=120000,
     space_type="float64",
     turns_faces=True,
+    cube_is_mesh=True,
 )
 _OF_2022 = replace(LATEST, name="2022", image_size=270)
 _OF_2021 = replace(_OF_2022, name="2021", camera_delay_steps=0, space_type="float32")
@@ -78,6 +80,7 @@ _PHASE_2 = replace(
     pro_kp=(10.0, 10.0, 10.0),
     pro_kd=(0.1, 0.3, 0.001),
     turns_faces=False,
+    cube_is_mesh=False,
 )
 FIRST = replace(
     _PHASE_2,

@@ -113,6 +113,7 @@ class ColoredCubeV2(BaseCollisionObject):
         *,
         mass: float = 0.094,
         scale: float = 1.0,
+        margin: float = MESH_MARGIN,
     ) -> None:
         super().__init__(
             position,
@@ -120,7 +121,7 @@ class ColoredCubeV2(BaseCollisionObject):
             {"type": "cube", "size": [0.065 * scale]},
             mass,
             pybullet_client_id,
-            margin=MESH_MARGIN,
+            margin,
         )
 
 

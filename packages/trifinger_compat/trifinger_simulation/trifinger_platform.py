@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from trifinger_compat.generation import chosen
+from trifinger_compat.physics import MESH_MARGIN
 from trifinger_compat.spaces import Range
 from trifinger_compat.types import ActionLike, Array, Image, Numbers, PoseLike
 
@@ -160,6 +161,7 @@ class TriFingerPlatform:
                 finger._pybullet_client_id,
                 mass=object_mass,
                 scale=cube_scale,
+                margin=MESH_MARGIN if finger._generation.cube_is_mesh else 0.0,
             )
         elif self.object_type is ObjectType.DICE:
             self._make_dice()

@@ -11,7 +11,7 @@ import pytest
 import rrc_simulation
 import trifinger_simulation
 from hypothesis import given, strategies as st
-from trifinger_simulation import SimFinger, TriFingerPlatform, collision_objects
+from trifinger_simulation import SimFinger, collision_objects
 
 HOME = (0, 0.9, -1.7)
 STEP, GRAVITY = 0.001, 9.81  # [s], [m/s^2]
@@ -93,20 +93,17 @@ def test_joints_stop_at_the_limits_of_the_descriptions(
     assert reached == pytest.approx(limits[end][joint], abs=0.02)
 
 
-def test_a_flat_cube_lies_where_its_mesh_touches() -> None:
-    platform = TriFingerPlatform()
-    die = collision_objects.Cuboid(
-        [0.1, 0, 0.02],
-        [0, 0, 0, 1],
-        [0.011] * 3,
-        0.012,
-        None,
-        platform.simfinger._pybullet_client_id,
-    )
+@pytest.mark.parametrize(
+    ("package", "margin"), [(trifinger_simulation, 0.001), (rrc_simulation, 0.0)]
+)
+def test_a_flat_cube_lies_where_its_shape_touches(package: Any, margin: float) -> None:
+    # PyBullet's meshes touch from 1 mm away, its boxes do not. The first cube was a box.
+    platform = package.TriFingerPlatform()
+    client = platform.simfinger._pybullet_client_id
+    die = collision_objects.Cuboid([0.1, 0, 0.02], [0, 0, 0, 1], [0.011] * 3, 0.012, None, client)
     for _ in range(500):
-        platform.append_desired_action(platform.Action(position=np.array(HOME * 3, dtype=float)))
-    # PyBullet's meshes touch from 1 mm away, its boxes do not.
-    assert platform.cube.get_state()[0][2] == pytest.approx(0.0325 + 0.001, abs=2e-4)
+        platform.append_desired_action(platform.Action(position=np.array(HOME * 3)))
+    assert platform.cube.get_state()[0][2] == pytest.approx(0.0325 + margin, abs=2e-4)
     assert die.get_state()[0][2] == pytest.approx(0.011, abs=2e-4)
 
 

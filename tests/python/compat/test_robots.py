@@ -8,7 +8,7 @@ import select
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ import robot_interfaces
 import trifinger
 import trifinger_cameras
 import trifinger_simulation
+import yaml
 from backend import new_name, other_robot, running, started
 from robot_interfaces.py_trifinger_types import Action, Observation
 from trifinger.log import original
@@ -757,12 +758,21 @@ shutdown_trajectory:
 """
 
 
+# As a person writes it, and as PyYAML writes what it has read.
+STYLES: dict[str, Callable[[str], str]] = {
+    "written": str,
+    "blocks": lambda text: str(yaml.dump(yaml.safe_load(text), default_flow_style=False)),
+    "brackets": lambda text: str(yaml.dump(yaml.safe_load(text), default_flow_style=True)),
+}
+
+
+@pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("name", ["TriFingerConfig", "FingerConfig", "SoloEightConfig"])
 def test_configurations_of_the_original_are_read(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, style: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "robot.yml"
-    path.write_text(CONFIGURATION)
+    path.write_text(STYLES[style](CONFIGURATION))
     config = getattr(robot_fingers, name).load_config(path)
     assert config.can_ports == [f"can{i}" for i in range(6)]
     assert (config.max_current_A, config.has_endstop) == (2.0, True)
