@@ -20,6 +20,7 @@
 #include "robot/doctor_can.hpp"
 #include "robot/finding.hpp"
 #include "shared/terminal.hpp"
+#include "trifinger/realtime/limit_remedy.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
@@ -121,9 +122,7 @@ Finding check_priority(const Machine& machine) {
   const bool is_enough = limit == "unlimited" || std::strtol(limit.c_str(), nullptr, 10) >= kWanted;
   return {"real-time priority", is_enough ? Verdict::kGood : Verdict::kLacks,
           fmt::format("limit {}, {} is wanted", limit, kWanted),
-          is_enough ? ""
-                    : "add '@realtime - rtprio 99' to /etc/security/limits.conf, yourself to the "
-                      "group, and log in again"};
+          is_enough ? "" : remedy_for(RealtimeLimit::kPriority, machine.path(""))};
 }
 
 Finding check_locked_memory(const Machine& machine) {
@@ -134,9 +133,7 @@ Finding check_locked_memory(const Machine& machine) {
   const bool is_enough = limit == "unlimited";
   return {"locked memory", is_enough ? Verdict::kGood : Verdict::kLacks,
           is_enough ? "unlimited" : "limit " + limit + " bytes, unlimited is wanted",
-          is_enough ? ""
-                    : "add '@realtime - memlock unlimited' to /etc/security/limits.conf, yourself "
-                      "to the group, and log in again"};
+          is_enough ? "" : remedy_for(RealtimeLimit::kLockedMemory, machine.path(""))};
 }
 
 Finding check_governor(const Machine& machine) {

@@ -57,6 +57,11 @@ std::string controller_text(const SessionInfo& info) {
   return info.controller.pid == 0 ? "nobody" : ipc::describe(info.controller);
 }
 
+bool is_seen(const ipc::ProcessIdentity& process) noexcept {
+  return process.number_space == 0 ||
+         process.number_space == ipc::ProcessIdentity::of_this_process().number_space;
+}
+
 std::string robot_of(const std::string& session) { return session.substr(0, session.find('.')); }
 
 SessionInfo robot_info(const std::string& name) {

@@ -23,6 +23,9 @@ enum class Health : unsigned char {
 // Returns who controls the robot: "python3 (process 4711)" or "nobody".
 [[nodiscard]] std::string controller_text(const SessionInfo& info);
 
+// True if the number of the process means this process here, too: not that of another container.
+[[nodiscard]] bool is_seen(const ipc::ProcessIdentity& process) noexcept;
+
 // Returns the robot of a session: "sim" for "sim.object".
 [[nodiscard]] std::string robot_of(const std::string& session);
 // Returns what is known about the robot `name`. Refuses companions, because they start and end with

@@ -143,11 +143,15 @@ class Observer {
     sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
                                         : "non-real-time, steps of " + duration_text(info.period));
     if (info.is_real_time && info.backend_is_alive) {
-      const auto priority = realtime_priority(info.backend.pid);
-      sheet.add("priority",
-                priority ? fmt::format("SCHED_FIFO {}", *priority)
-                         : "none, other programs may be first; see 'trifinger doctor'",
-                warn_if(!priority));
+      if (is_seen(info.backend)) {
+        const auto priority = realtime_priority(info.backend.pid);
+        sheet.add("priority",
+                  priority ? fmt::format("SCHED_FIFO {}", *priority)
+                           : "none, other programs may be first; see 'trifinger doctor'",
+                  warn_if(!priority));
+      } else {
+        sheet.add("priority", "not known here: the back-end runs in another container");
+      }
     }
     if (info.is_real_time) {
       std::string label = "realtime";

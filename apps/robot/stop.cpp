@@ -35,6 +35,12 @@ std::optional<ipc::ProcessIdentity> backend_of(const std::string& name) {
   // The process may belong to another user, whose processes cannot be examined.
   const SessionInfo info = robot_info(name);
   if (!info.backend_is_alive) return std::nullopt;
+  if (!is_seen(info.backend)) {
+    throw Error(
+        fmt::format("the back-end of '{}' runs in another container, on {}, as process {} "
+                    "there: call 'trifinger stop {}' in that container",
+                    name, info.host, info.backend.pid, name));
+  }
   return info.backend;
 }
 

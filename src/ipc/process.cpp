@@ -102,6 +102,8 @@ bool ProcessIdentity::is_known_dead() const noexcept {
 }
 
 bool ProcessIdentity::is_ending() const noexcept {
+  // Nothing is known of a process in another container.
+  if (number_space != 0 && number_space != own_number_space()) return false;
   constexpr std::uint64_t kExiting = 4;  // PF_EXITING of the kernel
   const Stat stat = read_stat(pid);
   const bool is_gone = stat.start_time != start_time || stat.state == 'Z' || stat.state == 'X';

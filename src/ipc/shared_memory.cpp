@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -24,6 +25,18 @@
 namespace trifinger::ipc {
 namespace {
 
+// How much room there is where the file lies, and how to get more.
+std::string room_text(const FileDescriptor& file) {
+  struct statvfs room{};
+  if (::fstatvfs(file.get(), &room) != 0) return "";
+  const auto megabytes = [&room](fsblkcnt_t blocks) {
+    return std::to_string((blocks * room.f_frsize) >> 20U) + " MiB";
+  };
+  return ", where " + megabytes(room.f_bavail) + " of " + megabytes(room.f_blocks) +
+         " are free (a container has 64 MiB unless it is started with '--shm-size=1g'; elsewhere "
+         "'mount -o remount,size=50% /dev/shm' gives more)";
+}
+
 void allocate(const FileDescriptor& file, std::size_t size, const std::string& what) {
   // When a signal arrives, the kernel gives back what the call has allocated so far, and the call
   // begins again or fails. Small pieces finish even if signals arrive often.
@@ -35,7 +48,9 @@ void allocate(const FileDescriptor& file, std::size_t size, const std::string& w
     if (error == 0) {
       done += piece;
     } else if (error != EINTR) {
-      throw SystemError("reserve " + std::to_string(size) + " bytes for " + what, error);
+      throw SystemError("reserve " + std::to_string(size) + " bytes for " + what +
+                            (error == ENOSPC ? room_text(file) : ""),
+                        error);
     }
   }
 }

@@ -21,6 +21,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
+#include "trifinger/realtime/limit_remedy.hpp"
 
 namespace trifinger {
 namespace {
@@ -35,7 +36,7 @@ Refusal set_priority(int priority) {
   const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
   if (error == 0) return std::nullopt;
   return "no real-time priority " + std::to_string(priority) + ": " + message_of(error) +
-         "; allow it with 'rtprio 99' in /etc/security/limits.conf";
+         "; to allow it, " + remedy_for(RealtimeLimit::kPriority);
 }
 
 // Tries the next higher priority, too: a watchdog that cannot have it may never see that the loop
@@ -91,18 +92,17 @@ bool has_capability(unsigned capability) {
 }
 
 Refusal lock_memory() {
-  constexpr const char* kRemedy =
-      "; allow it with 'memlock unlimited' in /etc/security/limits.conf";
+  const std::string remedy = "; to allow it, " + remedy_for(RealtimeLimit::kLockedMemory);
   rlimit limit{};
   ::getrlimit(RLIMIT_MEMLOCK, &limit);
   // A limit that suffices today may not suffice later. Then making threads and sessions would fail
   // in the middle of the work.
   if (limit.rlim_cur != RLIM_INFINITY && !has_capability(CAP_IPC_LOCK)) {
     return "memory is not locked: the limit is " + std::to_string(limit.rlim_cur >> 10U) + " KiB" +
-           kRemedy;
+           remedy;
   }
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) return std::nullopt;
-  return "memory is not locked: " + message_of(errno) + kRemedy;
+  return "memory is not locked: " + message_of(errno) + remedy;
 }
 
 // Touches the part of the stack that the loop may use, so that it exists before the first deadline.

@@ -318,15 +318,15 @@ def test_fault_58_without_permission_a_robot_runs_and_says_what_to_do(
         program = start_program("run", "fake", user=nobody)
         lines = program.read_until("holds its pose")
         for problem, remedy in [
-            ("no real-time priority 80", "rtprio 99"),
-            ("memory is not locked", "memlock unlimited"),
+            ("no real-time priority 80", "rtprio"),
+            ("memory is not locked", "memlock"),
             ("processors may fall asleep", "udev rule"),
         ]:
             assert len([line for line in lines if problem in line and remedy in line]) == 1
         assert program.end()[0] == 0
         message = run("run", "fake", "--scheduling", "require", expect=1, user=nobody)
         assert "the machine refuses what real time requires" in message
-        assert "rtprio 99" in message
+        assert "rtprio" in message
         quiet = start_program("run", "fake", "--scheduling", "off", user=nobody)
         assert not [line for line in quiet.read_until("holds its pose") if "allow it" in line]
 

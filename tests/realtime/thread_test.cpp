@@ -23,6 +23,7 @@
 #include "support/nobody.hpp"
 #include "support/sanitizers.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/realtime/limit_remedy.hpp"
 
 namespace trifinger {
 namespace {
@@ -67,7 +68,7 @@ TEST(EnterRealtime, SaysWhatWasRefusedAndTheRemedyWhenItTries) {
   const Answer answer = ask(options);
   ASSERT_THAT(answer.refused, ::testing::SizeIs(1));
   EXPECT_THAT(answer.refused[0], ::testing::HasSubstr("priority 1000"));
-  EXPECT_THAT(answer.refused[0], ::testing::HasSubstr("limits.conf"));
+  EXPECT_THAT(answer.refused[0], ::testing::HasSubstr(remedy_for(RealtimeLimit::kPriority)));
   EXPECT_EQ(answer.error, "");
 }
 
@@ -207,14 +208,14 @@ class Nobody {
       return sentence.find(text) != std::string::npos;
     };
     if (sentence.find('\n') != std::string::npos) return kOther;
-    if (has("no real-time priority 80: Operation not permitted") && has("'rtprio 99'")) {
+    if (has("no real-time priority 80: Operation not permitted") && has("rtprio")) {
       return kPriority;
     }
     if (has("its watchdog cannot have a higher priority than the loop: ") &&
         has("no real-time priority 81: Operation not") && has("or choose a lower priority")) {
       return kWatchdog;
     }
-    if (has("memory is not locked: the limit is 64 KiB") && has("'memlock unlimited'")) {
+    if (has("memory is not locked: the limit is 64 KiB") && has("memlock")) {
       return kMemory;
     }
     if (has("processors may fall asleep: /dev/cpu_dma_latency") && has("udev rule")) return kCpus;
