@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/core/refused_sessions.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -46,6 +48,7 @@ Row row_of(const SessionInfo& info) {
 
 int list() {
   const std::vector<SessionInfo> sessions = list_sessions();
+  for (const std::string& reason : refused_sessions()) fmt::print(stderr, "{}\n", reason);
   if (sessions.empty()) {
     fmt::print("There is no session in {}; 'trifinger run sim' starts one.\n",
                session_folder().string());

@@ -209,10 +209,31 @@ class FileWatch {
   std::jthread thread_;  // the last member: it uses all others
 };
 
+// Makes the robot fit under a claim, which a robot that does not run yet has not.
+CareReport make_fit_alone(const std::string& robot, std::optional<TurnClaim>& claim,
+                          const CareOptions& options) {
+  std::vector<std::string> recovered;
+  if (!claim) {
+    CareReport waited = wait_until_free(robot, options);
+    if (!waited.is_fit) return waited;
+    recovered = std::move(waited.recovered);
+    try {
+      claim = TurnClaim::take(robot);
+    } catch (const Error& error) {
+      waited.is_fit = false;
+      waited.problem = error.what();
+      return waited;
+    }
+  }
+  CareReport report = make_fit(robot, options);
+  report.recovered.insert(report.recovered.begin(), recovered.begin(), recovered.end());
+  return report;
+}
+
 class Turn {
  public:
   explicit Turn(const TurnOptions& options)
-      : options_(options), claim_(claim_turn(options.robot)), care_(options.care) {
+      : options_(options), claim_(TurnClaim::take(options.robot)), care_(options.care) {
     report_.robot = options.robot;
     report_.words = options.words;
     report_.user = options.user;
@@ -226,9 +247,8 @@ class Turn {
     prepare_program();
     try {
       care_.look = [this] { throw_if_interrupted(); };
-      report_.before = make_fit(options_.robot, care_);
+      report_.before = make_fit_alone(options_.robot, claim_, care_);
       if (report_.before.is_fit) {
-        if (!claim_) claim_ = claim_turn(options_.robot);  // The robot has just been started.
         record_and_run();
       } else {
         report_.end.text = "was not started: the robot is not fit: " + report_.before.problem;
@@ -513,7 +533,7 @@ class Turn {
 
   const Signals signals_;  // before any thread
   const TurnOptions& options_;
-  ipc::FileDescriptor claim_;
+  std::optional<TurnClaim> claim_;
   CareOptions care_;
   Console console_;
   JobReport report_;
@@ -534,7 +554,7 @@ int take_turn(const TurnOptions& options) { return Turn(options).take(); }
 
 int restore_robot(const std::string& robot, const CareOptions& care) {
   const Signals signals;
-  const ipc::FileDescriptor claimed = claim_turn(robot);
+  std::optional<TurnClaim> claim = TurnClaim::take(robot);
   Console console;
   CareOptions options = care;
   options.tell = [&](const std::string& sentence) { console.print(robot, sentence); };
@@ -544,7 +564,7 @@ int restore_robot(const std::string& robot, const CareOptions& care) {
     }
   };
   try {
-    const CareReport report = make_fit(robot, options);
+    const CareReport report = make_fit_alone(robot, claim, options);
     if (!report.is_fit) {
       console.print(robot, "not fit: " + report.problem, Style::kBad);
       return kNeedsHand;

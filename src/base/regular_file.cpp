@@ -97,6 +97,13 @@ int open_regular_file(const std::filesystem::path& path, int flags, NamedBy name
         kind_of(status.st_mode) != nullptr) {
       require_suitable(path, status, named_by);
     }
+    if ((error == EACCES || error == EPERM) && named_by == NamedBy::kProgram &&
+        ::lstat(path.c_str(), &status) == 0 && status.st_uid != ::geteuid()) {
+      throw SystemError("open " + path.string() + ", which is a file of user " +
+                            user_name(status.st_uid) + "; let " + user_name(status.st_uid) +
+                            " remove it, or choose another name or folder",
+                        error);
+    }
     throw SystemError("open " + path.string(), error);
   }
   try {

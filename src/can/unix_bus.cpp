@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <exception>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <thread>
@@ -39,9 +41,10 @@ ipc::FileDescriptor open_folder(const std::filesystem::path& path) {
   struct stat status{};
   if (::fstat(folder.get(), &status) != 0) throw SystemError(doing, errno);
   if (status.st_uid != ::geteuid() && status.st_uid != 0) {
-    throw SystemError(
-        doing + ", which belongs to user " + user_name(status.st_uid) + "; choose another folder",
-        EPERM);
+    throw SystemError(doing + ", which belongs to user " + user_name(status.st_uid) + "; let " +
+                          user_name(status.st_uid) +
+                          " or the administrator remove it, or choose another folder",
+                      EPERM);
   }
   if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
     throw SystemError(doing +
@@ -52,21 +55,44 @@ ipc::FileDescriptor open_folder(const std::filesystem::path& path) {
   return folder;
 }
 
-// Waits for the lock under which nodes join one by one.
-ipc::FileDescriptor lock_folder(const std::filesystem::path& folder) {
-  const std::filesystem::path path = folder / "lock";
-  ipc::FileDescriptor file([&path] {
-    return open_regular_file(path, O_RDWR | O_CREAT, NamedBy::kProgram, S_IRUSR | S_IWUSR);
-  });
+// The path of a file in the open folder, whatever has become of the folder's name.
+std::string path_in(const ipc::FileDescriptor& folder, const std::string& name) {
+  return "/proc/self/fd/" + std::to_string(folder.get()) + "/" + name;
+}
+
+constexpr const char* kLock = "lock";
+
+// A folder, and the lock under which its nodes join and leave one by one.
+struct LockedFolder {
+  ipc::FileDescriptor folder;
+  ipc::FileDescriptor lock;
+};
+
+// False if another node has the lock, or if the folder or the lock has lost its name.
+bool try_to_lock(LockedFolder& locked, const std::filesystem::path& path) {
+  const std::string lock = path_in(locked.folder, kLock);
+  locked.lock = ipc::open_lock_file(lock);
+  return ipc::try_lock(locked.lock) && ipc::is_named(locked.lock, lock) &&
+         ipc::is_named(locked.folder, path);
+}
+
+// Opens or makes the folder, and waits for its lock. The last node removes a folder, so this begins
+// again if the folder has lost its name meanwhile.
+LockedFolder lock_folder(const std::filesystem::path& path) {
   const Deadline deadline(std::chrono::seconds(10));
-  while (!ipc::try_lock(file)) {
+  while (true) {
+    try {
+      LockedFolder locked{.folder = open_folder(path), .lock = {}};
+      if (try_to_lock(locked, path)) return locked;
+    } catch (const SystemError& error) {
+      if (error.error_number() != ENOENT || deadline.passed()) throw;
+    }
     if (deadline.passed()) {
-      throw TimedOut("another process has been joining the bus in " + folder.string() +
-                     " for 10 s; end it: 'fuser " + path.string() + "' shows its number");
+      throw TimedOut("another process has been joining the bus in " + path.string() +
+                     " for 10 s; end it: 'fuser " + (path / kLock).string() + "' shows its number");
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  return file;
 }
 
 std::string name_of_node(std::size_t number) { return "node." + std::to_string(number); }
@@ -74,8 +100,7 @@ std::string name_of_node(std::size_t number) { return "node." + std::to_string(n
 // The address of a node's socket. It is relative to the open folder, so its length is bounded and
 // nobody can exchange the folder.
 sockaddr_un address_of(const ipc::FileDescriptor& folder, std::size_t number) {
-  const std::string path =
-      "/proc/self/fd/" + std::to_string(folder.get()) + "/" + name_of_node(number);
+  const std::string path = path_in(folder, name_of_node(number));
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   path.copy(std::data(address.sun_path), sizeof(address.sun_path) - 1);
@@ -126,6 +151,10 @@ class UnixNode final : public UnixBus {
   // Returns the frame of a message, and notes what else the message tells.
   std::optional<Frame> take(const Incoming& message, Peer& peer, const ClockPair& now) noexcept;
 
+  // Removes the folder if no other node is in it.
+  void leave() noexcept;
+
+  std::filesystem::path path_;
   ipc::FileDescriptor folder_;
   ipc::FileDescriptor listener_;
   std::string own_name_;     // of the file in the folder; empty until it exists
@@ -137,9 +166,10 @@ class UnixNode final : public UnixBus {
 };
 
 void UnixNode::join(const std::filesystem::path& path) {
-  folder_ = open_folder(path);
   peers_.reserve(kMaxUnixNodes);
-  const ipc::FileDescriptor lock = lock_folder(path);
+  LockedFolder locked = lock_folder(path);
+  folder_ = std::move(locked.folder);
+  path_ = path;
   std::optional<std::size_t> free;
   for (std::size_t number = 0; number < kMaxUnixNodes; ++number) {
     const std::size_t known = peers_.size();
@@ -152,11 +182,29 @@ void UnixNode::join(const std::filesystem::path& path) {
 }
 
 UnixNode::~UnixNode() {
-  // The file is removed before its socket is closed: after that its name may be another node's.
-  if (!own_name_.empty() && !is_inherited()) {
-    ::unlinkat(folder_.get(), own_name_.c_str(), 0);
-  }
+  if (folder_ && !is_inherited()) leave();
   for (const Peer& peer : peers_) ::close(peer.socket);
+}
+
+void UnixNode::leave() noexcept {
+  // The file is removed before its socket is closed: after that its name may be another node's.
+  if (!own_name_.empty()) ::unlinkat(folder_.get(), own_name_.c_str(), 0);
+  try {
+    LockedFolder locked{.folder = std::move(folder_), .lock = {}};
+    // The last of two that leave at once removes the folder, so each waits for the other.
+    constexpr int kLooks = 500;
+    for (int look = 0; !try_to_lock(locked, path_); ++look) {
+      if (look == kLooks || !ipc::is_named(locked.folder, path_)) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    for (const auto& entry : std::filesystem::directory_iterator(path_)) {
+      if (entry.path().filename() != kLock) return;
+    }
+    ::unlinkat(locked.folder.get(), kLock, 0);
+    ::rmdir(path_.c_str());
+  } catch (const std::exception&) {
+    // The folder is gone already, or somebody has changed its permissions: then it stays.
+  }
 }
 
 // Connects to the node of this number, if there is one. Removes what a dead node left.

@@ -251,8 +251,10 @@ struct PayloadWriter::State {
   State(const State&) = delete;
   State& operator=(const State&) = delete;
   ~State() {
+    if (!lock || fork.is_inherited()) return;
     // The lock is still ours, so the file is, too. Readers in this process keep the memory itself.
-    if (lock && !fork.is_inherited()) ::unlink(memory->memory().path().c_str());
+    ::unlink(memory->memory().path().c_str());
+    detail::leave(*lock);
   }
 
   std::optional<ipc::SharedMemory> lock;

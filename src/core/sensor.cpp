@@ -23,6 +23,7 @@
 #include <utility>
 
 #include "sensor_file.hpp"
+#include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -113,8 +114,10 @@ UntypedSensorWriter::UntypedSensorWriter(const std::string& robot, const std::st
 }
 
 UntypedSensorWriter::~UntypedSensorWriter() {
+  if (state_->fork.is_inherited()) return;
   // The lock is still ours, so the file is, too.
-  if (!state_->fork.is_inherited()) ::unlink(state_->memory.path().c_str());
+  ::unlink(state_->memory.path().c_str());
+  detail::leave(state_->lock);
 }
 
 void UntypedSensorWriter::write(Instant captured, const void* element) noexcept {

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <optional>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "session_directory.hpp"
@@ -50,17 +52,20 @@ std::string payload_file(const std::string& robot, const std::string& sensor) {
 ipc::SharedMemory own_sensor_file(const std::string& file, const std::string& what) {
   const auto directory = directory_in(session_folder());
   const std::string name = file + ".lock";
-  ipc::SharedMemory lock = directory->open_or_create(name, kOwnerAlone);
+  std::optional<ipc::SharedMemory> lock =
+      claim([&] { return directory->open_or_create(name, kOwnerAlone); });
   const ipc::LockPatience patience;
-  while (!ipc::try_lock(lock.file())) {
+  while (!lock || !ipc::try_lock(lock->file())) {
     const std::vector<ipc::ProcessIdentity> owners = ipc::owners_of(session_folder() / name);
     const bool is_ending = std::ranges::any_of(owners, &ipc::ProcessIdentity::is_ending);
-    if (patience.wait(is_ending)) continue;
+    if (lock && patience.wait(is_ending)) continue;
+    if (lock) leave(*lock);
     throw Error((owners.empty() ? "another process" : ipc::describe(owners.front())) +
                 " is already " + what + "; end it first");
   }
+  ipc::unlock(lock->file(), ipc::Lock::kClaim);
   remove_leftovers(file);
-  return lock;
+  return std::move(*lock);
 }
 
 void require_own_file(const ipc::FileDescriptor& file, const std::string& name) {

@@ -13,6 +13,7 @@
 #include "session_place.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/refused_sessions.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger {
@@ -50,6 +51,11 @@ std::string not_found_text(const std::string& name) {
     }
   }
   std::string text = "there is no robot '" + name + "' on this machine";
+  try {
+    static_cast<void>(session_directory()->open(detail::lock_file(name), ipc::Access::kReadOnly));
+  } catch (const SystemError& error) {
+    if (error.error_number() != ENOENT) return text + " for this user: " + error.what();
+  }
   std::string others;
   for (const SessionInfo& other : list_sessions()) {
     if (other.backend_is_alive) others += (others.empty() ? "" : ", ") + other.name;
@@ -183,10 +189,27 @@ std::vector<SessionInfo> list_sessions() {
       sessions.push_back(Session::open(name).info());
     } catch (const Error&) {
       // The session is gone since we looked, or belongs to another version or user: it is not
-      // listed.
+      // listed. `refused_sessions` says why.
     }
   }
   return sessions;
+}
+
+std::vector<std::string> refused_sessions() {
+  std::vector<std::string> reasons;
+  for (const std::string& name : detail::session_names(session_folder())) {
+    if (name.find('.') != std::string::npos) continue;
+    try {
+      static_cast<void>(Session::open(name));
+    } catch (const InvalidArgument&) {
+      // Strangers may use any bytes in the name of a file. It is no robot's.
+    } catch (const SessionNotFound&) {
+      // It is gone since we looked.
+    } catch (const Error& error) {
+      reasons.push_back(name + ": " + error.what());
+    }
+  }
+  return reasons;
 }
 
 void recover(const std::string& name, Timeout timeout) {

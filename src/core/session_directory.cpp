@@ -8,16 +8,19 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <map>
 #include <mutex>
 #include <random>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
+#include "trifinger/base/time.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::detail {
@@ -37,14 +40,74 @@ std::string group_name(gid_t group) {
   return found != nullptr ? found->gr_name : std::to_string(group);
 }
 
-// Owner and mode of the file, as the rest of a sentence. Empty if its folder cannot be searched.
-std::string owner_text(const std::filesystem::path& path) {
+// The files that lie in `folder` under the names of one owner's life: those of a robot, or those of
+// a sensor or its payloads. They begin with this.
+std::string common_beginning(const std::string& file) {
+  if (file.starts_with(kPrefix)) return prefix_of(robot_of(file.substr(kPrefix.size())));
+  constexpr std::string_view kLockSuffix = ".lock";
+  return file.ends_with(kLockSuffix) ? file.substr(0, file.size() - kLockSuffix.size()) : file;
+}
+
+// Why `doing` something with a file of another user failed: whose it is, whether its process lives,
+// and the remedy. Only `doing` if the file cannot be examined.
+std::string refusal_text(const std::string& doing, const std::filesystem::path& path) {
   struct stat status{};
-  if (::stat(path.c_str(), &status) != 0) return "";
+  if (::stat(path.c_str(), &status) != 0) return doing + " " + path.string();
   std::array<char, 8> mode{};
   std::snprintf(mode.data(), mode.size(), "%04o", status.st_mode & 07777U);
-  return ", which belongs to user " + user_name(status.st_uid) + " and group " +
-         group_name(status.st_gid) + " with mode " + mode.data();
+  const std::string owner = user_name(status.st_uid);
+  const std::string text = doing + " " + path.string() + ", which belongs to user " + owner +
+                           " and group " + group_name(status.st_gid) + " with mode " + mode.data();
+  const std::string beginning = common_beginning(path.filename().string());
+  const bool is_robot = beginning.starts_with(kPrefix);
+  const std::string lock =
+      (path.parent_path() / beginning).string() + (is_robot ? "lock" : ".lock");
+  // A lock that this user has just taken says nothing about the other one.
+  const auto is_owned = [&status](const std::filesystem::path& file) {
+    struct stat found{};
+    return ::stat(file.c_str(), &found) == 0 && found.st_uid == status.st_uid &&
+           ipc::is_owned(file);
+  };
+  const bool is_alive = is_owned(path) || is_owned(lock) ||
+                        (is_robot && is_owned(path.parent_path() / (beginning + "state")));
+  if (is_robot && is_alive) {
+    return text +
+           "; its back-end runs: it shares its sessions with its group if its configuration "
+           "says 'backend.access: group', and " +
+           owner + " can stop it";
+  }
+  if (is_alive) return text + "; its process runs, and " + owner + " can end it";
+  const std::string all = (path.parent_path() / beginning).string();
+  return text + "; its process was killed: " + owner +
+         " or the administrator must remove what it left with 'rm " +
+         (is_robot ? all + "*" : all + " " + lock) + "', or choose another name";
+}
+
+// The group that shares the files of this user: "trifinger" if the user is one of its members.
+// Otherwise files keep the group of the process.
+std::optional<gid_t> shared_group() {
+  struct group entry{};
+  struct group* found = nullptr;
+  std::array<char, 65536> text{};
+  ::getgrnam_r("trifinger", &entry, text.data(), text.size(), &found);
+  if (found == nullptr) return std::nullopt;
+  std::array<gid_t, 65536> groups{};  // the most that Linux knows
+  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
+  const auto end = groups.begin() + std::max(count, 0);
+  if (std::find(groups.begin(), end, found->gr_gid) == end) return std::nullopt;
+  return found->gr_gid;
+}
+
+// Gives a file that its group may use to the group that the users of robots have in common.
+void share(const ipc::SharedMemory& memory, unsigned mode) {
+  constexpr unsigned kGroup = 0070;
+  if ((mode & kGroup) == 0) return;
+  if (const auto group = shared_group()) {
+    constexpr auto kSameUser = static_cast<uid_t>(-1);
+    if (::fchown(memory.file().get(), kSameUser, *group) != 0) {
+      throw SystemError("give " + memory.path().string() + " to the group trifinger", errno);
+    }
+  }
 }
 
 class FolderDirectory final : public Directory {
@@ -56,10 +119,12 @@ class FolderDirectory final : public Directory {
     for (ipc::SharedMemory& spare : spares_) {
       if (spare.size() != size || !spare.make_anew(file, mode)) continue;
       ipc::SharedMemory memory = std::move(spare);
+      share(memory, mode);
       std::erase_if(spares_, [](const ipc::SharedMemory& one) { return !one.file(); });
       return memory;
     }
     ipc::SharedMemory memory = ipc::SharedMemory::create_file(folder_, file, size, mode);
+    share(memory, mode);
     // The other spare files of this size are still in use elsewhere. Their last user releases them.
     std::erase_if(spares_, [size](const ipc::SharedMemory& one) { return one.size() == size; });
     return memory;
@@ -90,7 +155,7 @@ class FolderDirectory final : public Directory {
   [[nodiscard]] ipc::SharedMemory open_or_create(const std::string& file, unsigned mode) override {
     while (true) {
       try {
-        return ipc::SharedMemory::open(folder_ / file, ipc::Access::kReadWrite);
+        return open(file, ipc::Access::kReadWrite);
       } catch (const SystemError& error) {
         if (error.error_number() != ENOENT) throw;
       }
@@ -105,10 +170,7 @@ class FolderDirectory final : public Directory {
       return ipc::SharedMemory::open(path, access);
     } catch (const SystemError& error) {
       if (error.error_number() != EACCES) throw;
-      throw SystemError("open " + path.string() + owner_text(path) +
-                            "; a back-end shares its sessions with its group if its configuration "
-                            "says 'backend.access: group'",
-                        EACCES);
+      throw SystemError(refusal_text("open", path), EACCES);
     }
   }
 
@@ -123,6 +185,20 @@ class FolderDirectory final : public Directory {
       const bool is_ours = file.starts_with(prefix) || file.starts_with("." + prefix);
       if (is_ours && file != lock_file(name)) remove(file);
     }
+  }
+
+  void require_removed(const std::string& name) const override {
+    for (const auto& session : session_names(folder_)) {
+      if (robot_of(session) != name) continue;
+      const std::filesystem::path path = folder_ / state_file(session);
+      struct stat status{};
+      if (::lstat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) continue;
+      if (status.st_uid != ::geteuid()) throw SystemError(refusal_text("remove", path), EPERM);
+    }
+  }
+
+  [[nodiscard]] bool is_owned(const std::string& file) const override {
+    return ipc::is_owned(folder_ / file);
   }
 
  private:
@@ -178,6 +254,20 @@ std::shared_ptr<Directory> directory_in(const std::filesystem::path& folder) {
 }
 
 std::shared_ptr<Directory> directory_of_process() { return std::make_shared<ProcessDirectory>(); }
+
+std::optional<ipc::SharedMemory> claim(const std::function<ipc::SharedMemory()>& open) {
+  const Deadline deadline(std::chrono::seconds(2));
+  while (true) {
+    ipc::SharedMemory lock = open();
+    if (ipc::try_lock(lock.file(), ipc::Lock::kClaim) && lock.has_name()) return lock;
+    if (deadline.passed()) return std::nullopt;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+void leave(const ipc::SharedMemory& lock) noexcept {
+  if (!lock.path().empty()) ipc::leave_lock_file(lock.file(), lock.path());
+}
 
 std::string state_file(const std::string& name) {
   return std::string(kPrefix) + name + std::string(kStateSuffix);

@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,8 +35,14 @@ class Directory {
   // Throws SystemError with ENOENT if there is no such file.
   [[nodiscard]] virtual ipc::SharedMemory open(const std::string& file, ipc::Access access) = 0;
   virtual void remove(const std::string& file) noexcept = 0;
-  // Removes all files of the robot `name` except its lock.
+  // Removes all files of the robot `name` except its lock, as far as this user may.
   virtual void remove_all(const std::string& name) noexcept = 0;
+
+  // Throws SystemError, which names owner and remedy, if another user has left a file of the robot
+  // `name` that must go before a session can begin and that this user may not remove.
+  virtual void require_removed(const std::string& /*name*/) const {}
+  // True if a process owns the file, whether or not this user may open it.
+  [[nodiscard]] virtual bool is_owned(const std::string& /*file*/) const { return false; }
 
   // Keeps the memory of a file that was made here, for later files of the same size.
   virtual void give_back(ipc::SharedMemory /*memory*/) noexcept {}
@@ -52,6 +60,13 @@ class Directory {
 // Session "files" of this process. Their memory is returned to the system, because no other process
 // can fill it.
 [[nodiscard]] std::shared_ptr<Directory> directory_of_process();
+
+// Calls `open` until the lock file that it returns has its name and `Lock::kClaim` of it is ours.
+// Nothing if another process keeps the claim for seconds.
+[[nodiscard]] std::optional<ipc::SharedMemory> claim(
+    const std::function<ipc::SharedMemory()>& open);
+// Ends the use of a lock file that was claimed: see ipc::leave_lock_file.
+void leave(const ipc::SharedMemory& lock) noexcept;
 
 [[nodiscard]] std::string state_file(const std::string& name);
 [[nodiscard]] std::string action_file(const std::string& name, std::uint64_t session_id);

@@ -4,10 +4,8 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <thread>
 #include <utility>
 
 #include "session_layout.hpp"
@@ -35,18 +33,31 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
 void SessionPlace::take_name(bool is_ours) {
   // One process at a time may do this, so that nobody looks at files that are about to be removed.
   std::optional<ipc::SharedMemory> lock;
-  const Deadline deadline(std::chrono::seconds(2));
-  while (true) {
-    lock.emplace(directory_->open_or_create(lock_file(name_), options_.mode));
-    if (ipc::try_lock(lock->file(), ipc::Lock::kClaim) && lock->has_name()) break;
-    if (deadline.passed()) throw_owned("another process that is just starting");
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  try {
+    lock = claim([&] { return directory_->open_or_create(lock_file(name_), options_.mode); });
+  } catch (const SystemError& error) {
+    if (!directory_->is_owned(lock_file(name_))) throw;
+    throw RobotOwned("robot '" + name_ + "' is run by another user: " + error.what());
   }
+  if (!lock) throw_owned("another process that is just starting");
+  try {
+    own(*lock, is_ours);
+  } catch (...) {
+    leave(*lock);
+    throw;
+  }
+  const std::lock_guard guard(mutex_);
+  // Our old lock, if any, is released last: it shows others at any time that we live.
+  lock_ = std::move(lock);
+  ipc::unlock(lock_->file(), ipc::Lock::kClaim);
+}
+
+void SessionPlace::own(ipc::SharedMemory& lock, bool is_ours) {
   // A back-end that was just killed releases its locks a little later.
   const ipc::LockPatience patience;
-  bool is_taken = ipc::try_lock(lock->file());
+  bool is_taken = ipc::try_lock(lock.file());
   while (!is_taken && !is_left_by_the_dead() && patience.wait(is_left_by_the_dying())) {
-    is_taken = ipc::try_lock(lock->file());
+    is_taken = ipc::try_lock(lock.file());
   }
   if (!is_taken) {
     if (!is_left_by_the_dead()) throw_owned(find_owner().value_or("another process"));
@@ -64,11 +75,10 @@ void SessionPlace::take_name(bool is_ours) {
     if (owner) throw_owned(*owner);
   }
   // The existing file may be older than the permission for the group.
-  if (!lock->path().empty()) ::fchmod(lock->file().get(), options_.mode);
-  if (!is_ours) directory_->remove_all(name_);
-  // Our old lock, if any, is released last: it shows others at any time that we live.
-  lock_ = std::move(lock);
-  ipc::unlock(lock_->file(), ipc::Lock::kClaim);
+  if (!lock.path().empty()) ::fchmod(lock.file().get(), options_.mode);
+  if (is_ours) return;
+  directory_->remove_all(name_);
+  directory_->require_removed(name_);
 }
 
 std::optional<std::string> SessionPlace::find_owner() const {
@@ -81,8 +91,9 @@ std::optional<std::string> SessionPlace::find_owner() const {
     if (owner && backend.is_known_dead()) owner.reset();
     if (owner) owner = ipc::describe(backend) + " on " + session.host();
   } catch (const Error&) {
-    // The session has just begun, or its file is gone or damaged. Only its lock counts, if there is
-    // one.
+    // The session has just begun, or its file is gone, damaged or another user's. Only its lock
+    // counts, if there is one.
+    if (!owner && directory_->is_owned(state_file(name_))) owner = "another process";
   }
   if (const auto owners = directory_->other_owners(lock_file(name_)); !owners.empty()) {
     // A child that a bare fork(2) made keeps what its dead parent owned.
@@ -117,6 +128,14 @@ void SessionPlace::throw_owned(const std::string& owner) const {
 SessionPlace::~SessionPlace() {
   if (fork_.is_inherited()) return;
   directory_->remove_all(name_);
+  leave(*lock_);
+}
+
+void SessionPlace::withdraw() noexcept {
+  directory_->remove_all(name_);
+  const std::lock_guard guard(mutex_);
+  // The robot may still move. Other processes that look for its owner find this one until it ends.
+  if (!lock_->path().empty()) ipc::remove_lock_file(lock_->file(), lock_->path());
 }
 
 SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,

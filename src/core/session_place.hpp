@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -43,8 +44,11 @@ class SessionPlace {
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
  private:
-  // Throws RobotOwned. `is_ours`: we had the name before, and the state file is our session's.
+  // Throws RobotOwned, SystemError. `is_ours`: we had the name before, and the state file is our
+  // session's.
   void take_name(bool is_ours);
+  // Makes the claimed lock file, or a new one in its place, that of this process.
+  void own(ipc::SharedMemory& lock, bool is_ours);
   // The process that runs a robot of this name, even if its lock was removed. Nothing if none is
   // found.
   [[nodiscard]] std::optional<std::string> find_owner() const;
@@ -61,6 +65,7 @@ class SessionPlace {
   SessionOptions options_;
   TimeIndex first_index_{0};
   std::optional<ipc::SharedMemory> lock_;
+  std::mutex mutex_;  // guards lock_ against `withdraw`
   bool has_reserve_{false};
   ipc::ForkGuard fork_;
 };

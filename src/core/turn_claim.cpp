@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/core/turn_claim.hpp"
 
-#include <fcntl.h>
-
 #include <cerrno>
-#include <filesystem>
 
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
@@ -13,15 +10,28 @@
 
 namespace trifinger {
 
-ipc::FileDescriptor claim_turn(const std::string& robot) {
+std::optional<TurnClaim> TurnClaim::take(const std::string& robot) {
   detail::require_valid_name(robot);
-  const std::filesystem::path path = session_folder() / detail::lock_file(robot);
-  ipc::FileDescriptor file(
-      [&path] { return ::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC); });
-  if (!file && errno == ENOENT) return file;
-  if (!file) throw SystemError("claim the robot '" + robot + "': open " + path.string(), errno);
-  if (ipc::try_lock(file, ipc::Lock::kTurn)) return file;
-  throw Error("'" + robot + "' is in use: another 'trifinger job' has not ended yet");
+  const auto directory = detail::directory_in(session_folder());
+  std::optional<ipc::SharedMemory> lock;
+  try {
+    lock = detail::claim(
+        [&] { return directory->open(detail::lock_file(robot), ipc::Access::kReadWrite); });
+  } catch (const SystemError& error) {
+    if (error.error_number() == ENOENT) return std::nullopt;
+    throw;
+  }
+  if (!lock) throw Error("'" + robot + "' is in use: another process is just starting it");
+  if (!ipc::try_lock(lock->file(), ipc::Lock::kTurn)) {
+    throw Error("'" + robot + "' is in use: another 'trifinger job' has not ended yet");
+  }
+  // Nobody removes the file from here on, so its claim is free for others.
+  ipc::unlock(lock->file(), ipc::Lock::kClaim);
+  return TurnClaim(std::move(*lock));
+}
+
+TurnClaim::~TurnClaim() {
+  if (!fork_.is_inherited()) detail::leave(lock_);
 }
 
 }  // namespace trifinger

@@ -32,7 +32,7 @@ namespace {
 constexpr Nanoseconds kLongestSleep = std::chrono::milliseconds(5);
 
 // An emulator has locked this file: `Lock::kClaim` as long as it lives, `Lock::kOwner` as long as
-// the link leads to its terminal. Nobody removes the file, which could be that of the next one.
+// the link leads to its terminal.
 std::string lock_of(const std::string& link) { return link + ".lock"; }
 
 }  // namespace
@@ -86,11 +86,12 @@ void Emulator::State::open() {
 
 void Emulator::State::make_link(const std::string& name) {
   if (name.empty()) return;
-  link_lock = ipc::FileDescriptor([&name] {
-    return open_regular_file(lock_of(name), O_RDWR | O_CREAT, NamedBy::kProgram, S_IRUSR | S_IWUSR);
-  });
   const ipc::LockPatience patience;
-  while (!ipc::try_lock(link_lock, ipc::Lock::kClaim)) {
+  while (true) {
+    link_lock = ipc::open_lock_file(lock_of(name));
+    if (ipc::try_lock(link_lock, ipc::Lock::kClaim) && ipc::is_named(link_lock, lock_of(name))) {
+      break;
+    }
     if (patience.wait(false)) continue;
     throw InvalidArgument("the link " + name +
                           " belongs to motors that are emulated already; end that emulator, or "
@@ -100,6 +101,7 @@ void Emulator::State::make_link(const std::string& name) {
   if (std::filesystem::is_symlink(name)) std::filesystem::remove(name, error);
   std::filesystem::create_symlink(path, name, error);
   if (error) {
+    ipc::leave_lock_file(link_lock, lock_of(name));
     throw SystemError("make the link " + name + " to " + path + "; choose another name",
                       error.value());
   }
@@ -178,13 +180,17 @@ Emulator::~Emulator() {
   if (std::filesystem::read_symlink(state_->link, ignored) == state_->path) {
     std::filesystem::remove(state_->link, ignored);
   }
+  ipc::leave_lock_file(state_->link_lock, lock_of(state_->link));
 }
 
 bool Emulator::is_at(const std::string& link) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(lock_of(link), ignored)) return false;
-  return ipc::is_locked_by_other(ipc::FileDescriptor(
-      [&link] { return open_regular_file(lock_of(link), O_RDONLY, NamedBy::kProgram); }));
+  try {
+    return ipc::is_locked_by_other(ipc::FileDescriptor(
+        [&link] { return open_regular_file(lock_of(link), O_RDONLY, NamedBy::kProgram); }));
+  } catch (const SystemError& error) {
+    if (error.error_number() == ENOENT) return false;
+    throw;
+  }
 }
 
 const std::string& Emulator::path() const noexcept { return state_->path; }

@@ -2,6 +2,8 @@
 #include "trifinger/ipc/file_lock.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -14,6 +16,7 @@
 #include <thread>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger::ipc {
 namespace {
@@ -82,6 +85,72 @@ bool LockPatience::wait(bool holder_is_ending) const {
 void unlock(const FileDescriptor& file, Lock lock) noexcept {
   struct flock request = request_of(F_UNLCK, lock);
   ::fcntl(file.get(), F_OFD_SETLK, &request);
+}
+
+bool is_named(const FileDescriptor& file, const std::filesystem::path& path) noexcept {
+  struct stat open{};
+  struct stat named{};
+  return ::fstat(file.get(), &open) == 0 && ::lstat(path.c_str(), &named) == 0 &&
+         named.st_ino == open.st_ino && named.st_dev == open.st_dev;
+}
+
+FileDescriptor open_lock_file(const std::filesystem::path& path) {
+  return FileDescriptor([&path] {
+    while (true) {
+      try {
+        return open_regular_file(path, O_RDWR, NamedBy::kProgram);
+      } catch (const SystemError& error) {
+        if (error.error_number() != ENOENT) throw;
+      }
+      try {
+        // O_EXCL: where all users may write, the kernel lets nobody open the file of another user
+        // with O_CREAT alone, not even the administrator (fs.protected_regular).
+        return open_regular_file(path, O_RDWR | O_CREAT | O_EXCL, NamedBy::kProgram,
+                                 S_IRUSR | S_IWUSR);
+      } catch (const SystemError& error) {
+        if (error.error_number() != EEXIST) throw;
+      }
+    }
+  });
+}
+
+bool remove_lock_file(const FileDescriptor& file, const std::filesystem::path& path) noexcept {
+  struct flock claim = request_of(F_WRLCK, Lock::kClaim);
+  if (::fcntl(file.get(), F_OFD_SETLK, &claim) != 0) return false;
+  if (is_named(file, path) && !is_locked_by_other(file, Lock::kOwner) &&
+      !is_locked_by_other(file, Lock::kTurn)) {
+    ::unlink(path.c_str());
+  }
+  unlock(file, Lock::kClaim);
+  return true;
+}
+
+void leave_lock_file(const FileDescriptor& file, const std::filesystem::path& path) noexcept {
+  unlock(file, Lock::kOwner);
+  unlock(file, Lock::kTurn);
+  // Two who leave at once would each keep the file for the other, so they do it one by one. A
+  // process that arrives has the claim for longer, but then it owns the file and removes it.
+  constexpr int kLooks = 500;
+  for (int look = 0; look < kLooks && !remove_lock_file(file, path); ++look) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+bool is_owned(const std::filesystem::path& path) {
+  struct stat status{};
+  if (::lstat(path.c_str(), &status) != 0) return false;
+  // "1: OFDLCK ADVISORY  WRITE -1 00:1a:4711 0 0": the inode comes last but two. Its device is not
+  // compared, because some file systems show another one here than to stat().
+  const std::string place = ":" + std::to_string(status.st_ino) + " 0 0";
+  std::ifstream locks("/proc/locks");
+  if (!locks) return true;
+  for (std::string line; std::getline(locks, line);) {
+    if (line.find(" OFDLCK ") != std::string::npos && line.find(" WRITE ") != std::string::npos &&
+        line.ends_with(place)) {
+      return true;
+    }
+  }
+  return false;
 }
 
 bool is_locked_by_other(const FileDescriptor& file, Lock lock) noexcept {

@@ -57,12 +57,6 @@ void allocate(const FileDescriptor& file, std::size_t size, const std::string& w
 
 int open_flags(Access access) { return access == Access::kReadOnly ? O_RDONLY : O_RDWR; }
 
-bool is_same_file(const std::filesystem::path& path, const struct stat& status) noexcept {
-  struct stat named{};
-  return ::lstat(path.c_str(), &named) == 0 && named.st_ino == status.st_ino &&
-         named.st_dev == status.st_dev;
-}
-
 // Nobody can guess this name, so nobody can have taken it before.
 std::string hidden_name(const std::string& name) {
   std::random_device device;
@@ -168,7 +162,7 @@ bool SharedMemory::make_anew(const std::string& name, unsigned mode) {
   path_ = hidden_path_.parent_path() / name;
   struct stat status{};
   const bool is_whole = ::fstat(file_.get(), &status) == 0 &&
-                        std::cmp_equal(status.st_size, size_) && is_same_file(hidden_path_, status);
+                        std::cmp_equal(status.st_size, size_) && is_named(file_, hidden_path_);
   if (is_whole) {
     allocate(file_, size_, path_.string());
     set_mode(mode);
@@ -226,8 +220,7 @@ bool SharedMemory::is_damaged() const noexcept { return guard_ >= 0 && is_range_
 
 bool SharedMemory::has_name() const noexcept {
   if (path_.empty()) return true;
-  struct stat status{};
-  return ::fstat(file_.get(), &status) == 0 && is_same_file(path_, status);
+  return is_named(file_, path_);
 }
 
 void SharedMemory::map(Access access) {

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "support/child_process.hpp"
@@ -122,9 +123,19 @@ TEST_F(UnixBusTest, WhatAKilledNodeLeavesIsReplacedByTheNext) {
   EXPECT_EQ(files(), (std::set<std::string>{"lock", "node.0"}));
 }
 
-TEST_F(UnixBusTest, LeavesNoFileOfANodeThatLeft) {
-  static_cast<void>(join());
-  EXPECT_EQ(files(), std::set<std::string>{"lock"});
+TEST_F(UnixBusTest, fault_80_LeavesNothingWhenAllNodesHaveLeft) {
+  for (int i = 0; i < 20; ++i) {
+    auto first = join();
+    auto second = join();
+    first.reset();
+    EXPECT_EQ(files(), (std::set<std::string>{"lock", "node.1"}));
+    // Both orders, and both at once.
+    std::thread other([&second] { second.reset(); });
+    auto third = join();
+    third.reset();
+    other.join();
+    EXPECT_FALSE(std::filesystem::exists(path_));
+  }
 }
 
 TEST_F(UnixBusTest, HasRoomForManyNodesAndRefusesMore) {
@@ -162,7 +173,7 @@ TEST_F(UnixBusTest, RefusesAFolderOfAnotherUser) {
   std::filesystem::create_directory(path_);
   ASSERT_EQ(::chown(path_.c_str(), trifinger::test::kNobody, trifinger::test::kNobody), 0);
   EXPECT_THAT(message_of<SystemError>([this] { return join(); }),
-              HasSubstr("belongs to user nobody; choose another folder"));
+              HasSubstr("belongs to user nobody; let nobody or the administrator remove it"));
 }
 
 TEST_F(UnixBusTest, RefusesALinkInPlaceOfTheFolder) {

@@ -16,25 +16,25 @@
 namespace trifinger {
 namespace {
 
-TEST(TurnClaim, IsNothingForARobotThatHasNeverRun) {
+TEST(TurnClaim, IsNothingForARobotThatDoesNotRun) {
   const test::SessionFolder folder;
-  EXPECT_FALSE(claim_turn("robot"));
-  EXPECT_THROW((void)claim_turn("../robot"), InvalidArgument);
+  EXPECT_FALSE(TurnClaim::take("robot"));
+  EXPECT_THROW((void)TurnClaim::take("../robot"), InvalidArgument);
 }
 
 TEST(TurnClaim, IsHeldByOneAtATimeAndDoesNotHinderTheRobot) {
   const test::SessionFolder folder;
   std::optional<SessionHost> host(SessionHost::named("robot"));
-  std::optional<ipc::FileDescriptor> claim(claim_turn("robot"));
-  ASSERT_TRUE(*claim);
-  EXPECT_THROW((void)claim_turn("robot"), Error);
+  std::optional<TurnClaim> claim = TurnClaim::take("robot");
+  ASSERT_TRUE(claim);
+  EXPECT_THROW((void)TurnClaim::take("robot"), Error);
   // The back-end begins again meanwhile.
   host.reset();
-  EXPECT_THROW((void)claim_turn("robot"), Error);
+  EXPECT_THROW((void)TurnClaim::take("robot"), Error);
   host.emplace(SessionHost::named("robot"));
-  EXPECT_THROW((void)claim_turn("robot"), Error);
+  EXPECT_THROW((void)TurnClaim::take("robot"), Error);
   claim.reset();
-  EXPECT_TRUE(claim_turn("robot"));
+  EXPECT_TRUE(TurnClaim::take("robot"));
 }
 
 TEST(TurnClaim, IsForThoseOnlyWhoMayDriveTheRobot) {
@@ -46,14 +46,14 @@ TEST(TurnClaim, IsForThoseOnlyWhoMayDriveTheRobot) {
     constexpr uid_t kNobody = 65534;
     if (::setegid(kNobody) != 0 || ::seteuid(kNobody) != 0) return 2;
     try {
-      (void)claim_turn("robot");
+      (void)TurnClaim::take("robot");
     } catch (const SystemError& error) {
       return error.error_number() == EACCES ? 0 : 3;
     }
     return 4;
   });
   EXPECT_EQ(other.wait(), 0);
-  EXPECT_TRUE(claim_turn("robot"));
+  EXPECT_TRUE(TurnClaim::take("robot"));
 }
 
 }  // namespace

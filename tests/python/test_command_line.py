@@ -331,6 +331,69 @@ def test_fault_58_without_permission_a_robot_runs_and_says_what_to_do(
         assert not [line for line in quiet.read_until("holds its pose") if "allow it" in line]
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator can become nobody")
+def test_fault_80_a_robot_of_another_user_is_named_with_its_owner_and_the_remedy(
+    start_program: StartProgram, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not may_be_run_by_all(Path(PROGRAM)):
+        pytest.skip(f"nobody may not start {PROGRAM}")
+    nobody = 65534
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o1777)  # as /dev/shm
+        monkeypatch.setenv("TRIFINGER_SESSION_DIR", folder)
+        monkeypatch.setenv("TRIFINGER_LOG_DIR", folder)
+        runs = ("run", "fake", "--name", "x", "--scheduling", "off")
+
+        def tries() -> list[str]:
+            commands = [runs, ("stop", "x"), ("recover", "x"), ("status", "x"), ("list",)]
+            return [run(*words, expect=int(words != ("list",)), user=nobody) for words in commands]
+
+        robot = start_program(*runs)
+        robot.wait_for("holds its pose")
+        for text in tries():
+            assert "belongs to user root" in text
+            assert "its back-end runs" in text
+            assert "root can stop it" in text
+        robot.process.kill()
+        robot.process.wait()
+        for text in tries():
+            assert "belongs to user root" in text
+            assert "was killed" in text
+            assert f"'rm {folder}/trifinger.x.*'" in text
+        for file in Path(folder).glob("trifinger.x.*"):  # the remedy
+            file.unlink()
+        # After an orderly end nobody needs one.
+        for user in (nobody, None, nobody):
+            robot = start_program(*runs, user=user)
+            robot.wait_for("holds its pose")
+            assert robot.end()[0] == 0
+            assert not list(Path(folder).glob("trifinger*"))
+
+
+def test_fault_18_of_a_robot_in_another_container_nothing_wrong_is_said(
+    start_program: StartProgram,
+) -> None:
+    container = ("unshare", "--pid", "--fork", "--kill-child", "--mount-proc")
+    if subprocess.run([*container, "true"], capture_output=True, check=False).returncode != 0:
+        pytest.skip("this user may not make namespaces")
+
+    def run_there(*words: str) -> str:
+        done = subprocess.run(
+            [*container, PROGRAM, *words], capture_output=True, text=True, check=False
+        )
+        return done.stdout + done.stderr
+
+    start_program("run", "fake", "--name", "x", "--real-time").wait_for("holds its pose")
+    status = run_there("status", "x", "--once")
+    assert "not known here: the back-end runs in another container" in status
+    assert "none, other programs may be first" not in status
+    text = run_there("stop", "x")
+    assert "call 'trifinger stop x' in that container" in text
+    assert "already gone" not in text
+    # It was left alone.
+    assert "holding" in run("status", "x", "--once")
+
+
 def test_fault_59_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "robot.yml"
     file.write_text("name: robot\ndriver: simulation\nrobot:\n  variant: edu2\n")

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 import trifinger
+from conftest import StartChild
 from trifinger.commands import program
+from trifinger.commands.demo import free_name
 
 DEMO = "import sys; from trifinger.commands.demo import main; sys.exit(main())"
 
@@ -84,3 +86,18 @@ def test_no_robot_outlives_a_demo_that_was_killed(mode: list[str], tmp_path: Pat
     for end in ends:
         select.select([end], [], [])
         os.close(end)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator can give a file away")
+def test_fault_80_the_demo_finds_a_name_that_nobody_has(
+    session_folder: Path, start_fake: StartChild
+) -> None:
+    assert free_name() == "demo"
+    (session_folder / "trifinger.demo.lock").touch()
+    assert free_name() == "demo", "what a killed demo of this user has left is no obstacle"
+    os.chown(session_folder / "trifinger.demo.lock", 12345, 12345)
+    assert free_name() == "demo2"
+    robot = start_fake("demo2")
+    assert free_name() == "demo3"
+    robot.kill()
+    assert free_name() == "demo2"

@@ -19,7 +19,7 @@ namespace trifinger::ipc {
 /// What a lock means. Each lock covers a byte of its own.
 enum class Lock : off_t {
   kOwner = 0,  ///< The holder owns the file.
-  kClaim = 1,  ///< The holder is finding out who owns the file, and may take it.
+  kClaim = 1,  ///< The holder alone may take, replace or remove the file.
   kUse = 2,    ///< The holders have the file mapped.
   kTurn = 3,   ///< The holder gives a user a turn on the robot of a lock file.
 };
@@ -46,6 +46,24 @@ class LockPatience {
 
 /// Gives the lock back.
 void unlock(const FileDescriptor& file, Lock lock = Lock::kOwner) noexcept;
+
+/// True if `path` leads to the open file: it was neither removed nor replaced.
+[[nodiscard]] bool is_named(const FileDescriptor& file, const std::filesystem::path& path) noexcept;
+
+/// Opens the lock file `path`, or makes it, for this user alone. @throws SystemError
+[[nodiscard]] FileDescriptor open_lock_file(const std::filesystem::path& path);
+
+/// Removes the lock file `path` unless another process owns it or has a turn. A file that stayed
+/// would shut out all other users. False if another process has the claim. Whoever opens a lock
+/// file must therefore take `kClaim` first, then ask `is_named`, and open it again if it is not.
+bool remove_lock_file(const FileDescriptor& file, const std::filesystem::path& path) noexcept;
+
+/// Ends the use of the lock file `path`: gives its locks back and removes it as above.
+void leave_lock_file(const FileDescriptor& file, const std::filesystem::path& path) noexcept;
+
+/// True if a process owns the file `path`. The kernel tells this to everybody, also to those who
+/// may not open the file. True if the kernel does not tell.
+[[nodiscard]] bool is_owned(const std::filesystem::path& path);
 
 /// True if a descriptor other than `file` holds the lock. The call needs no write permission and
 /// makes one system call.

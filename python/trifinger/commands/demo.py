@@ -8,6 +8,7 @@ emulates in a third one. A folder keeps the log, a picture of the scene, plots, 
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import subprocess
@@ -27,12 +28,28 @@ from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.plot import plot
 from trifinger.picture import View
 
-NAME = "demo"
 EMULATED = "trifinger_edu_emulated"
 # With fingers at the default height, a cube lifted by 19 cm would hit them.
 SETTINGS = ["--set", "fingers.height=0.3"]
 HOLD_TIME = 3.0  # [s]
 VIEW = View("115,-20", 960, 720)  # two faces of the cube
+
+
+def is_running(name: str) -> bool:
+    """True if the robot `name` has a back-end that lives."""
+    sessions = trifinger.list_sessions()
+    return any(session.name == name and session.backend_is_alive for session in sessions)
+
+
+def free_name() -> str:
+    """A name that no robot has: `demo`, or with a number if others show the demo, too."""
+    folder = Path(os.environ.get("TRIFINGER_SESSION_DIR") or "/dev/shm")  # noqa: S108 (where sessions are)
+    for number in itertools.count(1):
+        name = "demo" if number == 1 else f"demo{number}"
+        files = [path.lstat() for path in folder.glob(f"trifinger*.{name}.*")]
+        if not is_running(name) and all(file.st_uid == os.geteuid() for file in files):
+            return name
+    raise AssertionError
 
 
 @contextlib.contextmanager
@@ -57,30 +74,30 @@ def running(*words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @contextlib.contextmanager
-def back_end(folder: Path, mode: str, robot: str) -> Iterator[None]:
-    """Runs a robot, and what it needs, for as long as the block lasts.
+def back_end(folder: Path, mode: str, robot: str, name: str) -> Iterator[None]:
+    """Runs the robot `name`, and what it needs, for as long as the block lasts.
 
     The robot records itself into `folder`.
     """
-    named = [robot, "--name", NAME, *SETTINGS]
+    named = [robot, "--name", name, *SETTINGS]
     with contextlib.ExitStack() as programs:
         if robot == EMULATED:
             programs.enter_context(running("emulate", *named))
         process = programs.enter_context(running("run", *named, mode, "--record", str(folder)))
-        while NAME not in (session.name for session in trifinger.list_sessions()):
+        while not is_running(name):
             if process.poll() is not None:
                 output = process.stdout.read() if process.stdout else ""
                 raise trifinger.Error(f"`trifinger run {robot}` ended at once and said:\n{output}")
             time.sleep(0.01)
         if robot == EMULATED:
             print("The robot finds the zeros of its joints at their end stops.", flush=True)
-        trifinger.observe(NAME).latest_observation()  # once it holds its pose
+        trifinger.observe(name).latest_observation()  # once it holds its pose
         yield
 
 
-def lift(folder: Path) -> int:
+def lift(folder: Path, name: str) -> int:
     """Runs the controller and returns its exit status; Ctrl-C lets it put the cube down first."""
-    words = [program.path(), "manipulate", "lift", "--robot", NAME, "--output", str(folder)]
+    words = [program.path(), "manipulate", "lift", "--robot", name, "--output", str(folder)]
     words += ["--set", f"lift.hold_time={HOLD_TIME}"]
     with subprocess.Popen(words) as process:
         try:
@@ -127,15 +144,15 @@ def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path, view:
         matplotlib.image.imsave(path, scene.image(int(step)))
 
 
-def newest_log(folder: Path) -> Path:
+def newest_log(folder: Path, name: str) -> Path:
     """The newest log in `folder`: names contain the date. Returns `folder` if there is none."""
-    return max(folder.glob(f"{NAME}_*.mcap"), default=folder)
+    return max(folder.glob(f"{name}_*.mcap"), default=folder)
 
 
-def draw(log: trifinger.Log, folder: Path, view: View) -> Iterator[Path]:
+def draw(log: trifinger.Log, folder: Path, name: str, view: View) -> Iterator[Path]:
     """Draws the run and yields the path of each picture. Raises Error if it cannot be drawn."""
     extras.require("demo", "matplotlib")
-    session, trace = log.session(NAME), Trace(folder)
+    session, trace = log.session(name), Trace(folder)
     save_report(trace, folder / "report.png")
     yield folder / "report.png"
     plot(log, folder / "plot.png")
@@ -161,29 +178,30 @@ def run(arguments: argparse.Namespace) -> int:
     view = view_of(arguments)
     folder: Path = arguments.output
     folder.mkdir(parents=True, exist_ok=True)
+    name = free_name()
     for left in ("report.json", "trace.csv"):  # from an earlier demo
         (folder / left).unlink(missing_ok=True)
     try:
-        with back_end(folder, arguments.mode, arguments.robot):
-            print(f"The robot '{NAME}' runs in a process of its own; another one moves it.")
-            print(f"To see it meanwhile: trifinger view {NAME}   # in another terminal")
+        with back_end(folder, arguments.mode, arguments.robot, name):
+            print(f"The robot '{name}' runs in a process of its own; another one moves it.")
+            print(f"To see it meanwhile: trifinger view {name}   # in another terminal")
             sys.stdout.flush()
-            status = lift(folder)
+            status = lift(folder, name)
     except KeyboardInterrupt:
-        print(f"Log:      {newest_log(folder)}")
+        print(f"Log:      {newest_log(folder, name)}")
         raise
-    path = newest_log(folder)
+    path = newest_log(folder, name)
     if not (folder / "report.json").exists():  # the controller has printed why
         print(f"Log:      {path}")
         return status
     log = trifinger.Log(path)
     # Flushed, because the next lines come from another process.
-    print(f"\n{table(log.session(NAME), folder)}\n", flush=True)
+    print(f"\n{table(log.session(name), folder)}\n", flush=True)
     subprocess.run([program.path(), "log", "info", path], check=True)
 
     print(f"\nLog:      {path}", flush=True)
     try:
-        for picture in draw(log, folder, view):
+        for picture in draw(log, folder, name, view):
             print(f"Picture:  {picture}", flush=True)
     except trifinger.Error as error:
         print(f"Not drawn: {error}", flush=True)

@@ -66,12 +66,7 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
       throw_recorded(folder, robot, owner);
     }
     // The previous owner may have removed the file between our two calls.
-    struct stat ours{};
-    struct stat named{};
-    if (::fstat(file_.get(), &ours) == 0 && ::lstat(path_.c_str(), &named) == 0 &&
-        ours.st_ino == named.st_ino && ours.st_dev == named.st_dev) {
-      break;
-    }
+    if (ipc::is_named(file_, path_)) break;
   }
   LockOwner{ipc::ProcessIdentity::of_this_process(), robot_process.value_or(ipc::ProcessIdentity{})}
       .write(file_);
