@@ -127,8 +127,10 @@ class Watchdog {
 
 void BackendOptions::validate() const {
   using detail::require;
-  require(period > Nanoseconds::zero(),
-          "period is " + std::to_string(period.count()) + " ns; allowed are positive times");
+  // Instants that lie some periods ahead must not overflow.
+  require(
+      period > Nanoseconds::zero() && period <= std::chrono::hours(1),
+      "period is " + std::to_string(period.count()) + " ns; allowed are positive times up to 1 h");
   require(first_action_timeout > Nanoseconds::zero(), "first_action_timeout must be positive");
   require(driver_timeout > Nanoseconds::zero(), "driver_timeout must be positive");
   require(!late_after || *late_after >= Nanoseconds::zero(), "late_after must not be negative");
@@ -147,6 +149,13 @@ class Backend::Implementation {
         clock_(clock),
         followers_(options.max_follower_wait) {
     options_.validate();
+    try {
+      // This throws if the host was moved from.
+      static_cast<void>(host.open());
+    } catch (const SessionNotFound&) {
+      // There is none yet.
+    }
+    host.place().set_backend_life(life_);
   }
 
   ~Implementation() {
@@ -378,6 +387,7 @@ class Backend::Implementation {
   std::function<void(const Fault&)> after_session_;
   std::function<void(const std::string&)> on_waiting_;
   ipc::ForkGuard fork_;
+  std::shared_ptr<const void> life_{std::make_shared<char>()};
   std::atomic<bool> stop_requested_{false};
   std::unique_ptr<Run> run_;
   bool has_ended_{false};

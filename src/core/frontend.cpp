@@ -15,6 +15,7 @@
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/errors.hpp"
@@ -154,7 +155,7 @@ UntypedFrontend::UntypedFrontend(const SessionHost& host, FrontendOptions option
           options.strict)) {}
 
 UntypedFrontend::UntypedFrontend(const Session& session)
-    : state_(std::make_unique<FrontendState>(Part{session.mapping()})) {}
+    : state_(std::make_unique<FrontendState>(Part{checked(session.mapping())})) {}
 
 UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options,
                                  std::shared_ptr<void> owner)
@@ -167,19 +168,20 @@ UntypedFrontend& UntypedFrontend::operator=(UntypedFrontend&&) noexcept = defaul
 UntypedFrontend::~UntypedFrontend() = default;
 
 UntypedFrontend UntypedFrontend::companion(const std::string& name) const {
-  state_->require_own();
-  auto state = std::make_unique<FrontendState>(Part{state_->mapping->companion(name)}, false,
-                                               state_->inline_backend, state_->owner);
-  state->interrupt = state_->interrupt;
+  checked(state_)->require_own();
+  auto state =
+      std::make_unique<FrontendState>(Part{checked(state_)->mapping->companion(name)}, false,
+                                      checked(state_)->inline_backend, checked(state_)->owner);
+  state->interrupt = checked(state_)->interrupt;
   return UntypedFrontend(std::move(state));
 }
 
-const Session& UntypedFrontend::session() const { return state_->session; }
+const Session& UntypedFrontend::session() const { return checked(state_)->session; }
 
-bool UntypedFrontend::is_controller() const noexcept { return state_->action.has_value(); }
+bool UntypedFrontend::is_controller() const noexcept { return checked(state_)->action.has_value(); }
 
 void UntypedFrontend::set_interrupt(std::function<void()> interrupt) {
-  state_->interrupt = std::move(interrupt);
+  checked(state_)->interrupt = std::move(interrupt);
 }
 
 namespace {

@@ -9,6 +9,7 @@
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
@@ -47,9 +48,9 @@ void wait_for_queue_space(const detail::FrontendState& state, TimeIndex taken, T
 }  // namespace
 
 TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout timeout) {
-  state_->require_own();
-  state_->require_control();
-  detail::FrontendState& state = *state_;
+  checked(state_)->require_own();
+  checked(state_)->require_control();
+  detail::FrontendState& state = *checked(state_);
   const detail::StateHeader& header = state.header();
   while (true) {
     // relaxed: no other data depends on this flag.
@@ -90,7 +91,7 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
 TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size_t count,
                                                   Timeout timeout) {
   if (count == 0) throw InvalidArgument("a burst needs at least one action");
-  const std::size_t size = state_->mapping->description().action.size();
+  const std::size_t size = checked(state_)->mapping->description().action.size();
   TimeIndex t = -1;
   for (std::size_t i = 0; i < count; ++i) {
     t = append_desired_action(static_cast<const std::byte*>(actions) + i * size, timeout);
@@ -99,36 +100,37 @@ TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size
 }
 
 void UntypedFrontend::finish(Timeout timeout) {
-  state_->require_own();
-  state_->require_control();
-  const detail::SessionMapping& mapping = *state_->mapping;
+  checked(state_)->require_own();
+  checked(state_)->require_control();
+  const detail::SessionMapping& mapping = *checked(state_)->mapping;
   if (!mapping.has_ended()) {
-    detail::send_request(*state_->action_header(), detail::kFinish);
-    state_->wait([&mapping] { return mapping.has_ended(); }, {Wanted::kAnything, 0}, timeout,
-                 [] { return std::string("the end of the session"); });
-    state_->run_inline_to_end();
+    detail::send_request(*checked(state_)->action_header(), detail::kFinish);
+    checked(state_)->wait([&mapping] { return mapping.has_ended(); }, {Wanted::kAnything, 0},
+                          timeout, [] { return std::string("the end of the session"); });
+    checked(state_)->run_inline_to_end();
   }
   // The session may have ended before the request, for a reason that left some actions unused.
   const Fault fault = mapping.fault();
   const bool is_as_good =
-      fault.code == Fault::Code::kExhausted && state_->last_appended < fault.time_index;
-  if (fault.code != Fault::Code::kFinished && !is_as_good) state_->throw_stopped();
+      fault.code == Fault::Code::kExhausted && checked(state_)->last_appended < fault.time_index;
+  if (fault.code != Fault::Code::kFinished && !is_as_good) checked(state_)->throw_stopped();
 }
 
 void UntypedFrontend::recover(Timeout timeout) {
-  state_->require_own();
-  if (state_->inline_backend != nullptr) {
-    state_->inline_backend->recover();
+  checked(state_)->require_own();
+  if (checked(state_)->inline_backend != nullptr) {
+    checked(state_)->require_backend();
+    checked(state_)->inline_backend->recover();
     return;
   }
-  const detail::SessionMapping& mapping = *state_->mapping;
+  const detail::SessionMapping& mapping = *checked(state_)->mapping;
   if (!mapping.has_ended()) {
     if (!mapping.backend_is_alive()) mapping.throw_stopped();
     return;
   }
-  state_->require_control();
-  detail::send_request(*state_->action_header(), detail::kRecover);
-  detail::wait_for_next_session(mapping, timeout, state_->interrupt);
+  checked(state_)->require_control();
+  detail::send_request(*checked(state_)->action_header(), detail::kRecover);
+  detail::wait_for_next_session(mapping, timeout, checked(state_)->interrupt);
 }
 
 }  // namespace trifinger

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
@@ -26,6 +28,11 @@ namespace {
 using detail::SessionMapping;
 using detail::Wanted;
 
+// The index after t; the largest has none.
+TimeIndex next(TimeIndex t) noexcept {
+  return t < std::numeric_limits<TimeIndex>::max() ? t + 1 : t;
+}
+
 TimeIndex first_in_history(const SessionMapping& mapping, Series series) {
   const auto capacity = static_cast<TimeIndex>(mapping.ring(series).shape().capacity);
   return std::max(mapping.begin_of(series), mapping.end_of(series) - capacity);
@@ -33,7 +40,15 @@ TimeIndex first_in_history(const SessionMapping& mapping, Series series) {
 
 [[noreturn]] void throw_lost(const SessionMapping& mapping, Series series, TimeIndex t) {
   // The writer may be overwriting the slot of t and count it only later.
-  throw HistoryLost(t, std::max(t + 1, first_in_history(mapping, series)));
+  throw HistoryLost(t, std::max(next(t), first_in_history(mapping, series)));
+}
+
+// The last of `count` steps. Throws InvalidArgument if no step has this index.
+TimeIndex last_of(TimeIndex first, std::size_t count) {
+  const auto more = static_cast<TimeIndex>(count - 1);
+  if (first <= std::numeric_limits<TimeIndex>::max() - more) return first + more;
+  throw InvalidArgument(std::to_string(count) + " steps from step " + std::to_string(first) +
+                        " on reach beyond the last index there is");
 }
 
 // Remembers that the user knows y_t.
@@ -76,13 +91,15 @@ void wait_for(const detail::FrontendState& state, Series series, TimeIndex t, Ti
 }  // namespace
 
 bool UntypedFrontend::try_get(Series series, TimeIndex t, void* element) const {
-  state_->require_own();
-  const SessionMapping& mapping = *state_->mapping;
+  checked(state_)->require_own();
+  const SessionMapping& mapping = *checked(state_)->mapping;
   if (t < mapping.header().first_index) {
     throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at " +
                           std::to_string(mapping.header().first_index));
   }
   if (!mapping.has(series)) static_cast<void>(mapping.element(series));  // throws
+  // A ring has no number for the largest index, so its slot would look filled.
+  if (t == std::numeric_limits<TimeIndex>::max()) return false;
   switch (mapping.ring(series).read(t, element)) {
     case ipc::ReadResult::kDone:
       if (series == Series::kObservation) hand_out(*state_, t);
@@ -99,13 +116,13 @@ void UntypedFrontend::get(Series series, TimeIndex t, void* element, Timeout tim
   if (try_get(series, t, element)) return;
   wait_for(*state_, series, t, timeout);
   // The element was there a moment ago. If not found, the writer is now a whole history further.
-  if (!try_get(series, t, element)) throw_lost(*state_->mapping, series, t);
+  if (!try_get(series, t, element)) throw_lost(*checked(state_)->mapping, series, t);
 }
 
 void UntypedFrontend::get(Series series, TimeIndex first, std::size_t count, void* elements,
                           Timeout timeout) const {
   if (count == 0) return;
-  const SessionMapping& mapping = *state_->mapping;
+  const SessionMapping& mapping = *checked(state_)->mapping;
   const std::size_t size = mapping.element(series).size();
   const auto capacity = mapping.ring(series).shape().capacity;
   if (count > capacity) {
@@ -113,9 +130,10 @@ void UntypedFrontend::get(Series series, TimeIndex first, std::size_t count, voi
                           " steps at once are more than the history keeps (" +
                           std::to_string(capacity) + ")");
   }
+  const TimeIndex last = last_of(first, count);
   auto* target = static_cast<std::byte*>(elements);
   // The last element is read first: if it exists, all exist.
-  get(series, first + static_cast<TimeIndex>(count) - 1, target + (count - 1) * size, timeout);
+  get(series, last, target + (count - 1) * size, timeout);
   for (std::size_t i = 0; i + 1 < count; ++i) {
     const TimeIndex t = first + static_cast<TimeIndex>(i);
     if (!try_get(series, t, target + i * size)) throw_lost(mapping, series, t);
@@ -123,21 +141,21 @@ void UntypedFrontend::get(Series series, TimeIndex first, std::size_t count, voi
 }
 
 void UntypedFrontend::wait_until_time_index(TimeIndex t, Timeout timeout) const {
-  state_->require_own();
+  checked(state_)->require_own();
   wait_for(*state_, Series::kObservation, t, timeout);
 }
 
 void UntypedFrontend::latest_observation(void* observation, Timeout timeout) const {
-  state_->require_own();
+  checked(state_)->require_own();
   const auto is_read = [&] { return read_latest_observation(*state_, observation); };
   if (is_read()) return;
-  state_->wait(is_read, {Wanted::kAnything, 0}, timeout,
-               [] { return std::string("an observation"); });
+  checked(state_)->wait(is_read, {Wanted::kAnything, 0}, timeout,
+                        [] { return std::string("an observation"); });
 }
 
 bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout) const {
-  state_->require_own();
-  const SessionMapping& mapping = *state_->mapping;
+  checked(state_)->require_own();
+  const SessionMapping& mapping = *checked(state_)->mapping;
   if (!mapping.is_companion()) {
     throw InvalidArgument("get_latest_at reads companions; robot '" + mapping.name() +
                           "' has one element per step: use get_observation");
@@ -147,11 +165,11 @@ bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout)
     return mapping.header().complete_through.load(std::memory_order_acquire) >= t;
   };
   if (!is_complete()) {
-    state_->wait(is_complete, {Wanted::kAnything, t}, timeout,
-                 [t] { return "step " + std::to_string(t) + " of the robot"; });
+    checked(state_)->wait(is_complete, {Wanted::kAnything, t}, timeout,
+                          [t] { return "step " + std::to_string(t) + " of the robot"; });
   }
   const ipc::Ring& ring = mapping.ring(Series::kObservation);
-  TimeIndex oldest = t + 1;
+  TimeIndex oldest = next(t);
   for (TimeIndex i = mapping.end_of(Series::kObservation) - 1; i >= 0; --i) {
     if (ring.read(i, element) != ipc::ReadResult::kDone) throw HistoryLost(t, oldest);
     // The caller's buffer may not be aligned.
@@ -164,31 +182,32 @@ bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout)
 }
 
 PayloadView UntypedFrontend::payload(const void* element) const {
-  state_->require_own();
-  if (state_->payloads == nullptr) {
-    throw InvalidArgument("the elements of '" + state_->mapping->name() + "' have no payloads");
+  checked(state_)->require_own();
+  if (checked(state_)->payloads == nullptr) {
+    throw InvalidArgument("the elements of '" + checked(state_)->mapping->name() +
+                          "' have no payloads");
   }
   PayloadReference reference;
   // The caller's buffer may not be aligned.
   std::memcpy(&reference, static_cast<const std::byte*>(element) + sizeof(Stamp),
               sizeof(reference));
-  return state_->payloads->view(reference);
+  return checked(state_)->payloads->view(reference);
 }
 
 TimeIndex UntypedFrontend::current_time_index() const {
-  state_->require_own();
-  return state_->mapping->end_of(Series::kObservation) - 1;
+  checked(state_)->require_own();
+  return checked(state_)->mapping->end_of(Series::kObservation) - 1;
 }
 
 std::pair<TimeIndex, TimeIndex> UntypedFrontend::range(Series series) const {
-  const TimeIndex first = first_in_history(*state_->mapping, series);
-  return {first, state_->mapping->end_of(series)};
+  const TimeIndex first = first_in_history(*checked(state_)->mapping, series);
+  return {first, checked(state_)->mapping->end_of(series)};
 }
 
 std::optional<Fault> UntypedFrontend::fault() const {
-  state_->require_own();
-  const SessionMapping& mapping = *state_->mapping;
-  const bool is_inline = state_->inline_backend != nullptr;
+  checked(state_)->require_own();
+  const SessionMapping& mapping = *checked(state_)->mapping;
+  const bool is_inline = checked(state_)->inline_backend != nullptr;
   if (mapping.has_ended() || (!is_inline && !mapping.backend_is_alive())) return mapping.fault();
   return std::nullopt;
 }

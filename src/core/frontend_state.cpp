@@ -4,6 +4,8 @@
 #include <cerrno>
 #include <utility>
 
+#include "session_directory.hpp"
+#include "session_place.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::detail {
@@ -15,6 +17,7 @@ FrontendState::FrontendState(Part part, bool its_strictness, Backend* backend,
       action(std::move(part.action)),
       is_strict(its_strictness),
       inline_backend(backend) {
+  if (backend != nullptr) backend_life = backend->host().place().backend_life();
   if (mapping->payload().size() > 0) {
     const std::string& name = mapping->name();
     const std::string robot = robot_of(name);
@@ -51,6 +54,13 @@ void FrontendState::require_control() const {
                         "' only observes; use connect() to control the robot");
 }
 
+void FrontendState::require_backend() const {
+  if (!backend_life.expired()) return;
+  throw InvalidArgument("the back-end of robot '" + robot_of(mapping->name()) +
+                        "' was destroyed, and this front-end runs inside it: let the back-end live "
+                        "longer than its front-ends");
+}
+
 void FrontendState::throw_stopped() const {
   look_for_interrupted_step();
   mapping->throw_stopped();
@@ -63,7 +73,8 @@ void FrontendState::look_for_interrupted_step() const {
 }
 
 void FrontendState::run_inline_to_end() const noexcept {
-  if (inline_backend == nullptr) return;
+  // A back-end that was destroyed has brought the robot to rest by itself.
+  if (inline_backend == nullptr || backend_life.expired()) return;
   // If a later session has begun, this stops as soon as that session waits for an action.
   for (auto progress = Progress::kStepped;
        progress == Progress::kStepped || progress == Progress::kHeldUp;) {

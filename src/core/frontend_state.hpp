@@ -56,6 +56,8 @@ struct FrontendState {
   void require_own() const;
   // Throws InvalidArgument for a handle that only observes.
   void require_control() const;
+  // Throws InvalidArgument if the inline back-end was destroyed.
+  void require_backend() const;
   [[noreturn]] void throw_stopped() const;
 
   // Waits until `ready()`. `wanted` tells the back-end when to wake us. `what` names the awaited
@@ -72,6 +74,7 @@ struct FrontendState {
   std::unique_ptr<const PayloadReader> payloads;  // only for companions with payloads
   bool is_strict;
   Backend* inline_backend;
+  std::weak_ptr<const void> backend_life;  // of the inline back-end
   std::thread::id thread{std::this_thread::get_id()};
   std::function<void()> interrupt;
   ipc::ForkGuard fork;
@@ -176,6 +179,7 @@ void FrontendState::run_inline(const Ready& ready, Timeout timeout, const What& 
     if (has_ended) look_for_interrupted_step();
     if (ready()) return;
     if (has_ended) throw_stopped();
+    require_backend();
     const Progress progress = inline_backend->advance();
     if (progress == Progress::kWaiting && !ready()) {
       throw ActionMissing(what() + " needs an action that has not been appended: step " +

@@ -16,6 +16,7 @@
 #include "sensor_file.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/core/driver.hpp"
@@ -293,11 +294,13 @@ PayloadWriter::PayloadWriter(PayloadWriter&&) noexcept = default;
 PayloadWriter& PayloadWriter::operator=(PayloadWriter&&) noexcept = default;
 PayloadWriter::~PayloadWriter() = default;
 
-std::span<std::byte> PayloadWriter::begin() noexcept { return state_->memory->begin(state_->next); }
+std::span<std::byte> PayloadWriter::begin() noexcept {
+  return checked(state_)->memory->begin(checked(state_)->next);
+}
 
 PayloadReference PayloadWriter::commit() noexcept {
-  state_->memory->commit(state_->next);
-  return {.memory = state_->memory->id(), .number = state_->next++};
+  checked(state_)->memory->commit(checked(state_)->next);
+  return {.memory = checked(state_)->memory->id(), .number = checked(state_)->next++};
 }
 
 // ---- the readers ----

@@ -25,6 +25,7 @@
 #include "sensor_file.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/core/payload.hpp"
@@ -252,10 +253,11 @@ UntypedSensorReader& UntypedSensorReader::operator=(UntypedSensorReader&&) noexc
 UntypedSensorReader::~UntypedSensorReader() = default;
 
 bool UntypedSensorReader::next(void* element, Timeout timeout) {
+  State& state = *checked(state_);
   const Deadline deadline(timeout);
   while (true) {
-    state_->find_process();
-    if (state_->read(element)) return true;
+    state.find_process();
+    if (state.read(element)) return true;
     if (deadline.passed() || timeout == Timeout::zero()) return false;
     // The writer wakes nobody: it must not know who reads.
     constexpr auto kPause = std::chrono::microseconds(500);

@@ -11,6 +11,7 @@
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "session_place.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/refused_sessions.hpp"
@@ -111,26 +112,26 @@ std::optional<ipc::ProcessIdentity> find_backend(const std::string& name) {
 }
 
 SessionInfo Session::info() const {
-  mapping_->require_own();
-  const detail::StateHeader& header = mapping_->header();
+  checked(mapping_)->require_own();
+  const detail::StateHeader& header = checked(mapping_)->header();
   SessionInfo info;
-  info.name = mapping_->name();
-  info.type = mapping_->description().type;
-  info.is_companion = mapping_->is_companion();
+  info.name = checked(mapping_)->name();
+  info.type = checked(mapping_)->description().type;
+  info.is_companion = checked(mapping_)->is_companion();
   info.session_id = header.session_id;
   info.robot_session_id = header.robot_session_id;
   info.is_real_time = header.is_real_time != 0;
-  info.realtime_lacks = mapping_->realtime_lacks();
+  info.realtime_lacks = checked(mapping_)->realtime_lacks();
   info.period = Nanoseconds(header.period);
   info.created = std::chrono::system_clock::time_point(
       std::chrono::duration_cast<std::chrono::system_clock::duration>(
           Nanoseconds(header.created_time)));
-  info.host = mapping_->host();
+  info.host = checked(mapping_)->host();
   info.backend = header.backend();
-  info.backend_is_alive = mapping_->backend_is_alive();
+  info.backend_is_alive = checked(mapping_)->backend_is_alive();
   info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
   const Series counted = info.is_companion ? Series::kObservation : Series::kAppliedAction;
-  info.steps = mapping_->end_of(counted) - mapping_->begin_of(counted);
+  info.steps = checked(mapping_)->end_of(counted) - checked(mapping_)->begin_of(counted);
   const std::int64_t heartbeat = header.heartbeat.load(std::memory_order_relaxed);
   if (heartbeat != 0) {
     info.since_heartbeat =
@@ -138,14 +139,15 @@ SessionInfo Session::info() const {
   }
   // acquire: everything measured until then can be read.
   info.is_at_rest = header.is_at_rest.load(std::memory_order_acquire) != 0;
-  if (mapping_->has_ended() || !info.backend_is_alive) {
-    info.fault = mapping_->fault();
-    info.fault_text = mapping_->fault_text();
+  if (checked(mapping_)->has_ended() || !info.backend_is_alive) {
+    info.fault = checked(mapping_)->fault();
+    info.fault_text = checked(mapping_)->fault_text();
   }
-  if (!mapping_->is_companion()) {
+  if (!checked(mapping_)->is_companion()) {
     try {
-      const ipc::SharedMemory action = mapping_->directory()->open(
-          detail::action_file(mapping_->name(), header.session_id), ipc::Access::kReadOnly);
+      const ipc::SharedMemory action = checked(mapping_)->directory()->open(
+          detail::action_file(checked(mapping_)->name(), header.session_id),
+          ipc::Access::kReadOnly);
       if (action.size() >= sizeof(detail::ActionHeader) && ipc::is_locked_by_other(action.file())) {
         const ipc::ProcessIdentity controller =
             reinterpret_cast<const detail::ActionHeader*>(action.data())->controller();
@@ -160,26 +162,26 @@ SessionInfo Session::info() const {
 }
 
 std::optional<TimingRecord> Session::timing() const {
-  mapping_->require_own();
-  return mapping_->timing();
+  checked(mapping_)->require_own();
+  return checked(mapping_)->timing();
 }
 
-const RobotTypes& Session::description() const noexcept { return mapping_->description(); }
+const RobotTypes& Session::description() const noexcept { return checked(mapping_)->description(); }
 
 const ElementDescription& Session::element(Series series) const {
-  return mapping_->element(series);
+  return checked(mapping_)->element(series);
 }
 
-const ElementDescription& Session::payload() const noexcept { return mapping_->payload(); }
+const ElementDescription& Session::payload() const noexcept { return checked(mapping_)->payload(); }
 
-std::vector<Document> Session::documents() const { return mapping_->documents(); }
+std::vector<Document> Session::documents() const { return checked(mapping_)->documents(); }
 
 const std::vector<std::string>& Session::companion_names() const noexcept {
-  return mapping_->companion_names();
+  return checked(mapping_)->companion_names();
 }
 
 Session Session::companion(const std::string& name) const {
-  return Session(mapping_->companion(name));
+  return Session(checked(mapping_)->companion(name));
 }
 
 std::vector<SessionInfo> list_sessions() {
@@ -237,7 +239,7 @@ SessionHost::SessionHost(SessionHost&&) noexcept = default;
 SessionHost& SessionHost::operator=(SessionHost&&) noexcept = default;
 SessionHost::~SessionHost() = default;
 
-void SessionHost::withdraw() noexcept { place_->directory()->remove_all(place_->name()); }
+void SessionHost::withdraw() noexcept { checked(place_)->withdraw(); }
 
 SessionHost SessionHost::anonymous(SessionOptions options, const std::string& name) {
   return SessionHost(std::make_unique<detail::SessionPlace>(detail::directory_of_process(), name,
@@ -250,12 +252,12 @@ SessionHost SessionHost::named(const std::string& name, SessionOptions options) 
 }
 
 Session SessionHost::open(const std::string& companion) const {
-  const std::string name = place_->name() + (companion.empty() ? "" : "." + companion);
+  const std::string name = checked(place_)->name() + (companion.empty() ? "" : "." + companion);
   try {
-    return Session(std::make_shared<detail::SessionMapping>(place_->directory(), name));
+    return Session(std::make_shared<detail::SessionMapping>(checked(place_)->directory(), name));
   } catch (const SystemError& error) {
     if (error.error_number() != ENOENT) throw;
-    throw SessionNotFound("robot '" + place_->name() + "' has no session" +
+    throw SessionNotFound("robot '" + checked(place_)->name() + "' has no session" +
                           (companion.empty() ? " yet" : " '" + companion + "'"));
   }
 }

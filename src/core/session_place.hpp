@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "session_directory.hpp"
@@ -37,6 +38,15 @@ class SessionPlace {
   // the name was lost meanwhile.
   [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period,
                               const std::vector<std::string>& realtime_lacks = {});
+  // Removes all files, but owns the name until the process ends. Any thread may call it.
+  void withdraw() noexcept;
+  // Expires with the back-end that makes the sessions: front-ends may run inside it.
+  void set_backend_life(std::weak_ptr<const void> life) noexcept {
+    backend_life_ = std::move(life);
+  }
+  [[nodiscard]] const std::weak_ptr<const void>& backend_life() const noexcept {
+    return backend_life_;
+  }
   // Later sessions begin as if they had run for ages: their step 0 has this index.
   void begin_at(TimeIndex first_index) noexcept { first_index_ = first_index; }
 
@@ -67,6 +77,7 @@ class SessionPlace {
   std::optional<ipc::SharedMemory> lock_;
   std::mutex mutex_;  // guards lock_ against `withdraw`
   bool has_reserve_{false};
+  std::weak_ptr<const void> backend_life_;
   ipc::ForkGuard fork_;
 };
 
