@@ -3,13 +3,19 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <chrono>
+#include <cstdint>
+#include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "bindings.hpp"
@@ -44,12 +50,63 @@ nb::list to_list(const std::vector<T>& values) {
   return list;
 }
 
-nb::list to_sessions(std::vector<LoggedSession> sessions) {
+using Files = std::vector<std::filesystem::path>;
+
+nb::list to_sessions(std::vector<LoggedSession> sessions, const Files& files) {
   nb::list list;
   for (LoggedSession& session : sessions) {
-    list.append(nb::cast(std::make_unique<PythonLoggedSession>(std::move(session))));
+    list.append(nb::cast(std::make_unique<PythonLoggedSession>(std::move(session), files)));
   }
   return list;
+}
+
+// Files for a process that may have another working directory.
+nb::object to_absolute(const Files& files) {
+  nb::list list;
+  for (const std::filesystem::path& file : files) {
+    list.append(to_python(std::filesystem::absolute(file)));
+  }
+  return list;
+}
+
+[[noreturn]] void throw_changed(const Files& files) {
+  throw Error("the log " + files.front().string() +
+              " was replaced by another one after it was pickled; open it again and pickle that");
+}
+
+// Pickles keep the names of the files and what tells that these are still the same log.
+
+using PickledLog = std::tuple<nb::object, std::map<std::string, std::string>>;
+
+PickledLog state_of(const Log& log) { return {to_absolute(log.files()), log.origin()}; }
+
+void restore(Log& place, const PickledLog& state) {
+  const Files files = to_paths(std::get<0>(state));
+  const GilRelease release;
+  Log log(files);
+  if (log.origin() != std::get<1>(state)) throw_changed(files);
+  new (&place) Log(std::move(log));
+}
+
+using PickledSession = std::tuple<nb::object, std::string, std::uint64_t>;
+
+PickledSession state_of(const PythonLoggedSession& session) {
+  const LoggedSession& logged = session.session();
+  return {to_absolute(session.files()), logged.name(), logged.header().session_id};
+}
+
+void restore(PythonLoggedSession& place, const PickledSession& state) {
+  const auto& [paths, name, session_id] = state;
+  const Files files = to_paths(paths);
+  const auto find = [&]() -> LoggedSession {
+    const GilRelease release;
+    for (const LoggedSession& robot : Log(files).sessions()) {
+      if (robot.header().session_id != session_id) continue;
+      return robot.name() == name ? robot : robot.companion(name);
+    }
+    throw_changed(files);
+  };
+  new (&place) PythonLoggedSession(find(), files);
 }
 
 // Returns a method that calls Python: trifinger.log.tables.NAME(session, ...).
@@ -87,7 +144,10 @@ void bind_logged_session(nb::module_& m) {
     for steps in session.chunks():               # a log larger than memory
         steps.time_index, steps.observations, steps.applied_actions)")
           .c_str());
-  type.def(
+  type.def("__getstate__", [](const PythonLoggedSession& session) { return state_of(session); })
+      .def("__setstate__",
+           [](PythonLoggedSession& place, const PickledSession& state) { restore(place, state); })
+      .def(
           "__repr__",
           [](const PythonLoggedSession& session) {
             const log::LoggedSession& logged = session.session();
@@ -259,13 +319,14 @@ If the session ended in step N, the log has an observation and a status N, but n
       .def_prop_ro(
           "companions",
           [](const PythonLoggedSession& session) {
-            return to_sessions(session.session().companions());
+            return to_sessions(session.session().companions(), session.files());
           },
           nb::sig("def companions(self) -> list[LoggedSession]"), docs::LoggedSession::companions)
       .def(
           "companion",
           [](const PythonLoggedSession& session, const std::string& name) {
-            return std::make_unique<PythonLoggedSession>(session.session().companion(name));
+            return std::make_unique<PythonLoggedSession>(session.session().companion(name),
+                                                         session.files());
           },
           "name"_a, docs::LoggedSession::companion)
       .def_prop_ro(
@@ -345,6 +406,8 @@ recording or the parts belong to several recordings; OSError.)")
           nb::sig(
               "def __init__(self, path: str | os.PathLike[str] | collections.abc.Sequence[str | "
               "os.PathLike[str]]) -> None"))
+      .def("__getstate__", [](const Log& log) { return state_of(log); })
+      .def("__setstate__", [](Log& place, const PickledLog& state) { restore(place, state); })
       .def(
           "__repr__",
           [](const Log& log) {
@@ -366,12 +429,12 @@ recording or the parts belong to several recordings; OSError.)")
       .def_prop_ro("is_finished", &Log::is_finished, docs::Log::is_finished)
       .def_prop_ro("origin", &Log::origin, docs::Log::origin)
       .def_prop_ro(
-          "sessions", [](const Log& log) { return to_sessions(log.sessions()); },
+          "sessions", [](const Log& log) { return to_sessions(log.sessions(), log.files()); },
           nb::sig("def sessions(self) -> list[LoggedSession]"), docs::Log::sessions)
       .def(
           "session",
           [](const Log& log, const std::string& name) {
-            return std::make_unique<PythonLoggedSession>(log.session(name));
+            return std::make_unique<PythonLoggedSession>(log.session(name), log.files());
           },
           "name"_a = "", docs::Log::session)
       .def_prop_ro(

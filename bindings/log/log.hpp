@@ -40,9 +40,12 @@ class PythonSteps {
 /// A session in a log, for Python. The GIL is released while files are read.
 class PythonLoggedSession {
  public:
-  explicit PythonLoggedSession(log::LoggedSession session) : session_(std::move(session)) {}
+  /// `files` are those of its log.
+  PythonLoggedSession(log::LoggedSession session, std::vector<std::filesystem::path> files)
+      : session_(std::move(session)), files_(std::move(files)) {}
 
   [[nodiscard]] const log::LoggedSession& session() const noexcept { return session_; }
+  [[nodiscard]] const std::vector<std::filesystem::path>& files() const noexcept { return files_; }
 
   /// All whole steps. They are read once and kept, so the array is read-only.
   [[nodiscard]] nanobind::object series(Series series);
@@ -61,6 +64,7 @@ class PythonLoggedSession {
   void read_indices();
 
   log::LoggedSession session_;
+  std::vector<std::filesystem::path> files_;
   std::map<Series, nanobind::object> series_;
   nanobind::object time_index_;
   nanobind::object times_;

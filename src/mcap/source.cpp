@@ -9,22 +9,27 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::mcap {
 namespace {
 
 // Never maps the file: if a mapped file gets shorter, SIGBUS ends the process.
+//
+// The descriptor is no ipc::FileDescriptor, which forked children close: a worker of a data loader
+// reads the logs that its parent has opened. It has no locks, and pread() shares no position.
 class FileSource final : public Source {
  public:
   explicit FileSource(const std::filesystem::path& path)
-      : file_([&] { return open_regular_file(path, O_RDONLY, NamedBy::kUser); }), path_(path) {}
+      : file_(open_regular_file(path, O_RDONLY, NamedBy::kUser)), path_(path) {}
+  FileSource(const FileSource&) = delete;
+  FileSource& operator=(const FileSource&) = delete;
+  ~FileSource() override { ::close(file_); }
 
   [[nodiscard]] std::size_t read(std::uint64_t offset, std::span<std::byte> bytes) const override {
     std::size_t done = 0;
     while (done < bytes.size()) {
-      const ssize_t count = ::pread(file_.get(), bytes.data() + done, bytes.size() - done,
+      const ssize_t count = ::pread(file_, bytes.data() + done, bytes.size() - done,
                                     static_cast<off_t>(offset + done));
       if (count == 0) break;
       if (count > 0) {
@@ -43,11 +48,11 @@ class FileSource final : public Source {
  private:
   [[nodiscard]] struct stat status() const {
     struct stat status{};
-    if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);
+    if (::fstat(file_, &status) != 0) throw SystemError("inspect " + path_.string(), errno);
     return status;
   }
 
-  ipc::FileDescriptor file_;
+  int file_;
   std::filesystem::path path_;
 };
 

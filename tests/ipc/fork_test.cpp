@@ -5,11 +5,18 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
 #include <utility>
 
 #include "support/child_process.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
+#include "trifinger/ipc/forkable_mutex.hpp"
 
 namespace trifinger::ipc {
 namespace {
@@ -62,24 +69,81 @@ TEST(FileDescriptor, MovesWithItsOwner) {
   EXPECT_TRUE(is_open(fd));
 }
 
-TEST(FileDescriptor, IsClosedInAForkedChildAtOnce) {
-  const FileDescriptor file = open_null();
-  test::ChildProcess child([&] { return is_open(file.get()) ? 2 : 0; });
-  EXPECT_EQ(child.wait(), 0);
-  EXPECT_TRUE(is_open(file.get()));
+// The file that a descriptor leads to.
+std::filesystem::path target_of(int fd) {
+  return std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(fd));
 }
 
-TEST(FileDescriptor, ClosesNothingInAForkedChildThatHasTheNumberAgain) {
-  FileDescriptor file = open_null();
+TEST(FileDescriptor, IsClosedInAForkedChildAtOnce) {
+  const FileDescriptor file = open_null();
+  test::ChildProcess child([&] { return target_of(file.get()) == "/dev/null" ? 2 : 0; });
+  EXPECT_EQ(child.wait(), 0);
+  EXPECT_EQ(target_of(file.get()), "/dev/null");
+}
+
+TEST(FileDescriptor, fault_64_NeverReachesALaterFileInAForkedChild) {
+  std::optional<FileDescriptor> file = open_null();
   test::ChildProcess child([&] {
-    const int again = ::open("/dev/null", O_RDWR);
-    if (again != file.get()) return 2;
-    {
-      const FileDescriptor inherited = std::move(file);
+    const int fd = file->get();
+    for (int i = 0; i < 100; ++i) {
+      if (::open("/dev/zero", O_RDWR) == fd) return 2;
     }
-    return is_open(again) ? 0 : 3;
+    char byte = 1;
+    if (::read(fd, &byte, 1) != -1 || errno != EBADF) return 3;
+    if (::pwrite(fd, &byte, 1, 0) != -1 || errno != EBADF) return 4;
+    file.reset();
+    return ::open("/dev/zero", O_RDWR) == fd ? 0 : 5;  // nothing is left of it
   });
   EXPECT_EQ(child.wait(), 0);
+  EXPECT_TRUE(is_open(file->get()));
+}
+
+TEST(FileDescriptor, fault_64_OfAGrandchildIsClosedToo) {
+  const FileDescriptor file = open_null();
+  test::ChildProcess child([&] {
+    const FileDescriptor own = open_null();
+    test::ChildProcess grandchild([&] {
+      return target_of(own.get()) == "/dev/null" || target_of(file.get()) == "/dev/null" ? 2 : 0;
+    });
+    return grandchild.wait() == 0 && target_of(own.get()) == "/dev/null" ? 0 : 3;
+  });
+  EXPECT_EQ(child.wait(), 0);
+}
+
+TEST(FileDescriptor, OfAForkedChildIsItsOwn) {
+  FileDescriptor file = open_null();
+  test::ChildProcess child([&] {
+    FileDescriptor own = open_null();
+    file = std::move(own);
+    return file && is_open(file.get()) ? 0 : 2;
+  });
+  EXPECT_EQ(child.wait(), 0);
+}
+
+TEST(ForkableMutex, fault_64_IsFreeInAForkedChildAndItsDataAreWhole) {
+  ForkableMutex mutex;
+  int first = 0;
+  int second = 0;
+  std::atomic<bool> is_done{false};
+  std::jthread writer([&] {
+    // relaxed: a flag that guards no data.
+    while (!is_done.load(std::memory_order_relaxed)) {
+      {
+        const std::lock_guard lock(mutex);
+        ++first;
+        ++second;
+      }
+      std::this_thread::yield();
+    }
+  });
+  for (int i = 0; i < 50; ++i) {
+    test::ChildProcess child([&] {
+      const std::lock_guard lock(mutex);
+      return first == second ? 0 : 2;
+    });
+    EXPECT_EQ(child.wait(), 0);
+  }
+  is_done.store(true, std::memory_order_relaxed);
 }
 
 }  // namespace

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Logs in Python: what was written is what NumPy, pandas, CSV and Parquet have."""
 
+import contextlib
 import csv
+import os
+import pickle
 import re
 import subprocess
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -209,6 +213,98 @@ def test_many_threads_read_one_log(written: Written) -> None:
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+# ---- other processes ----
+
+
+def in_child(call: Callable[[], object]) -> int:
+    """Calls a function in a forked child; returns the exit code: 0 if it returned True."""
+    child = os.fork()
+    if child == 0:
+        try:
+            os._exit(0 if call() is True else 2)
+        except BaseException:  # the child must not go on with the tests
+            traceback.print_exc()
+            os._exit(3)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def test_fault_64_a_log_opened_before_a_fork_is_read_by_the_child(
+    written: Written, log_with_gap: Written, tmp_path: Path
+) -> None:
+    log = written.log
+    session = log.session("robot")
+    expected = written.elements("observation", session.observation_dtype)
+    other = tmp_path / "other"
+    other.write_bytes(b"other people's bytes" * 4096)
+
+    def read() -> bool:
+        with contextlib.ExitStack() as stack:
+            # If the child's descriptors were closed, their numbers would now be those of others.
+            opened = [stack.enter_context(other.open("rb")) for _ in range(64)]
+            also = log_with_gap.log.session()
+            return (
+                session.get_observations(0, STEPS).tobytes() == expected[:STEPS].tobytes()
+                and log.lost_bytes == 0
+                and len(also.observations) == STEPS - 50
+                and all(file.read(5) == b"other" for file in opened)
+            )
+
+    assert in_child(read) == 0
+    assert read()
+
+
+def test_fault_64_a_log_that_a_thread_reads_during_a_fork_is_whole_in_the_child(
+    trifinger_log: Written,
+) -> None:
+    session = trifinger_log.log.session()
+    expected = trifinger_log.elements("observation", session.observation_dtype)[:STEPS].tobytes()
+    is_done = threading.Event()
+
+    def read() -> bool:
+        return session.get_observations(0, STEPS).tobytes() == expected
+
+    def read_on() -> None:
+        while not is_done.is_set():
+            read()
+
+    thread = threading.Thread(target=read_on)
+    thread.start()
+    codes = [in_child(read) for _ in range(20)]
+    is_done.set()
+    thread.join()
+    assert codes == [0] * 20
+
+
+def test_pickles_of_a_log_are_the_same_log(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(written.folder)
+    log = trifinger.Log("log.mcap")
+    session = log.session("robot")
+    pickled = pickle.dumps([log, session, *session.companions])
+    monkeypatch.chdir(tmp_path)
+    same_log, same, *companions = pickle.loads(pickled)  # noqa: S301
+    assert same_log.files == [written.path]
+    assert repr(same) == repr(session)
+    assert same.observations.tobytes() == session.observations.tobytes()
+    for found, companion in zip(companions, session.companions, strict=True):
+        assert found.name == companion.name
+        assert found.observations.tobytes() == companion.observations.tobytes()
+    assert pickle.loads(pickle.dumps(same)).name == session.name  # noqa: S301
+
+
+def test_a_pickle_of_a_log_that_was_replaced_is_an_error(tmp_path: Path) -> None:
+    for folder in ("one", "other"):
+        with trifinger.simulate("finger_edu", record=tmp_path / folder) as robot:
+            robot.wait_until_time_index(robot.append_desired_action(robot.new_action()))
+    log, other = trifinger.Log(tmp_path / "one"), trifinger.Log(tmp_path / "other")
+    pickled = [pickle.dumps(log), pickle.dumps(log.session())]
+    other.files[0].replace(log.files[0])
+    for one in pickled:
+        with pytest.raises(trifinger.Error, match=r"\.mcap was replaced by another one"):
+            pickle.loads(one)  # noqa: S301
 
 
 def test_whole_series_are_kept_and_cannot_be_changed(written: Written) -> None:

@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import json
+import pickle
 import subprocess
 import weakref
 from dataclasses import dataclass
@@ -106,6 +107,15 @@ def test_raw_images_are_those_that_the_robot_saw(raw: Recorded) -> None:
             np.testing.assert_array_equal(
                 images[name], trifinger.cameras.to_rgb(seen[name], "bayer_rggb8")
             )
+
+
+def test_pickles_of_images_are_the_same_images(raw: Recorded) -> None:
+    images = raw.cameras.get_latest_at(STEPS // 2)
+    assert images is not None
+    same, cameras = pickle.loads(pickle.dumps((images, raw.cameras)))  # noqa: S301
+    assert (same.index, cameras.names) == (images.index, NAMES)
+    for name in NAMES:
+        assert np.array_equal(same.raw(name), images.raw(name))
 
 
 def test_images_of_a_step_are_those_that_had_arrived(raw: Recorded) -> None:

@@ -41,11 +41,21 @@ class LoggedImages(Images):
     `NotInLog` tells that an image was not recorded.
     """
 
-    def __init__(self, element: Any, index: int, log: _trifinger.LoggedCameras) -> None:
+    def __init__(
+        self,
+        element: Any,
+        index: int,
+        log: _trifinger.LoggedCameras,
+        cameras: "LoggedCameras | None" = None,
+    ) -> None:
         super().__init__(element, None)
         self.index = index
         """Number of the element of the companion "cameras"."""
         self._log = log
+        self._cameras = cameras
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LoggedCameras.at, (self._cameras, self.index)
 
     def time_of(self, camera: str) -> np.datetime64:
         """Middle of the exposure of a camera's image, by the wall clock (UTC)."""
@@ -115,6 +125,7 @@ class LoggedCameras:
     """
 
     def __init__(self, session: LoggedSession) -> None:
+        self._session = session
         self._log = _trifinger.LoggedCameras(session)
         self.companion = session.companion(COMPANION)
         """The companion with what is known of each image."""
@@ -122,6 +133,9 @@ class LoggedCameras:
         """The text of the calibration."""
         self.names = tuple(self._log.names)
         """The names of the cameras, in the order of their images."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LoggedCameras, (self._session,)
 
     def __len__(self) -> int:
         first, end = self._log.range()
@@ -136,7 +150,7 @@ class LoggedCameras:
 
     def at(self, index: int) -> LoggedImages:
         """Returns the images of an element of the companion. Raises NotInLog."""
-        return LoggedImages(self.companion.get_observation(index), index, self._log)
+        return LoggedImages(self.companion.get_observation(index), index, self._log, self)
 
     def get_latest_at(self, t: int) -> LoggedImages | None:
         """Returns the newest images that had arrived at the robot's step `t`; None if none had."""

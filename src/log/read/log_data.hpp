@@ -6,7 +6,6 @@
 #include <deque>
 #include <filesystem>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,6 +14,7 @@
 #include "read/channel_reader.hpp"
 #include "read/log_files.hpp"
 #include "read/session_table.hpp"
+#include "trifinger/ipc/forkable_mutex.hpp"
 #include "trifinger/log/event.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/mcap/reader.hpp"
@@ -60,7 +60,7 @@ class LogData {
   LogData& operator=(const LogData&) = delete;
   ~LogData() = default;
 
-  std::mutex mutex;
+  ipc::ForkableMutex mutex;
 
   [[nodiscard]] const std::vector<std::filesystem::path>& paths() const noexcept { return paths_; }
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }

@@ -18,6 +18,7 @@
 #include "read/session_table.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/forkable_mutex.hpp"
 #include "trifinger/log/log.hpp"
 
 namespace trifinger::log {
@@ -26,7 +27,7 @@ using namespace detail;
 
 namespace {
 
-using Lock = std::scoped_lock<std::mutex>;
+using Lock = std::scoped_lock<ipc::ForkableMutex>;
 
 // Formats a span: "step 3" or "steps 3 to 5"; for a companion, elements instead of steps.
 std::string span_text(const Stream& stream, TimeIndex first, TimeIndex last) {
