@@ -1064,6 +1064,12 @@ inline constexpr const char* balanced_blocks = R"(The mean red, green and blue o
 of the image grey.
 
 Raises InvalidArgument if the image has no colours, or another size than its format says.)";
+inline constexpr const char* checked_model_text = R"(Judges the text of a model, MJCF or URDF, that somebody else has written, such as the
+document "model.xml" of a log, and returns it in a form that MuJoCo may read: it names no
+file, and what it asks for stays below limits. MuJoCo itself would open any path and obey
+any number.
+
+Raises InvalidArgument that names the line, what it asks for and the largest value allowed.)";
 inline constexpr const char* coloured_box = R"(A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
 the rest is dark.
 

@@ -32,6 +32,7 @@
 #include "simulation.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/model/export.hpp"
+#include "trifinger/model/model_text.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace nb = nanobind;
@@ -305,6 +306,9 @@ Simulation.add_check().)")
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
       docs::export_urdf);
+  m.def(
+      "checked_model_text", [](const std::string& text) { return checked_model_text(text); },
+      "text"_a, nb::call_guard<nb::gil_scoped_release>(), docs::checked_model_text);
 }
 
 }  // namespace trifinger::bindings

@@ -842,6 +842,16 @@ def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     Raises InvalidArgument if the description cannot be built.
     """
 
+def checked_model_text(text: str) -> str:
+    """
+    Judges the text of a model, MJCF or URDF, that somebody else has written, such as the
+    document "model.xml" of a log, and returns it in a form that MuJoCo may read: it names no
+    file, and what it asks for stays below limits. MuJoCo itself would open any path and obey
+    any number.
+
+    Raises InvalidArgument that names the line, what it asks for and the largest value allowed.
+    """
+
 class DirectSimulation:
     """
     A simulated robot that its owner moves step by step. There are no sessions, no limits of

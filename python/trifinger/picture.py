@@ -17,6 +17,7 @@ import numpy as np
 from trifinger import extras
 from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
+from trifinger.foreign_models import model_of
 from trifinger.placement import Placement
 
 if TYPE_CHECKING:
@@ -185,7 +186,7 @@ class Painter:
             from mujoco.rendering.classic.renderer import Renderer
 
         self._mujoco = mujoco
-        self._model = mujoco.MjModel.from_xml_string(mjcf)
+        self._model = model_of(mjcf)
         view = view or View()
         self.size = (view.width, view.height)
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = self.size

@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -42,12 +41,6 @@ double median_of(std::span<const double> costs, std::span<double> scratch) noexc
   const auto middle = scratch.begin() + (end - scratch.begin()) / 2;
   std::nth_element(scratch.begin(), middle, end);
   return *middle;
-}
-
-// MuJoCo writes warnings to a file in the working directory. Here they become infinite costs.
-void silence_warnings() {
-  static std::once_flag once;
-  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
 }
 
 // As MuJoCo judges numbers: beyond this a simulation has diverged.
@@ -134,7 +127,6 @@ class PredictivePlanner::Implementation {
         num_steps_(num_steps_of(options_.horizon, model_.time_step())),
         num_samples_(static_cast<std::size_t>(options_.samples)),
         single_(model_.copy()) {
-    silence_warnings();
     validate(task_, model_);
     const int joints = model_.num_joints();
     const auto tips = static_cast<int>(model_.tip_sites().size());

@@ -13,10 +13,11 @@
 #include <utility>
 
 #include "file_objects.hpp"
-#include "find_meshes.hpp"
+#include "foreign_model.hpp"
 #include "self_contained.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/model/mujoco_messages.hpp"
 
 namespace trifinger {
 namespace {
@@ -152,13 +153,13 @@ void ModelFile::DeleteSpec::operator()(mjSpec_* spec) const noexcept { mj_delete
 ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   const std::string file = options_.path.string();
   std::error_code ignored;
-  require(std::filesystem::is_regular_file(options_.path, ignored),
-          file + ": there is no such file");
-  char error[1000] = "";
-  spec_.reset(mj_parseXML(file.c_str(), nullptr, error, sizeof(error)));
-  require(spec_ != nullptr, file + ": MuJoCo cannot read it: " + error);
-  if (options_.mesh_folder) {
-    detail::find_meshes(spec_.get(), std::filesystem::absolute(*options_.mesh_folder));
+  require(std::filesystem::exists(options_.path, ignored), file + ": there is no such file");
+  silence_mujoco();
+  const detail::ForeignModel source(options_.path, options_.mesh_folder);
+  try {
+    spec_.reset(source.parse().release());
+  } catch (const InvalidArgument& error) {
+    throw InvalidArgument(file + ": MuJoCo cannot read it: " + error.what());
   }
   detail::add_objects(spec_.get(), options_.objects);
   // MuJoCo leaves out what only looks when it reads a URDF; a viewer wants to see it.
@@ -174,10 +175,10 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   spec_->njmax = spec_->nconmax = -1;
   spec_->option.enableflags &= ~mjENBL_SLEEP;
   const auto compile = [&] {
-    model_.reset(mj_compile(spec_.get(), nullptr));
+    model_.reset(mj_compile(spec_.get(), source.files()));
     if (model_ != nullptr) return;
-    const std::string problem = mjs_getError(spec_.get());
-    const bool lacks_file = problem.find("Error opening file") != std::string::npos;
+    const std::string problem = source.explained(mjs_getError(spec_.get()));
+    const bool lacks_file = source.lacks_file();
     throw InvalidArgument(
         file + ": MuJoCo refuses the model: " + problem +
         (lacks_file ? "; say in which folder the meshes are (robot.mesh_folder, --meshes)" : ""));

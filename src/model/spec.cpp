@@ -8,6 +8,7 @@
 
 #include "spec_builder.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/model/mujoco_messages.hpp"
 
 namespace trifinger::detail {
 
@@ -151,6 +152,7 @@ Spec make_spec(const RobotDescription& description, Detail detail) {
 }
 
 RobotModel::Compiled compile(mjSpec* spec) {
+  silence_mujoco();
   RobotModel::Compiled model(mj_compile(spec, nullptr));
   if (!model) throw Error("MuJoCo refuses the model: " + std::string(mjs_getError(spec)));
   return model;

@@ -31,7 +31,6 @@ FilePlant::FilePlant(FileRobotOptions options, const servos::ServoConfig& servos
       servos_(servos.robot.motors),
       data_(model().make_data()),
       step_(model().period() / model().substeps()) {
-  detail::silence_warnings();
   detail::require(servos_.size() == model().joints().size(),
                   "a plant must have one motor for each joint");
   servos_.insert(servos_.end(), servos.robot.sensors.begin(), servos.robot.sensors.end());

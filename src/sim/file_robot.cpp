@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <mutex>
 
 #include "file_robot_parts.hpp"
 #include "trifinger/base/error.hpp"
@@ -79,11 +78,6 @@ std::vector<JointKind> kinds_of(const Joints& joints) {
 }  // namespace
 
 namespace detail {
-
-void silence_warnings() {
-  static std::once_flag once;
-  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
-}
 
 bool is_finite(const mjModel& model, const mjData& data) noexcept {
   const auto all_finite = [](const double* values, auto count) {

@@ -9,10 +9,6 @@
 
 namespace trifinger::detail {
 
-// MuJoCo writes warnings to a file in the working directory. Here the counters in mjData show them,
-// and they become faults.
-void silence_warnings();
-
 // False if a simulation has diverged.
 [[nodiscard]] bool is_finite(const mjModel& model, const mjData& data) noexcept;
 

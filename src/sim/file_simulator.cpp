@@ -92,7 +92,6 @@ void FileRobotOptions::put_at_start(mjData& data) const noexcept {
 
 FileSimulator::FileSimulator(FileRobotOptions options)
     : options_((options.validate(), std::move(options))), safety_(options_.limits) {
-  detail::silence_warnings();
   const mjModel& mujoco = *model().mujoco();
   if (options_.keyframe) {
     const int key = mj_name2id(&mujoco, mjOBJ_KEY, options_.keyframe->c_str());

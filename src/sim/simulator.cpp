@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -18,13 +17,6 @@ namespace trifinger {
 namespace {
 
 using detail::text_of;
-
-// MuJoCo writes warnings to a file in the working directory. Here the counters in mjData show them,
-// and they become faults.
-void silence_warnings() {
-  static std::once_flag once;
-  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
-}
 
 // Turns `orientation` by a small rotation vector [rad], in the world frame.
 void rotate(std::array<double, 4>& orientation, const std::array<double, 3>& rotation) {
@@ -70,7 +62,6 @@ Simulator<R>::Simulator(SimulationOptions<R> options)
                                       sizeof(Memory::tip_force) + sizeof(Memory::sent) +
                                       sizeof(Variation) + sizeof(Random) +
                                       6 * sizeof(std::uint64_t));
-  silence_warnings();
   std::copy_n(model_.initial_position().begin(), R::kJoints, initial_position_.begin());
   if (options_.initial_position) initial_position_ = *options_.initial_position;
   check(initial_position_);

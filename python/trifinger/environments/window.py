@@ -9,6 +9,7 @@ import time
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.extras import sentence
+from trifinger.foreign_models import model_of
 from trifinger.picture import Sight, View, draw_marks
 
 
@@ -30,7 +31,7 @@ class Window:
         except ImportError as error:
             raise InvalidArgument(f"{sentence('window', 'glfw')} ({error})") from error
         self._mujoco = mujoco
-        self._model = mujoco.MjModel.from_xml_string(mjcf)
+        self._model = model_of(mjcf)
         self._data = mujoco.MjData(self._model)
         self._sight = Sight(self._model, view)
         others = threading.enumerate()

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trifinger.errors import InvalidArgument
+from trifinger.foreign_models import model_of
 from trifinger.placement import Placement
 
 if TYPE_CHECKING:
@@ -94,10 +94,7 @@ class Scene:
         import mujoco
 
         self._mujoco = mujoco
-        try:
-            self._model = model = mujoco.MjModel.from_xml_string(mjcf)
-        except ValueError as error:
-            raise InvalidArgument(f"the model of the session cannot be read: {error}") from error
+        self._model = model = model_of(mjcf)
         self._data = mujoco.MjData(model)
         self._placement = Placement(model)
         self.joint_names = self._placement.joint_names

@@ -1,0 +1,452 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "foreign_model.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <set>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "model_limits.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "trifinger/model/model_text.hpp"
+#include "trifinger/model/mujoco_messages.hpp"
+#include "xml.hpp"
+
+namespace trifinger::detail {
+namespace {
+
+namespace fs = std::filesystem;
+
+// All files of a model seem to be below this folder. MuJoCo asks us for what is in it and does not
+// ask for anything else, because every path of the text begins with it.
+constexpr std::string_view kMount = "/trifinger-model";
+
+constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 29U;  // of one file
+
+std::string virtual_name(const fs::path& path) {
+  return std::string(kMount) + fs::absolute(path).lexically_normal().string();
+}
+
+// The longest end of `path` that is a file in `folder`; empty if there is none.
+fs::path find_end(const fs::path& path, const fs::path& folder) {
+  std::error_code ignored;
+  for (auto first = path.begin(); first != path.end(); ++first) {
+    fs::path found = folder;
+    for (auto part = first; part != path.end(); ++part) found /= *part;
+    if (fs::is_regular_file(found, ignored)) return found;
+  }
+  return {};
+}
+
+// Integers at the beginning of a binary file.
+template <class Integer, std::size_t N>
+std::array<Integer, N> integers_at(std::string_view bytes, std::size_t offset) {
+  std::array<Integer, N> integers{};
+  if (bytes.size() >= offset + sizeof(integers)) {
+    std::memcpy(integers.data(), bytes.data() + offset, sizeof(integers));
+  }
+  return integers;
+}
+
+// Bytes that a file takes once it is read: a picture of one colour is small only as a file.
+double unpacked_size(std::string_view head, std::uint64_t size) {
+  constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n";
+  constexpr std::size_t kWidth = 16;  // where it is
+  constexpr double kChannels = 4;
+  if (!head.starts_with(kPng)) return static_cast<double>(size);
+  const auto bytes = integers_at<unsigned char, 8>(head, kWidth);
+  const auto number = [&bytes](std::size_t first) {
+    double value = 0;
+    for (std::size_t i = first; i < first + 4; ++i) value = 256 * value + bytes[i];
+    return value;
+  };
+  return static_cast<double>(size) + kChannels * number(0) * number(4);
+}
+
+// Throws Error if the numbers at the beginning of a binary file promise more than there is:
+// MuJoCo believes them.
+void require_honest(const std::string& format, std::string_view bytes) {
+  const auto promised = [&](double size) {
+    if (size == static_cast<double>(bytes.size())) return;
+    throw Error(text_of("it has ", bytes.size(), " bytes, but its first numbers say ", size));
+  };
+  constexpr double kSize = 4;  // of a number
+  if (format.find("msh") != format.npos && !bytes.starts_with("$MeshFormat")) {
+    const auto n = integers_at<std::int32_t, 4>(bytes, 0);
+    if (std::ranges::min(n) < 0) throw Error("its first numbers are negative");
+    promised(kSize * (4 + 3.0 * n[0] + 3.0 * n[1] + 2.0 * n[2] + 3.0 * n[3]));
+  }
+  if (format.find("skn") != format.npos) {
+    const auto n = integers_at<std::int32_t, 4>(bytes, 0);
+    const double least = kSize * (4 + 3.0 * n[0] + 2.0 * n[1] + 3.0 * n[2] + 18.0 * n[3]);
+    if (std::ranges::min(n) < 0 || least > static_cast<double>(bytes.size())) promised(least);
+  }
+  if (format.find("hfield") != format.npos && !bytes.starts_with("\x89PNG")) {
+    const auto n = integers_at<std::int32_t, 2>(bytes, 0);
+    if (std::ranges::min(n) < 1) throw Error("it has no rows or no columns");
+    promised(kSize * (2 + static_cast<double>(n[0]) * n[1]));
+  }
+}
+
+std::string lower(std::string text) {
+  for (char& letter : text) {
+    if (letter >= 'A' && letter <= 'Z') letter = static_cast<char>(letter - 'A' + 'a');
+  }
+  return text;
+}
+
+// Takes out of a text where its files are, because their paths become whole, and how much memory a
+// simulation gets, because MuJoCo knows it better.
+void forget_settings(XmlElement& element) {
+  constexpr std::array<std::string_view, 4> kOfCompiler{"assetdir", "meshdir", "texturedir",
+                                                        "strippath"};
+  constexpr std::array<std::string_view, 4> kOfSize{"memory", "njmax", "nconmax", "nstack"};
+  if (element.name == "compiler" || element.name == "size") {
+    const auto& forgotten = element.name == "size" ? kOfSize : kOfCompiler;
+    std::erase_if(element.attributes, [&](const auto& attribute) {
+      return std::ranges::find(forgotten, attribute.first) != forgotten.end();
+    });
+  }
+  for (XmlElement& child : element.children) forget_settings(child);
+}
+
+// A file that MuJoCo may ask for.
+struct File {
+  fs::path path;
+  std::string format;                 // what its name and the model say of it, for `require_honest`
+  std::uint64_t size{0};              // when it was judged
+  double unpacked{0};                 // `unpacked_size` then
+  std::optional<std::string> text{};  // once it was read
+  std::string version{};              // of the text
+};
+
+// MuJoCo keeps what it has made of a file, and asks by its name and this version whether it may use
+// it again. So a version must not depend on clocks.
+void set_text(File& file, std::string text) {
+  file.version = text_of(text.size(), " ", std::hash<std::string>()(text));
+  file.text = std::move(text);
+}
+
+}  // namespace
+
+// Which files there are, and the provider that hands them to MuJoCo.
+class ForeignModel::Files {
+ public:
+  Files(const fs::path& main, const std::optional<fs::path>& mesh_folder)
+      : main_(virtual_name(main)),
+        mesh_folder_(mesh_folder ? std::optional(fs::absolute(*mesh_folder)) : std::nullopt) {
+    const Amount amount = add_model(main);
+    require_size(amount, main.string());
+    mj_defaultVFS(&vfs_);
+    provider_.prefix = "";
+    provider_.open = [](mjResource* resource) { return of(resource).open(*resource) ? 1 : 0; };
+    provider_.read = [](mjResource* resource, const void** bytes) {
+      const auto& text = *static_cast<const std::string*>(resource->data);
+      *bytes = text.data();
+      return static_cast<int>(text.size());
+    };
+    provider_.close = [](mjResource*) {};
+    provider_.modified = [](const mjResource* resource, const char* timestamp) {
+      return std::strncmp(resource->timestamp, timestamp, sizeof(resource->timestamp));
+    };
+    provider_.data = this;
+    if (mj_mountVFS(&vfs_, std::string(kMount).c_str(), &provider_) != 0) {
+      mj_deleteVFS(&vfs_);
+      throw Error("MuJoCo takes no files from us");
+    }
+  }
+  Files(const Files&) = delete;
+  Files& operator=(const Files&) = delete;
+  ~Files() { mj_deleteVFS(&vfs_); }
+
+  [[nodiscard]] const std::string& main() const noexcept { return main_; }
+  [[nodiscard]] const mjVFS* vfs() const noexcept { return &vfs_; }
+  [[nodiscard]] std::string failure() const {
+    const std::lock_guard lock(mutex_);
+    return failure_;
+  }
+  [[nodiscard]] bool lacks_file() const {
+    const std::lock_guard lock(mutex_);
+    return lacks_file_;
+  }
+
+ private:
+  static Files& of(const mjResource* resource) {
+    return *static_cast<Files*>(resource->provider->data);
+  }
+
+  // Called by MuJoCo, in any thread.
+  bool open(mjResource& resource) noexcept {
+    const std::lock_guard lock(mutex_);
+    std::string name;
+    try {
+      const auto found = files_.find(resource.name);
+      name = std::string_view(resource.name).substr(kMount.size());
+      if (found == files_.end()) throw Error("the model does not name it");
+      File& file = found->second;
+      if (!file.text) {
+        std::string bytes = read_file(file.path, file.size);
+        if (unpacked_size(bytes, bytes.size()) != file.unpacked) {
+          throw Error("it has changed while it was read");
+        }
+        require_honest(file.format, bytes);
+        set_text(file, std::move(bytes));
+      }
+      std::memset(resource.timestamp, 0, sizeof(resource.timestamp));
+      file.version.copy(resource.timestamp, sizeof(resource.timestamp) - 1);
+      resource.data = &*file.text;
+      return true;
+    } catch (const SystemError& error) {
+      lacks_file_ = lacks_file_ || error.error_number() == ENOENT;
+      failure_ = error.what();
+    } catch (const std::exception& error) {
+      failure_ = name + ": " + error.what();
+    }
+    return false;
+  }
+
+  std::string read_xml(const fs::path& path) {
+    try {
+      std::string text = read_file(path, kMostText - text_size_);
+      text_size_ += text.size();
+      return text;
+    } catch (const SystemError& error) {
+      throw InvalidArgument(path.string() + ": " + error.what());
+    }
+  }
+
+  // Reads a model and all models that it attaches. MuJoCo gets what is written here.
+  Amount add_model(const fs::path& path) {
+    const std::string name = virtual_name(path);
+    require(std::ranges::find(open_, name) == open_.end(),
+            path.string() + ": the model attaches itself");
+    if (const auto known = amounts_.find(name); known != amounts_.end()) return known->second;
+    constexpr std::size_t kMostNested = 20;
+    require(open_.size() < kMostNested,
+            text_of(path.string(), ": models attach each other more than ", kMostNested, " deep"));
+    open_.push_back(name);
+    XmlElement root = parse_xml(read_xml(path), path.string(), elements_left_);
+    const fs::path folder = path.parent_path();
+    std::set<std::string> included;
+    include(root, folder, folder, included, 1, path);
+    Folders folders{.model = folder};
+    find_folders(root, folders);
+    forget_settings(root);
+    std::map<std::string, Amount> models;
+    double bytes = 0;
+    find_files(root, folders, models, bytes);
+    Amount amount = Counter(root, path.string(), models).count();
+    amount.bytes += bytes;
+    File& file = files_[name];
+    file.path = path;
+    set_text(file, write_xml(root));
+    open_.pop_back();
+    return amounts_[name] = amount;
+  }
+
+  // Puts what is included in its place.
+  void include(XmlElement& parent, const fs::path& main, const fs::path& folder,
+               std::set<std::string>& included, int depth, const fs::path& source) {
+    const auto place = [&](const XmlElement& element) {
+      return text_of(source.string(), ":", element.line, ": ");
+    };
+    if (depth > kMostDepth) {
+      throw InvalidArgument(
+          text_of(place(parent), "elements are inside each other more than ", kMostDepth, " deep"));
+    }
+    std::vector<XmlElement> children;
+    for (XmlElement& child : parent.children) {
+      if (child.name != "include") {
+        include(child, main, folder, included, depth + 1, source);
+        children.push_back(std::move(child));
+        continue;
+      }
+      const std::string* const file = child.find("file");
+      if (file == nullptr || file->empty() || !child.children.empty()) {
+        throw InvalidArgument(place(child) + "<include> must have a file and nothing in it");
+      }
+      const fs::path named(with_slashes(*file));
+      std::error_code ignored;
+      fs::path path = main / named;
+      if (!fs::exists(path, ignored) && fs::exists(folder / named, ignored)) path = folder / named;
+      require(included.insert(virtual_name(path)).second,
+              place(child) + "'" + *file + "' is included already");
+      XmlElement root = parse_xml(read_xml(path), path.string(), elements_left_);
+      require(!root.children.empty(), place(child) + "'" + *file + "' has nothing to include");
+      include(root, main, path.parent_path(), included, depth + 1, path);
+      for (XmlElement& inner : root.children) {
+        set_line(inner, child.line);
+        children.push_back(std::move(inner));
+      }
+    }
+    parent.children = std::move(children);
+  }
+
+  static void set_line(XmlElement& element, int line) {
+    element.line = line;
+    for (XmlElement& child : element.children) set_line(child, line);
+  }
+
+  static std::string with_slashes(std::string path) {
+    std::ranges::replace(path, '\\', '/');
+    return path;
+  }
+
+  // Where the files of a model are.
+  struct Folders {
+    fs::path model;
+    fs::path meshes{};
+    fs::path textures{};
+    bool strips{false};  // file names lose their folders
+  };
+
+  static void find_folders(const XmlElement& element, Folders& folders) {
+    if (element.name == "compiler") {
+      if (const auto* folder = element.find("assetdir")) {
+        folders.meshes = folders.textures = with_slashes(*folder);
+      }
+      if (const auto* folder = element.find("meshdir")) folders.meshes = with_slashes(*folder);
+      if (const auto* folder = element.find("texturedir")) {
+        folders.textures = with_slashes(*folder);
+      }
+      if (const auto* strip = element.find("strippath")) folders.strips = *strip == "true";
+    }
+    for (const XmlElement& child : element.children) find_folders(child, folders);
+  }
+
+  // Makes all paths whole, and adds their files. `bytes` are what the files take.
+  void find_files(XmlElement& element, const Folders& folders,
+                  std::map<std::string, Amount>& models, double& bytes) {
+    const std::string* const content = element.find("content_type");
+    const std::string type = content != nullptr ? lower(*content) : "";
+    for (auto& [attribute, value] : element.attributes) {
+      if (!attribute.starts_with("file") || value.empty()) continue;
+      fs::path path(with_slashes(value));
+      if (element.name == "model") {
+        path = folders.model / path;
+        const Amount amount = add_model(path);
+        const std::string* const name = element.find("name");
+        models[name != nullptr ? *name : ""] += amount;
+      } else {
+        path = place_of(element, path, folders);
+        bytes += add_file(path, lower(path.extension().string()) + " " + type + " " + element.name);
+      }
+      value = virtual_name(path);
+    }
+    for (XmlElement& child : element.children) find_files(child, folders, models, bytes);
+  }
+
+  [[nodiscard]] fs::path place_of(const XmlElement& element, fs::path path,
+                                  const Folders& folders) const {
+    const bool is_texture = element.name == "texture";
+    if (mesh_folder_ && element.name == "mesh") {
+      const fs::path found = find_end(path, *mesh_folder_);
+      // Messages about a mesh that is not there name the folder.
+      return found.empty() ? *mesh_folder_ / path : found;
+    }
+    if (folders.strips) path = path.filename();
+    if (mesh_folder_ && !is_texture) return *mesh_folder_ / path;
+    return folders.model / (is_texture ? folders.textures : folders.meshes) / path;
+  }
+
+  // Returns how many bytes it takes. One that cannot be read is an error only if MuJoCo asks for
+  // it.
+  double add_file(const fs::path& path, const std::string& format) {
+    File& file = files_[virtual_name(path)];
+    file.path = path;
+    file.format += format;
+    try {
+      FileReader reader(path);
+      file.size = reader.size();
+      require(file.size <= kMostFileBytes, text_of(path.string(), ": the file has ", file.size,
+                                                   " bytes, may have at most ", kMostFileBytes));
+      std::array<char, 64> head{};
+      const std::size_t count = reader.read(head);
+      return file.unpacked = unpacked_size({head.data(), count}, file.size);
+    } catch (const SystemError&) {
+      return 0;
+    }
+  }
+
+  std::string main_;
+  std::optional<fs::path> mesh_folder_;
+  std::map<std::string, File> files_;
+  std::map<std::string, Amount> amounts_;
+  std::vector<std::string> open_;  // models that are being read
+  std::size_t text_size_{0};
+  std::size_t elements_left_{kMostElements};
+  mjVFS vfs_{};
+  mjpResourceProvider provider_{};
+  mutable std::mutex mutex_;  // guards what follows, and the texts of files
+  std::string failure_;
+  bool lacks_file_{false};
+};
+
+ForeignModel::ForeignModel(const fs::path& file, const std::optional<fs::path>& mesh_folder)
+    : files_(std::make_unique<Files>(file, mesh_folder)) {}
+
+ForeignModel::~ForeignModel() = default;
+
+const mjVFS* ForeignModel::files() const noexcept { return files_->vfs(); }
+
+bool ForeignModel::lacks_file() const { return files_->lacks_file(); }
+
+Spec ForeignModel::parse() const {
+  std::array<char, 1000> error{};
+  Spec spec(mj_parseXML(files_->main().c_str(), files_->vfs(), error.data(),
+                        static_cast<int>(error.size())));
+  if (spec == nullptr) throw InvalidArgument(explained(error.data()));
+  return spec;
+}
+
+std::string ForeignModel::explained(const std::string& problem) const {
+  std::string text = problem;
+  for (std::size_t at = text.find(kMount); at != text.npos; at = text.find(kMount, at)) {
+    text.erase(at, kMount.size());
+  }
+  const std::string failure = files_->failure();
+  return failure.empty() ? text : text + " (" + failure + ")";
+}
+
+}  // namespace trifinger::detail
+
+namespace trifinger {
+
+std::string checked_model_text(std::string_view text) {
+  using namespace detail;
+  const std::string source = "model.xml";
+  silence_mujoco();
+  require(text.size() <= kMostText,
+          text_of(source, ": it has ", text.size(), " bytes, may have at most ", kMostText));
+  std::size_t elements_left = kMostElements;
+  XmlElement root = parse_xml(text, source, elements_left);
+  std::vector<const XmlElement*> left{&root};
+  while (!left.empty()) {
+    const XmlElement* const element = left.back();
+    left.pop_back();
+    for (const auto& [name, value] : element->attributes) {
+      require(!name.starts_with("file") || value.empty(),
+              text_of(source, ":", element->line, ": <", element->name, "> names the file '", value,
+                      "', but a text on its own has no files"));
+    }
+    require(element->name != "include" && element->name != "plugin",
+            text_of(source, ":", element->line, ": <", element->name,
+                    "> asks for more than this text, which has to do on its own"));
+    for (const XmlElement& child : element->children) left.push_back(&child);
+  }
+  require_size(Counter(root, source, {}).count(), source);
+  forget_settings(root);
+  return write_xml(root);
+}
+
+}  // namespace trifinger

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "spec.hpp"
+
+namespace trifinger::detail {
+
+// A model of somebody else, judged before MuJoCo sees it: MuJoCo itself obeys any number and opens
+// any path (docs/decisions/models_of_strangers.md says why it is done here).
+//
+// MuJoCo reads a text that was written here, so there is nothing in it that only one of the two
+// readers understands. It asks this object for files; others do not exist for it.
+class ForeignModel {
+ public:
+  // Reads the file and what it includes. Meshes are looked for in `mesh_folder`, if there is one,
+  // by the longest end of their paths that is there. Throws InvalidArgument that names the file,
+  // the line and the largest value allowed.
+  ForeignModel(const std::filesystem::path& file,
+               const std::optional<std::filesystem::path>& mesh_folder);
+  ForeignModel(const ForeignModel&) = delete;
+  ForeignModel& operator=(const ForeignModel&) = delete;
+  ~ForeignModel();
+
+  // Throws InvalidArgument with MuJoCo's own words.
+  [[nodiscard]] Spec parse() const;
+  // What `mj_compile` needs.
+  [[nodiscard]] const mjVFS* files() const noexcept;
+  // MuJoCo's error, with the names of files as they are, and why one of them cannot be read.
+  [[nodiscard]] std::string explained(const std::string& problem) const;
+  // True if a file that the model needs is not there.
+  [[nodiscard]] bool lacks_file() const;
+
+ private:
+  class Files;
+  std::unique_ptr<Files> files_;
+};
+
+}  // namespace trifinger::detail

@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "model_limits.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <limits>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger::detail {
+namespace {
+
+// The largest value of a number that MuJoCo obeys, however long it then computes.
+struct Bound {
+  std::string_view element;
+  std::string_view attribute;
+  double most;
+};
+
+constexpr double kMostUser = 1'000;  // numbers of a user
+constexpr double kMostIterations = 10'000;
+constexpr double kMostPixels = 16'384;    // of a side
+constexpr double kMostSlices = 1'000;     // of a round shape in pictures
+constexpr double kMostSamples = 100'000;  // of a sensor
+
+constexpr auto kBounds = std::to_array<Bound>({
+    {"size", "nuserdata", 1'000'000},
+    {"size", "nkey", 10'000},
+    {"size", "nuser_body", kMostUser},
+    {"size", "nuser_jnt", kMostUser},
+    {"size", "nuser_geom", kMostUser},
+    {"size", "nuser_site", kMostUser},
+    {"size", "nuser_cam", kMostUser},
+    {"size", "nuser_tendon", kMostUser},
+    {"size", "nuser_actuator", kMostUser},
+    {"size", "nuser_sensor", kMostUser},
+    {"option", "iterations", kMostIterations},
+    {"option", "ls_iterations", kMostIterations},
+    {"option", "noslip_iterations", kMostIterations},
+    {"option", "ccd_iterations", kMostIterations},
+    {"option", "sdf_iterations", kMostIterations},
+    {"option", "sdf_initpoints", kMostIterations},
+    {"replicate", "count", kMostCopies},
+    {"flexcomp", "count", kMostCopies},
+    {"flexcomp", "cellcount", kMostCopies},
+    {"flex", "cellcount", kMostCopies},
+    {"mesh", "params", 300},
+    {"hfield", "nrow", kMostPixels},
+    {"hfield", "ncol", kMostPixels},
+    {"texture", "width", kMostPixels},
+    {"texture", "height", kMostPixels},
+    {"texture", "gridsize", 100},
+    {"camera", "resolution", kMostPixels},
+    {"numeric", "size", 1'000'000},
+    {"global", "offwidth", kMostPixels},
+    {"global", "offheight", kMostPixels},
+    {"quality", "shadowsize", 2 * kMostPixels},
+    {"quality", "offsamples", 64},
+    {"quality", "numslices", kMostSlices},
+    {"quality", "numstacks", kMostSlices},
+    {"quality", "numquads", kMostSlices},
+    // For these it does not matter where they are.
+    {"", "nsample", kMostSamples},
+    {"", "dim", kMostSamples},
+    {"", "num", kMostSamples},
+});
+
+bool is_space(char letter) noexcept { return letter == ' ' || (letter >= '\t' && letter <= '\r'); }
+
+// The numbers of an attribute, up to the first thing that is none. MuJoCo refuses what is none.
+std::vector<double> numbers_of(const std::string& value) {
+  constexpr std::size_t kMost = 8;
+  std::vector<double> numbers;
+  const char* at = value.data();
+  const char* const last = at + value.size();
+  while (numbers.size() < kMost) {
+    while (at != last && (is_space(*at) || *at == '+')) ++at;
+    const bool is_hex = last - at > 2 && at[0] == '0' && (at[1] == 'x' || at[1] == 'X');
+    if (is_hex) at += 2;
+    double number = 0;
+    const auto [end, problem] = std::from_chars(
+        at, last, number, is_hex ? std::chars_format::hex : std::chars_format::general);
+    if (problem == std::errc::invalid_argument) break;
+    if (problem == std::errc::result_out_of_range) number = std::numeric_limits<double>::infinity();
+    numbers.push_back(number);
+    at = end;
+  }
+  return numbers;
+}
+
+double number_of(const XmlElement& element, std::string_view attribute, double missing) {
+  const std::string* const value = element.find(attribute);
+  if (value == nullptr) return missing;
+  const std::vector<double> numbers = numbers_of(*value);
+  return numbers.empty() ? missing : numbers.front();
+}
+
+// Product of the numbers of an attribute that are above 1; NaN counts as 1.
+double product_of(const XmlElement& element, std::string_view attribute) {
+  double product = 1;
+  const std::string* const value = element.find(attribute);
+  if (value == nullptr) return product;
+  for (const double number : numbers_of(*value)) product *= number > 1 ? number : 1;
+  return product;
+}
+
+bool has_value(const XmlElement& element, std::string_view attribute, std::string_view value) {
+  const std::string* const found = element.find(attribute);
+  return found != nullptr && *found == value;
+}
+
+// Number of words.
+double length_of(const std::string& value) {
+  double words = 0;
+  bool is_in_word = false;
+  for (const char letter : value) {
+    if (!is_space(letter) && !is_in_word) ++words;
+    is_in_word = !is_space(letter);
+  }
+  return words;
+}
+
+double freedoms_of(const XmlElement& element) {
+  if (element.name == "freejoint" || element.name == "floating_base") return 6;
+  if (element.name != "joint") return 0;
+  if (has_value(element, "type", "free") || has_value(element, "type", "floating")) return 6;
+  return has_value(element, "type", "ball") ? 3 : 1;
+}
+
+double bytes_of_texture(const XmlElement& element) {
+  constexpr double kSides = 6;
+  constexpr double kChannels = 4;
+  const double width = std::max(0.0, number_of(element, "width", 0));
+  const double height = std::max(0.0, number_of(element, "height", 0));
+  // MuJoCo makes all sides of a cube, whatever its height is said to be.
+  return kChannels * width *
+         (has_value(element, "type", "2d") ? height : std::max(height, kSides * width));
+}
+
+double bytes_of(const XmlElement& element) {
+  constexpr double kNumber = sizeof(double);
+  // Buffers of delayed actuators and sensors, and what sensors of users measure.
+  double bytes = kNumber * product_of(element, "nsample") * product_of(element, "dim") *
+                 product_of(element, "num");
+  if (element.name == "texture") bytes += bytes_of_texture(element);
+  if (element.name == "hfield") {
+    // Trees of boxes take more than the heights.
+    bytes += 8 * kNumber * product_of(element, "nrow") * product_of(element, "ncol");
+  }
+  if (element.name == "numeric") bytes += kNumber * product_of(element, "size");
+  if (element.name == "mesh" && element.find("params") != nullptr) {
+    const double points = product_of(element, "params");
+    bytes += 100 * kNumber * points * points;
+  }
+  return bytes;
+}
+
+// MuJoCo simulates muscles to find how long they get.
+void require_short_simulation(const XmlElement& element, const std::string& source) {
+  if (element.name != "lengthrange") return;
+  constexpr double kMostSteps = 100'000;
+  const double steps = number_of(element, "inttotal", 10) / number_of(element, "timestep", 0.01);
+  require(steps >= 0 && steps <= kMostSteps,
+          text_of(source, ":", element.line, ": <lengthrange> asks for ", steps,
+                  " steps (inttotal / timestep), may ask for ", kMostSteps));
+}
+
+}  // namespace
+
+Amount& Amount::operator+=(const Amount& other) {
+  elements += other.elements;
+  copies += other.copies;
+  freedoms += other.freedoms;
+  bytes += other.bytes;
+  keys += other.keys;
+  user = std::max(user, other.user);
+  rays += other.rays;
+  pixels = std::max(pixels, other.pixels);
+  depth = std::max(depth, other.depth);
+  return *this;
+}
+
+Counter::Counter(const XmlElement& root, std::string source,
+                 const std::map<std::string, Amount>& models)
+    : root_(root), source_(std::move(source)), models_(models) {
+  std::vector<const XmlElement*> left{&root_};
+  while (!left.empty()) {
+    const XmlElement* const element = left.back();
+    left.pop_back();
+    const std::string* const name = element->find("name");
+    if (name != nullptr && (element->name == "body" || element->name == "frame")) {
+      named_.emplace(*name, element);
+    }
+    for (const XmlElement& child : element->children) left.push_back(&child);
+  }
+}
+
+Amount Counter::count() { return count(root_); }
+
+void Counter::require_bounds(const XmlElement& element) const {
+  for (const auto& [name, value] : element.attributes) {
+    for (const Bound& bound : kBounds) {
+      if (bound.attribute != name) continue;
+      if (!bound.element.empty() && bound.element != element.name) continue;
+      for (const double number : numbers_of(value)) {
+        require(!(number > bound.most),
+                text_of(source_, ":", element.line, ": '", name, "' of <", element.name, "> is ",
+                        number, ", may be at most ", bound.most));
+      }
+    }
+  }
+  require_short_simulation(element, source_);
+}
+
+Amount Counter::count(const XmlElement& element) {
+  require_bounds(element);
+  Amount amount{.elements = 1, .freedoms = freedoms_of(element), .bytes = bytes_of(element)};
+  for (const XmlElement& child : element.children) amount += count(child);
+  if (element.name == "attach") amount += count_attached(element);
+  if (element.name == "key") amount.keys += 1;
+  if (element.name == "size") {
+    amount.keys += std::max(0.0, number_of(element, "nkey", 0));
+    for (const auto& [name, value] : element.attributes) {
+      if (name.starts_with("nuser_")) {
+        amount.user = std::max(amount.user, number_of(element, name, 0));
+      }
+    }
+  }
+  if (const std::string* const user = element.find("user")) {
+    amount.user = std::max(amount.user, length_of(*user));
+  }
+  if (element.name == "camera") {
+    amount.pixels = std::max(amount.pixels, product_of(element, "resolution"));
+  }
+  if (element.name == "rangefinder" && element.find("camera") != nullptr) amount.rays += 1;
+  if (element.name == "flexcomp") {
+    const double points = product_of(element, "count") + product_of(element, "cellcount");
+    amount.copies += points;
+    amount.bytes += 1'000 * points;
+  }
+  if (element.name == "replicate") {
+    const double times = product_of(element, "count");
+    amount.copies = times * amount.copies + (times - 1) * amount.elements;
+    amount.elements *= times;
+    amount.freedoms *= times;
+    amount.bytes *= times;
+    amount.keys *= times;
+    amount.rays *= times;
+  }
+  amount.depth += 1;
+  return amount;
+}
+
+// A subtree of another model, or of this one.
+Amount Counter::count_attached(const XmlElement& element) {
+  Amount amount;
+  if (const std::string* const model = element.find("model")) {
+    const auto found = models_.find(*model);
+    if (found != models_.end()) amount = found->second;
+  } else {
+    for (const std::string_view attribute : {"body", "frame"}) {
+      const std::string* const name = element.find(attribute);
+      const auto found = name == nullptr ? named_.end() : named_.find(*name);
+      if (found == named_.end()) continue;
+      const auto [counted, is_new] = counted_.try_emplace(found->second);
+      // Texts that attach doubles of doubles are counted once each.
+      if (is_new) counted->second = count(*found->second);
+      require(counted->second.elements > 0,
+              text_of(source_, ":", element.line, ": '", *name, "' is attached to itself"));
+      amount += counted->second;
+    }
+  }
+  amount.copies += amount.elements;
+  return amount;
+}
+
+void require_size(const Amount& amount, const std::string& source) {
+  const auto limit = [&](double found, double most, const char* what) {
+    require(found <= most, text_of(source, ": the model asks for ", found, " ", what,
+                                   ", may ask for at most ", most));
+  };
+  limit(amount.copies, kMostCopies, "copies of elements (replicate, attach, flexcomp)");
+  limit(amount.elements, kMostElements + kMostCopies, "elements");
+  limit(amount.freedoms, kMostFreedoms, "degrees of freedom");
+  limit(amount.depth, kMostDepth, "levels of elements inside each other");
+  constexpr double kNumber = sizeof(double);
+  // Positions, velocities and what actuators want, as far as elements can have them.
+  constexpr double kOfKey = 7;
+  limit(amount.bytes + kNumber * amount.elements * (amount.user + kOfKey * amount.keys) +
+            kNumber * kOfKey * amount.rays * amount.pixels,
+        kMostBytes, "bytes of memory (textures, height fields, files, buffers, key frames)");
+}
+
+}  // namespace trifinger::detail
