@@ -127,6 +127,12 @@ void require_new(const fs::path& path) {
   throw Error(fmt::format("{} exists already; nothing was written", path.string()));
 }
 
+void make_folder(const fs::path& folder) {
+  std::error_code problem;
+  fs::create_directories(folder, problem);
+  if (problem) throw SystemError("make the folder " + folder.string(), problem.value());
+}
+
 void write_driver(const NewRobotOptions& options) {
   const fs::path folder = options.folder / options.name;
   std::vector<std::pair<fs::path, std::string>> files;
@@ -136,9 +142,7 @@ void write_driver(const NewRobotOptions& options) {
                        for_robot(read_template(file), options.name));
   }
   require_new(folder);
-  std::error_code problem;
-  fs::create_directories(folder, problem);
-  if (problem) throw SystemError("make the folder " + folder.string(), problem.value());
+  make_folder(folder);
   for (const auto& [path, text] : files) write_new_file(path, std::as_bytes(std::span(text)));
   fmt::print(
       "{}/ has a robot with a driver in one file, {}.hpp, where FILL_IN marks what you replace.\n"
@@ -153,6 +157,13 @@ fs::path relative_path(const fs::path& path, const fs::path& folder) {
   return way.empty() ? fs::absolute(path) : way;
 }
 
+// A name in the file, for a comment.
+std::string on_one_line(std::string name) {
+  std::ranges::replace_if(
+      name, [](char letter) { return static_cast<unsigned char>(letter) < ' '; }, ' ');
+  return name;
+}
+
 // The configuration of a simulated robot from a file.
 std::string configuration_of(const NewRobotOptions& options, const ModelFile& model) {
   const auto quoted = [](const fs::path& path) {
@@ -165,7 +176,8 @@ std::string configuration_of(const NewRobotOptions& options, const ModelFile& mo
       "# {}, simulated. docs/any_robot.md explains the keys; 'trifinger config {}.yml' checks "
       "them.\n"
       "name: {}\ndriver: simulation\n\nrobot:\n  {}: {}\n",
-      model.name(), options.name, options.name, is_urdf ? "urdf" : "mjcf", quoted(file));
+      on_one_line(model.name()), options.name, options.name, is_urdf ? "urdf" : "mjcf",
+      quoted(file));
   if (options.meshes) {
     // This one counts from the folder of the robot's file.
     text += fmt::format("  mesh_folder: {}\n",
@@ -200,6 +212,7 @@ void write_configuration(const NewRobotOptions& options) {
   const fs::path path = options.folder / (options.name + ".yml");
   require_new(path);
   const std::string text = configuration_of(options, model);
+  make_folder(options.folder);
   write_new_file(path, std::as_bytes(std::span(text)));
   const bool is_whole = text.find("FILL_IN") == std::string::npos;
   fmt::print("{} has the {} joints of {}.\n", path.string(), model.joints().size(),

@@ -29,9 +29,13 @@ class Placement:
         self.joint_names = tuple(model.joint(int(i)).name for i in np.flatnonzero(scalar))
         """Names of the joints, in the order of the positions."""
         free = np.flatnonzero(model.jnt_type == int(kinds.mjJNT_FREE))
-        self._objects = {
-            model.body(int(model.jnt_bodyid[i])).name: int(model.jnt_qposadr[i]) for i in free
+        self.object_bodies = {
+            int(body): _object_name(model, int(body)) for body in model.jnt_bodyid[free]
         }
+        """Names of the objects that can move freely, by the numbers of their bodies."""
+        self._objects = dict(
+            zip(self.object_bodies.values(), map(int, model.jnt_qposadr[free]), strict=True)
+        )
         self._start = np.array(model.key_qpos[0] if model.nkey else model.qpos0, float)
 
     @property
@@ -63,3 +67,9 @@ class Placement:
             if first is not None:
                 values[first : first + 7] = pose
         return values
+
+
+def _object_name(model: Any, body: int) -> str:
+    """The name of a free body as a session has it: a name of fields begins with it."""
+    name: str = model.body(body).name or f"body{body}"
+    return name.replace(" ", "_").replace("\n", "_")

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <optional>
 #include <string>
@@ -155,10 +155,29 @@ bool is_missing(const std::vector<const JointLimitField*>& fields, const JointLi
   return std::ranges::find(fields, field) != fields.end();
 }
 
+// The shortest text that reads back as this number.
+std::string in_full(double number) {
+  std::array<char, 40> digits{};
+  const auto [end, problem] = std::to_chars(digits.data(), digits.data() + digits.size(), number);
+  return {digits.data(), end};
+}
+
+// The key of a joint. Names of joints may have any characters.
+std::string key_of(std::string_view name) {
+  const bool is_plain = !name.empty() && std::ranges::all_of(name, [](char letter) {
+    return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+           (letter >= '0' && letter <= '9') || letter == '_';
+  });
+  if (is_plain) return std::string(name);
+  std::string key = "'";
+  for (const char letter : name) key += letter == '\'' ? "''" : std::string(1, letter);
+  return key + "'";
+}
+
 // A text for the configuration, with places to be filled in.
 std::string text_to_fill_in(std::span<const NamedJoint> joints, const Missing& missing) {
   const auto row = [](std::string_view name, const std::vector<const JointLimitField*>& fields) {
-    std::string text = "  " + std::string(name) + ": {";
+    std::string text = "  " + key_of(name) + ": {";
     for (std::size_t i = 0; i < fields.size(); ++i) {
       text += (i > 0 ? ", " : "") + std::string(fields[i]->name) + ": FILL_IN";
     }
@@ -182,9 +201,9 @@ std::string text_to_fill_in(std::span<const NamedJoint> joints, const Missing& m
     const JointLimit& known = joints[i].known;
     const std::string_view unit = joints[i].kind == JointKind::kSlide ? " m" : " rad";
     if (is_said(known.hard_lower) && known.hard_lower > -kLargestJointLimit) {
-      std::array<char, 80> stops{};
-      std::snprintf(stops.data(), stops.size(), "%.6g to %.6g", known.hard_lower, known.hard_upper);
-      text += "  # its stops: " + std::string(stops.data()) + std::string(unit);
+      // In full, because a soft limit may be copied from here: a rounded one could be beyond.
+      text += "  # its stops: " + in_full(known.hard_lower) + " to " + in_full(known.hard_upper) +
+              std::string(unit);
     } else if (is_said(known.hard_lower)) {
       text += "  # it has no stops: -.inf and .inf are possible";
     }

@@ -200,6 +200,9 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
     const int body = model_->jnt_bodyid[joint];
     std::string body_name = name_of(*model_, mjOBJ_BODY, body);
     if (body_name.empty()) body_name = "body" + std::to_string(body);
+    // Names of fields begin with it.
+    std::ranges::replace_if(
+        body_name, [](char letter) { return letter == ' ' || letter == '\n'; }, '_');
     free_bodies_.push_back({.name = std::move(body_name),
                             .body = body,
                             .position = model_->jnt_qposadr[joint],

@@ -79,3 +79,18 @@ def test_fault_77_python_gives_mujoco_texts_in_one_place():
         if isinstance(node, ast.Attribute) and node.attr in readers
     }
     assert found == {"foreign_models.py"}
+
+
+def test_free_bodies_have_the_names_of_their_sessions():
+    scene = Scene(
+        model_with(
+            '<worldbody><body name="my ball"><freejoint/><geom size="0.1"/></body>'
+            '<body><freejoint/><geom size="0.1"/></body></worldbody>'
+        )
+    )
+    assert scene.object_names == ("my_ball", "body2")
+    pose = np.array([1.0, 2, 3, 1, 0, 0, 0])
+    positions, _ = scene.poses(None, {"my_ball": pose, "body2": pose})
+    shown = {body.object: row for body, row in zip(scene.bodies, positions, strict=True)}
+    np.testing.assert_allclose(shown["my_ball"], pose[:3])
+    np.testing.assert_allclose(shown["body2"], pose[:3])

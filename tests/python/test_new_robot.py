@@ -104,6 +104,34 @@ def test_asks_for_what_the_file_of_a_robot_does_not_say(
     start_program("run", str(path)).wait_for("gantry: holds its pose and waits for a user")
 
 
+def test_fault_77_takes_any_names_and_stops_and_leaves_no_log_of_mujoco(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = MJCF.replace('"gantry"', '"a&#10;b"').replace('"-1 1"', f'"{-1 / 3!r} 1"')
+    model = model.replace('name="rail"', 'name="the rail: a\'b"')
+    model = model.replace('joint="rail"', 'joint="the rail: a\'b"')
+    # A camera whose number is none is a warning of MuJoCo.
+    ball = '<body name="my ball"><freejoint/><geom size="0.1"/></body><camera fovy="nan"/>'
+    Path("gantry.xml").write_text(model.replace("</worldbody>", ball + "</worldbody>"))
+    new_robot("gantry", "--from", "gantry.xml", "--to", "new/folder")
+    assert not list(tmp_path.rglob("MUJOCO_LOG.TXT"))
+    path = tmp_path / "new/folder/gantry.yml"
+    text = path.read_text()
+    stops = text.partition("# its stops: ")[2].partition(" m")[0].split(" to ")
+    # What it prints as a stop may be the soft limit.
+    text = text.replace("soft_lower: FILL_IN", f"soft_lower: {stops[0]}", 1)
+    text = text.replace("soft_upper: FILL_IN", f"soft_upper: {stops[1]}", 1)
+    text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
+    text = text.replace("soft_upper: FILL_IN", "soft_upper: 0.9")
+    path.write_text(text.replace("FILL_IN", "1"))
+    robot = trifinger.simulate(str(path))
+    t = robot.append_desired_action(robot.new_action(torque=[1, 0]))
+    robot.get_observation(t)
+    fields = robot.companion("object").get_latest_at(t)
+    assert "my_ball" in str(fields)
+
+
 def test_reads_urdf(tmp_path: Path) -> None:
     (tmp_path / "lever.urdf").write_text(URDF)
     new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)

@@ -98,7 +98,7 @@ class ModelFile {
   /// True if the driven joints are exactly these, in this order.
   [[nodiscard]] bool drives_all() const noexcept { return drives_all_; }
   /// Bodies that float freely, with all that hangs at them: objects, and the base of a robot that
-  /// walks or flies. Their names are as in the file; a body without a name is called "body3".
+  /// walks or flies. Names are as in the file, with '_' for spaces; "body3" for a body without one.
   [[nodiscard]] const std::vector<ObjectAddress>& free_bodies() const noexcept {
     return free_bodies_;
   }

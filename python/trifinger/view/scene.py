@@ -182,15 +182,13 @@ class Scene:
                 mesh = _mesh_of(model, geom)
                 if mesh is not None:
                     shapes.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
-        names = {model.body(i).name: i for i in range(model.nbody)}
-        object_bodies = {names[name] for name in self.object_names}
         self._shown = np.array(sorted(shapes), int)
         self.bodies = tuple(
             Body(
                 name=model.body(int(i)).name or f"body{i}",
                 meshes=_merged(shapes[int(i)]),
                 is_moving=bool(model.body_weldid[i] != 0),
-                object=model.body(int(i)).name if int(i) in object_bodies else "",
+                object=self._placement.object_bodies.get(int(i), ""),
             )
             for i in self._shown
         )
