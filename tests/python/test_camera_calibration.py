@@ -309,9 +309,14 @@ def test_a_board_whose_markers_begin_later_is_found_and_named(
         ({"camera60": ["mark", "a", "raised_up", "c"]}, [], "must say the height of the block"),
         ({"camera60": ["mark", "a", "b", "c"]}, ["--check"], "no two images of one name"),
         ({"camera7": ["mark", "a", "b", "c"]}, ["--check"], "does not know camera7"),
+        (
+            {"camera60": ["mark", "a"], "camera180": ["mark", "a"]},
+            ["--check"],
+            "has 54 x 54 pixels, the calibration of camera60 is of 540 x 540",
+        ),
     ],
 )
-def test_what_names_of_images_tell_is_said_before_anybody_looks_at_the_images(
+def test_what_names_and_sizes_of_images_tell_is_said_before_anybody_looks_for_boards(
     names: dict[str, list[str]],
     words: list[str],
     sentence: str,
@@ -323,7 +328,7 @@ def test_what_names_of_images_tell_is_said_before_anybody_looks_at_the_images(
     def nobody_looks(*_: Any) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("trifinger.camera_calibration.detection.read", nobody_looks)
+    monkeypatch.setattr("trifinger.camera_calibration.detection.find_corners", nobody_looks)
     for camera, images in names.items():
         for name in images:
             boards.save(np.zeros((54, 54), np.uint8), tmp_path / camera / f"{name}.png")

@@ -4,10 +4,11 @@
 import dataclasses
 from collections import Counter
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
-from trifinger._trifinger import CameraCalibration
+from trifinger._trifinger import Camera, CameraCalibration
 from trifinger.camera_calibration import findings
 from trifinger.camera_calibration.adjustment import (
     CAMERA,
@@ -20,7 +21,7 @@ from trifinger.camera_calibration.board import Board
 from trifinger.camera_calibration.calibration import placements_of, used_views
 from trifinger.camera_calibration.detection import View, look_at_all
 from trifinger.camera_calibration.geometry import angle_between, inverse
-from trifinger.camera_calibration.images import ImageSet, Kind
+from trifinger.camera_calibration.images import ImageSet, Kind, read
 from trifinger.camera_calibration.result import (
     Flatness,
     measure_flatness,
@@ -68,6 +69,15 @@ def require_known(seen: Iterable[str], calibration: CameraCalibration) -> None:
         )
 
 
+def require_size(path: Path, size: tuple[int, int], camera: Camera) -> None:
+    """Raises InvalidArgument if an image is not of the size that a camera was calibrated with."""
+    if size != (camera.width, camera.height):
+        raise InvalidArgument(
+            f"{path} has {size[0]} x {size[1]} pixels, the calibration of {camera.name} is of "
+            f"{camera.width} x {camera.height}"
+        )
+
+
 def not_comparable() -> Error:
     """The error if no place of the board is seen by two cameras."""
     return Error("no two images of one name show the board, so cameras cannot be compared")
@@ -75,11 +85,15 @@ def not_comparable() -> Error:
 
 def check(images: ImageSet, board: Board, calibration: CameraCalibration) -> Check:
     """Checks a calibration; what is wrong is in `problems`."""
-    # Looking takes minutes, and the names of images tell this at once.
+    # Looking takes minutes, and names and sizes of images tell this at once.
     require_known(images.cameras, calibration)
     counts = Counter(name for paths in images.paths.values() for name in paths)
     if max(counts.values()) < 2:
         raise not_comparable()
+    for camera in calibration.cameras:
+        for path in list(images.paths.get(camera.name, {}).values())[:1]:
+            height, width = read(path).shape[:2]
+            require_size(path, (width, height), camera)
     return check_views(look_at_all(images, board), board, calibration)
 
 
@@ -89,12 +103,7 @@ def check_views(all_views: list[View], board: Board, calibration: CameraCalibrat
     require_known(dict.fromkeys(view.camera for view in all_views), calibration)
     views = used_views(all_views)
     for view in views:
-        camera = calibration.cameras[cameras.index(view.camera)]
-        if view.size != (camera.width, camera.height):
-            raise InvalidArgument(
-                f"{view.path} has {view.size[0]} x {view.size[1]} pixels, the calibration of "
-                f"{view.camera} is of {camera.width} x {camera.height}"
-            )
+        require_size(view.path, view.size, calibration.cameras[cameras.index(view.camera)])
     # The mark and the table are what is checked, so they are not believed.
     said = placements_of(views)
     places = [dataclasses.replace(place, kind=Kind.FREE) for place in said]
