@@ -137,6 +137,19 @@ void set_text(File& file, std::string text) {
   file.text = std::move(text);
 }
 
+// The bytes of a file, of which nothing is copied: meshes are large. Throws Error if the file is
+// not the one that was judged.
+std::string read_whole(const File& file) {
+  FileReader reader(file.path);
+  std::string bytes(file.size, '\0');
+  std::array<char, 1> more{};
+  const bool is_whole = reader.read(bytes) == bytes.size() && reader.read(more) == 0;
+  if (!is_whole || unpacked_size(bytes, bytes.size()) != file.unpacked) {
+    throw Error("it has changed while it was read");
+  }
+  return bytes;
+}
+
 }  // namespace
 
 // Which files there are, and the provider that hands them to MuJoCo.
@@ -195,10 +208,7 @@ class ForeignModel::Files {
       if (found == files_.end()) throw Error("the model does not name it");
       File& file = found->second;
       if (!file.text) {
-        std::string bytes = read_file(file.path, file.size);
-        if (unpacked_size(bytes, bytes.size()) != file.unpacked) {
-          throw Error("it has changed while it was read");
-        }
+        std::string bytes = read_whole(file);
         require_honest(file.format, bytes);
         set_text(file, std::move(bytes));
       }
