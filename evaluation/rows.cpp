@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::evaluation {
 namespace {
@@ -40,8 +41,7 @@ std::vector<Report> run_all(const Options& options,
   };
   {
     std::vector<std::jthread> threads;
-    for (unsigned i = 0; i < std::max(1U, std::thread::hardware_concurrency()); ++i)
-      threads.emplace_back(work);
+    for (int i = 0; i < num_processors(); ++i) threads.emplace_back(work);
   }
   if (failure) std::rethrow_exception(failure);
   return reports;

@@ -16,6 +16,7 @@
 
 #include "evaluation/rows.hpp"
 #include "evaluation/skill_rows.hpp"
+#include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::evaluation {
 namespace {
@@ -61,8 +62,7 @@ JudgedRow judged(const Options& options, SkillRow row) {
   };
   {
     std::vector<std::jthread> threads;
-    const unsigned count =
-        row.trial.real_time ? 1U : std::max(1U, std::thread::hardware_concurrency());
+    const unsigned count = row.trial.real_time ? 1U : static_cast<unsigned>(num_processors());
     threads.reserve(count);
     for (unsigned i = 0; i < count; ++i) threads.emplace_back(work);
   }

@@ -9,11 +9,11 @@
 #include <cmath>
 #include <limits>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
+#include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::control {
 namespace {
@@ -283,9 +283,7 @@ class PredictivePlanner::Implementation {
   void make_batch() {
     mjBatchConfig config;
     mjb_defaultConfig(&config);
-    config.nthread = options_.num_threads > 0
-                         ? options_.num_threads
-                         : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+    config.nthread = options_.num_threads > 0 ? options_.num_threads : num_processors();
     // The last two are the plan, and what `simulate` was asked for.
     const int count = options_.samples + 2;
     char error[500] = "";

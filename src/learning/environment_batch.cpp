@@ -11,11 +11,11 @@
 #include <mutex>
 #include <numeric>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/pixels.hpp"
+#include "trifinger/realtime/processors.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulator.hpp"
 
@@ -177,9 +177,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     }
     mjBatchConfig config;
     mjb_defaultConfig(&config);
-    config.nthread = num_threads > 0
-                         ? num_threads
-                         : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+    config.nthread = num_threads > 0 ? num_threads : num_processors();
     char error[500] = "";
     batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
                                static_cast<int>(sizeof(error))));

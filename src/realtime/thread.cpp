@@ -50,19 +50,26 @@ Refusal take_priority(int priority) {
   return set_priority(priority);
 }
 
-void use_any_processor() noexcept {
-  cpu_set_t everywhere;
-  CPU_ZERO(&everywhere);
-  // The kernel ignores processors that do not exist or are not allowed.
-  for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(cpu, &everywhere);
-  pthread_setaffinity_np(pthread_self(), sizeof(everywhere), &everywhere);
+cpu_set_t own_processors() noexcept {
+  cpu_set_t own;
+  CPU_ZERO(&own);
+  ::sched_getaffinity(0, sizeof(own), &own);
+  return own;
+}
+
+// The processors that this program was given: those of a thread before it stayed on one of them.
+const cpu_set_t& given_processors() noexcept {
+  static const cpu_set_t given = own_processors();
+  return given;
+}
+
+void use_given_processors() noexcept {
+  pthread_setaffinity_np(pthread_self(), sizeof(cpu_set_t), &given_processors());
 }
 
 // The processors that this process may use, for example "0 to 3, 6".
 std::string allowed_processors() {
-  cpu_set_t allowed;
-  CPU_ZERO(&allowed);
-  ::sched_getaffinity(0, sizeof(allowed), &allowed);
+  const cpu_set_t allowed = own_processors();
   std::string text;
   for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
     if (!CPU_ISSET(cpu, &allowed)) continue;
@@ -75,6 +82,7 @@ std::string allowed_processors() {
 }
 
 Refusal stay_on(int cpu) {
+  static_cast<void>(given_processors());  // from now on this thread does not know them
   cpu_set_t set;
   CPU_ZERO(&set);
   CPU_SET(static_cast<std::size_t>(cpu), &set);
@@ -185,7 +193,7 @@ void leave_realtime() noexcept {
   }
   parameters.sched_priority = 0;
   pthread_setschedparam(pthread_self(), SCHED_OTHER, &parameters);
-  use_any_processor();
+  use_given_processors();
 }
 
 void outrank_realtime() noexcept {
@@ -197,7 +205,7 @@ void outrank_realtime() noexcept {
   constexpr int kHighestPriority = 99;
   parameters.sched_priority = std::min(parameters.sched_priority + 1, kHighestPriority);
   pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
-  use_any_processor();
+  use_given_processors();
 }
 
 }  // namespace trifinger

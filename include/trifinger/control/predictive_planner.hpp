@@ -54,7 +54,8 @@ struct PlannerOptions {
   /// Of kPathIntegral: the costs' scale, as a share of the median's distance from the least cost.
   double temperature{0.1};
   int elites{8};          ///< Of kCrossEntropy: number of best rollouts.
-  int num_threads{0};     ///< The calling thread included; 0: one per processor.
+  int num_threads{0};     ///< The calling thread included; 0: one per processor that
+                          ///< the process may use.
   std::uint64_t seed{0};  ///< Of all random numbers.
 };
 

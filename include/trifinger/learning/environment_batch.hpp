@@ -68,8 +68,8 @@ struct Results {
 /// needs it.
 class EnvironmentBatch {
  public:
-  /// `num_threads` includes the calling thread; 0 means one per processor. Options that need
-  /// cameras need `sight`.
+  /// `num_threads` includes the calling thread; 0 means one per
+  /// processor that this process may use. Options that need cameras need `sight`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   template <class R>
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
