@@ -16,6 +16,8 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/lasting_trouble.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/fork.hpp"
 
 namespace trifinger::camera {
 namespace {
@@ -58,6 +60,7 @@ struct CameraGroup::State {
   std::vector<ImageFormat> formats;
   std::vector<std::unique_ptr<Device>> devices;
   Nanoseconds period;
+  ipc::ForkGuard fork{};
   std::mutex mutex{};
   std::condition_variable has_come{};
   std::vector<Lane> lanes{};
@@ -162,6 +165,11 @@ CameraGroup::CameraGroup(const std::vector<Camera>& cameras,
 }
 
 CameraGroup::~CameraGroup() {
+  if (state_->fork.is_inherited()) {
+    // The threads stayed in the parent, and the mutex may be locked for ever in this copy.
+    [[maybe_unused]] const State* const left = state_.release();
+    return;
+  }
   // All at once, or each would wait for the one before.
   for (std::jthread& thread : state_->threads) thread.request_stop();
 }
@@ -172,6 +180,9 @@ const std::vector<ImageFormat>& CameraGroup::formats() const noexcept { return s
 bool CameraGroup::grab(std::span<const std::span<std::byte>> images, std::span<Frame> frames,
                        Timeout timeout) {
   State& state = *state_;
+  if (state.fork.is_inherited()) {
+    throw InheritedHandle("the cameras were opened before fork(); open them in the child process");
+  }
   const Deadline deadline(timeout);
   std::unique_lock lock(state.mutex);
   while (true) {
@@ -218,6 +229,7 @@ bool CameraGroup::grab(std::span<const std::span<std::byte>> images, std::span<F
 }
 
 std::vector<std::string> CameraGroup::take_news() {
+  if (state_->fork.is_inherited()) return {};
   const std::lock_guard lock(state_->mutex);
   std::vector<std::string> news;
   for (Lane& lane : state_->lanes) {

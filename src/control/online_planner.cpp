@@ -15,6 +15,8 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/latest.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/fork.hpp"
 #include "trifinger/ipc/futex.hpp"
 #include "trifinger/realtime/thread.hpp"
 
@@ -67,6 +69,7 @@ struct OnlinePlanner::State {
   std::mutex failure_mutex;
   std::exception_ptr failure;
 
+  ipc::ForkGuard fork;
   OnlinePlannerStatus told;  // Used by the thread of the loop only.
 
   // Used by the planner's thread only.
@@ -195,6 +198,11 @@ OnlinePlanner::OnlinePlanner(PlanningModel model, PlanningTask task, const Plann
 }
 
 OnlinePlanner::~OnlinePlanner() {
+  if (state_->fork.is_inherited()) {
+    // The thread stayed in the parent and uses what this copy has.
+    [[maybe_unused]] const State* const left = state_.release();
+    return;
+  }
   // relaxed: the flag carries nothing but itself.
   state_->shall_end.store(true, std::memory_order_relaxed);
   state_->num_states.fetch_add(1, std::memory_order_relaxed);
@@ -254,6 +262,10 @@ bool OnlinePlanner::set_terms(std::span<const CostTerm> terms) noexcept {
 
 void OnlinePlanner::wait_for_plan(std::uint64_t count, Timeout timeout) {
   State& self = *state_;
+  if (self.fork.is_inherited()) {
+    throw InheritedHandle(
+        "this planner was made before fork(); make a new one in the child process");
+  }
   const Deadline deadline(timeout);
   while (true) {
     // acquire: see `fail`.

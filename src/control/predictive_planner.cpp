@@ -13,6 +13,8 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/fork.hpp"
 #include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::control {
@@ -23,7 +25,12 @@ using detail::require;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct DeleteBatch {
-  void operator()(mjBatch* batch) const noexcept { mjb_deleteBatch(batch); }
+  ipc::ForkGuard fork{};
+
+  void operator()(mjBatch* batch) const noexcept {
+    // In a forked child the threads that this would wait for do not exist.
+    if (!fork.is_inherited()) mjb_deleteBatch(batch);
+  }
 };
 
 bool is_share(double value) noexcept { return value >= 0.0 && value <= 1.0; }
@@ -159,6 +166,7 @@ class PredictivePlanner::Implementation {
   ~Implementation() = default;
 
   const Plan& plan(const PlanningState& start) {
+    require_own();
     model_.check(start);
     std::ranges::copy(start.position, start_.position.begin());
     std::ranges::copy(start.velocity, start_.velocity.begin());
@@ -187,6 +195,7 @@ class PredictivePlanner::Implementation {
 
   double simulate(const PlanningState& start, const KnotSpline& commands, Seconds duration,
                   PlanningState& end) {
+    require_own();
     model_.check(start);
     check_width(commands);
     detail::require_not_negative("duration", duration.count());
@@ -347,6 +356,13 @@ class PredictivePlanner::Implementation {
                      ? std::clamp(knots[i], joint.lower, joint.upper)
                      : std::clamp(knots[i], -joint.max_torque, joint.max_torque);
     }
+  }
+
+  // Throws InheritedHandle in a forked child, which has none of the threads.
+  void require_own() const {
+    if (!batch_.get_deleter().fork.is_inherited()) return;
+    throw InheritedHandle(
+        "this planner was made before fork(); make a new one in the child process");
   }
 
   // Runs rollouts and adds what the batch costs.

@@ -15,6 +15,8 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/pixels.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/fork.hpp"
 #include "trifinger/realtime/processors.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulator.hpp"
@@ -25,7 +27,12 @@ namespace {
 using trifinger::detail::require;
 
 struct DeleteBatch {
-  void operator()(mjBatch* batch) const noexcept { mjb_deleteBatch(batch); }
+  ipc::ForkGuard fork{};
+
+  void operator()(mjBatch* batch) const noexcept {
+    // In a forked child the threads that this would wait for do not exist.
+    if (!fork.is_inherited()) mjb_deleteBatch(batch);
+  }
 };
 
 std::size_t checked_size(int size) {
@@ -121,6 +128,12 @@ class EnvironmentBatch::Implementation {
   [[nodiscard]] virtual int num_threads() const noexcept = 0;
   // Does what `call` says in the given simulations.
   virtual void run(std::span<const int> which) = 0;
+  // Throws InheritedHandle in a forked child, which has none of the threads.
+  void require_own() const {
+    if (!fork.is_inherited()) return;
+    throw InheritedHandle(
+        "these simulations were made before fork(); make new ones in the child process");
+  }
 
   // The progress of one simulation.
   struct Run {
@@ -133,6 +146,7 @@ class EnvironmentBatch::Implementation {
   // kBegin begins new episodes and keeps the results of those that have ended.
   enum class Call : std::uint8_t { kReset, kStep, kBegin };
 
+  ipc::ForkGuard fork;
   Environment environment;
   std::vector<camera::Camera> cameras;  // that are observed
   std::size_t size;
@@ -536,6 +550,7 @@ void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t
 
 void EnvironmentBatch::reset(std::span<const std::uint8_t> which) {
   Implementation& self = *implementation_;
+  self.require_own();
   require(which.empty() || which.size() == self.size,
           "there are " + std::to_string(which.size()) + " marks for " + std::to_string(self.size) +
               " simulations");
@@ -549,6 +564,7 @@ void EnvironmentBatch::reset(std::span<const std::uint8_t> which) {
 
 void EnvironmentBatch::step(std::span<const float> actions, Autoreset autoreset) {
   Implementation& self = *implementation_;
+  self.require_own();
   const std::size_t width = self.environment.num_joints();
   require(actions.size() == self.size * width,
           "there are " + std::to_string(actions.size()) + " numbers in the actions, must be " +

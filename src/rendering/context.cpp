@@ -3,6 +3,7 @@
 
 #include "egl.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
 
 namespace trifinger::rendering {
 
@@ -18,9 +19,17 @@ Context::Context() {
   if (context_ == nullptr) throw Error("cannot draw: the driver refuses a context of OpenGL");
 }
 
-Context::~Context() { Egl::instance().destroy_context(display_, context_); }
+Context::~Context() {
+  if (fork_.is_inherited()) return;
+  Egl::instance().destroy_context(display_, context_);
+}
 
 Context::Use::Use(const Context& context) : display_(context.display_) {
+  if (context.fork_.is_inherited()) {
+    throw InheritedHandle(
+        "what draws was made before fork(); make it in the child process, which must be started as "
+        "a new program (multiprocessing's \"spawn\" or \"forkserver\")");
+  }
   const Egl& egl = Egl::instance();
   previous_context_ = egl.get_current_context();
   previous_draw_ = egl.get_current_surface(Egl::kDraw);

@@ -8,6 +8,8 @@
 #include <string>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/fork.hpp"
 
 namespace trifinger::rendering::detail {
 namespace {
@@ -84,8 +86,18 @@ Egl load_egl() {
 }  // namespace
 
 const Egl& Egl::instance() {
-  static const Egl egl = load_egl();  // after an exception the next call tries again
-  return egl;
+  struct Opened {
+    ipc::ForkGuard fork;
+    Egl egl = load_egl();
+  };
+  static const Opened opened;  // after an exception the next call tries again
+  if (opened.fork.is_inherited()) {
+    throw InheritedHandle(
+        "cannot draw: this process was forked from one that has drawn, and drivers of OpenGL do "
+        "not survive that; start it as a new program (multiprocessing's \"spawn\" or "
+        "\"forkserver\")");
+  }
+  return opened.egl;
 }
 
 }  // namespace trifinger::rendering::detail

@@ -17,9 +17,11 @@
 
 #include "camera/cameras_of_tests.hpp"
 #include "camera/grabbed.hpp"
+#include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/camera/lasting_trouble.hpp"
+#include "trifinger/core/errors.hpp"
 
 // Single cameras become a source: those that belong together are found by their times.
 
@@ -131,6 +133,23 @@ constexpr std::int64_t kDamaged = -3;
 constexpr std::int64_t kLost = -4;
 
 using Numbers = std::array<std::int64_t, 3>;
+
+TEST(CameraGroup, fault_64_StaysInTheParentOfAForkedChild) {
+  Group group;
+  ChildProcess child([&] {
+    try {
+      (void)group.group->grab(group.grabbed->images, group.grabbed->frames, kForever);
+      return 2;
+    } catch (const InheritedHandle&) {
+    }
+    if (!group.group->take_news().empty()) return 3;
+    group.group.reset();  // waits for no thread
+    return 0;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  for (std::size_t c = 0; c < 3; ++c) group.deliver(c, 0);
+  EXPECT_EQ(group.next(), (Numbers{0, 0, 0}));
+}
 
 TEST(CameraGroup, PutsTogetherWhatWasTakenAtOneTime) {
   Group group;

@@ -12,13 +12,16 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "support/allocation_counter.hpp"
+#include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::control {
@@ -297,6 +300,46 @@ std::vector<std::string> threads() {
   for (const auto& task : std::filesystem::directory_iterator("/proc/self/task"))
     names.push_back(task.path().filename());
   return names;
+}
+
+TEST(OnlinePlanner, fault_64_StaysInTheParentOfAForkedChild) {
+  auto planner = std::make_unique<OnlinePlanner>(PlanningModel(finger()), reach(), small_options());
+  test::ChildProcess child([&] {
+    try {
+      planner->wait_for_plan(1, kWatchdog);
+      return 2;
+    } catch (const InheritedHandle&) {
+    }
+    planner.reset();  // waits for no thread
+    OnlinePlanner own{PlanningModel(finger()), reach(), small_options()};
+    own.set_state(own.model().initial_state());
+    own.wait_for_plan(1, kWatchdog);
+    return 0;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  planner->set_state(planner->model().initial_state());
+  planner->wait_for_plan(1, kWatchdog);
+}
+
+TEST(PredictivePlanner, fault_64_RefusesToPlanInAForkedChild) {
+  PlannerOptions options = small_options();
+  options.num_threads = 2;
+  auto planner = std::make_unique<PredictivePlanner>(PlanningModel(finger()), reach(), options);
+  const PlanningState start = planner->model().initial_state();
+  test::ChildProcess child([&] {
+    try {
+      (void)planner->plan(start);
+      return 2;
+    } catch (const InheritedHandle&) {
+    }
+    planner.reset();  // waits for no thread
+    return std::isfinite(
+               PredictivePlanner(PlanningModel(finger()), reach(), options).plan(start).cost)
+               ? 0
+               : 3;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  EXPECT_TRUE(std::isfinite(planner->plan(start).cost));
 }
 
 TEST(OnlinePlanner, HasOrdinaryThreadsWhoeverMakesIt) {

@@ -12,8 +12,10 @@
 #include <string_view>
 #include <vector>
 
+#include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
+#include "trifinger/core/errors.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::learning {
@@ -74,6 +76,34 @@ TEST(EnvironmentBatch, GivesTheSameWhateverTheNumberOfThreadsAndSimulations) {
       }
     }
   }
+}
+
+TEST(EnvironmentBatch, fault_64_RefusesToMoveInAForkedChildAndGoesOnInItsParent) {
+  auto batch = std::make_unique<EnvironmentBatch>("reach", noisy("reach"), late_poses(), 3, 2);
+  EnvironmentBatch other("reach", noisy("reach"), late_poses(), 3, 2);
+  const std::vector<float> actions(27, 0.1F);
+  batch->reset();
+  other.reset();
+  test::ChildProcess child([&] {
+    const auto refuses = [](const auto& call) {
+      try {
+        call();
+        return false;
+      } catch (const InheritedHandle&) {
+        return true;
+      }
+    };
+    if (!refuses([&] { batch->reset(); }) || !refuses([&] { batch->step(actions); })) return 2;
+    batch.reset();  // waits for no thread
+    EnvironmentBatch own("reach", noisy("reach"), late_poses(), 3, 2);
+    own.reset();
+    own.step(actions);
+    return 0;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  batch->step(actions);
+  other.step(actions);
+  EXPECT_EQ(batch->results().reward, other.results().reward);
 }
 
 rendering::SightOptions small_images() {

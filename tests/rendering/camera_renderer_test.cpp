@@ -14,9 +14,12 @@
 #include <vector>
 
 #include "rendering/scenes.hpp"
+#include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::rendering {
 namespace {
@@ -137,6 +140,27 @@ RenderingOptions precise() {
   options.detail = 2;  // Steps at edges would move the middle of a ball by a tenth of a pixel.
   options.roundness = 40;
   return options;
+}
+
+TEST(CameraRenderer, fault_64_RefusesToDrawInAForkedChildOfAProcessThatHasDrawn) {
+  const RobotDescription description = scene_with_ball();
+  const std::vector<Camera> cameras{calibration_of_figures({}).cameras[0].reduced(18)};
+  std::optional<CameraRenderer> renderer(std::in_place, description, cameras);
+  test::ChildProcess child([&] {
+    const auto refuses = [](const auto& call) {
+      try {
+        call();
+        return false;
+      } catch (const InheritedHandle&) {
+        return true;
+      }
+    };
+    if (!refuses([&] { renderer->set_options({.roundness = 12}); })) return 2;
+    renderer.reset();
+    return refuses([&] { const CameraRenderer own(description, cameras); }) ? 0 : 3;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  renderer->set_options({.roundness = 12});
 }
 
 TEST(CameraRenderer, ShowsPointsWhereTheCameraProjectsThem) {

@@ -62,14 +62,16 @@ struct Results {
 /// the decision process and `Simulator` the physics, on the threads of MuJoCo's batches.
 ///
 /// Each simulation gives the same results, bit for bit, as an `Environment` with a simulation of
-/// its own. One batch must not be used by several threads at once.
+/// its own. One batch must not be used by several threads at once. In a forked child `reset` and
+/// `step` throw InheritedHandle.
 ///
 /// Simulations that see share one pair of eyes per thread. An image is drawn when an observation
 /// needs it.
 class EnvironmentBatch {
  public:
   /// `num_threads` includes the calling thread; 0 means one per
-  /// processor that this process may use. Options that need cameras need `sight`.
+  /// processor that this process may use. Options that need
+  /// cameras need `sight`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   template <class R>
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,

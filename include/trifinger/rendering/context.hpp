@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
+#include "trifinger/ipc/fork.hpp"
 
 namespace trifinger::rendering {
 
 /// OpenGL without a screen. The library libEGL is loaded when the first context is made, so
 /// programs that draw nothing need no OpenGL.
 ///
-/// Any thread may use a context, one thread at a time.
+/// Any thread may use a context, one thread at a time. Drivers of OpenGL have threads, which a
+/// forked child does not have. So a context belongs to the process that made it, and a child of a
+/// process that has drawn can draw only if it was started as a new program ("spawn").
 class Context {
  public:
-  /// @throws Error that says what to install if this machine cannot draw
+  /// @throws Error that says what to install if this machine cannot draw, InheritedHandle in a
+  /// forked child of a process that has drawn
   Context();
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
@@ -21,7 +24,7 @@ class Context {
   /// context that was current before is current again.
   class Use {
    public:
-    /// @throws Error if another thread uses the context
+    /// @throws Error if another thread uses the context, InheritedHandle in a forked child
     explicit Use(const Context& context);
     Use(const Use&) = delete;
     Use& operator=(const Use&) = delete;
@@ -35,6 +38,7 @@ class Context {
   };
 
  private:
+  ipc::ForkGuard fork_;
   void* display_;
   void* context_;
 };
