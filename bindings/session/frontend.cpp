@@ -118,11 +118,6 @@ const ElementType& PythonFrontend::type_of(Series series) const {
   return type;
 }
 
-void PythonFrontend::require_own_thread() const {
-  if (!role_.is_inline || is_own_thread()) return;
-  throw ControlHeld("this robot runs in the thread that started it; other threads can only read");
-}
-
 TimeIndex PythonFrontend::append_desired_action(nb::handle action, nb::handle timeout) {
   std::shared_ptr<Handle> handle = open();
   const std::byte* const bytes = type_of(Series::kDesiredAction).bytes_of(action);
@@ -252,13 +247,11 @@ std::pair<TimeIndex, TimeIndex> PythonFrontend::range(Series series) const {
 }
 
 void PythonFrontend::finish(nb::handle timeout) const {
-  require_own_thread();
   const Timeout limit = to_timeout(timeout);
   without_gil(open(), [&](UntypedFrontend& frontend) { frontend.finish(limit); });
 }
 
 void PythonFrontend::recover(nb::handle timeout) const {
-  require_own_thread();
   const std::shared_ptr<Handle> handle = open();
   in_slices(to_timeout(timeout), [&](Timeout slice) { handle->frontend.recover(slice); });
 }
@@ -270,7 +263,6 @@ std::optional<TimingRecord> PythonFrontend::timing() const {
 }
 
 std::unique_ptr<PythonFrontend> PythonFrontend::companion(const std::string& name) const {
-  require_own_thread();
   const std::shared_ptr<Handle> handle = open();
   return std::make_unique<PythonFrontend>(handle->frontend.companion(name),
                                           Role{.is_inline = role_.is_inline}, checks_);

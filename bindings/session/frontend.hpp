@@ -25,7 +25,7 @@ class PythonFrontend {
  public:
   struct Role {
     bool controls{false};
-    bool is_inline{false};  ///< The robot runs in the waits of the thread that makes this object.
+    bool is_inline{false};  ///< The robot runs in the waits of the thread that controls it.
   };
 
   /// `checks` are those of the simulation that the front-end runs, if there is one.
@@ -99,8 +99,6 @@ class PythonFrontend {
     return std::this_thread::get_id() == thread_;
   }
   void let_go() noexcept;
-  // Throws ControlHeld in another thread: only one thread moves an inline robot.
-  void require_own_thread() const;
 
   Role role_;
   std::thread::id thread_{std::this_thread::get_id()};

@@ -172,6 +172,7 @@ UntypedFrontend UntypedFrontend::companion(const std::string& name) const {
   auto state =
       std::make_unique<FrontendState>(Part{checked(state_)->mapping->companion(name)}, false,
                                       checked(state_)->inline_backend, checked(state_)->owner);
+  state->inline_thread = checked(state_)->inline_thread;
   state->interrupt = checked(state_)->interrupt;
   return UntypedFrontend(std::move(state));
 }

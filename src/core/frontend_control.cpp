@@ -51,6 +51,7 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
   checked(state_)->require_own();
   checked(state_)->require_control();
   detail::FrontendState& state = *checked(state_);
+  if (state.inline_backend != nullptr && !state.inline_thread->take()) state.throw_moved();
   const detail::StateHeader& header = state.header();
   while (true) {
     // relaxed: no other data depends on this flag.
@@ -102,6 +103,9 @@ TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size
 void UntypedFrontend::finish(Timeout timeout) {
   checked(state_)->require_own();
   checked(state_)->require_control();
+  if (checked(state_)->inline_backend != nullptr && !checked(state_)->inline_thread->take()) {
+    checked(state_)->throw_moved();
+  }
   const detail::SessionMapping& mapping = *checked(state_)->mapping;
   if (!mapping.has_ended()) {
     detail::send_request(*checked(state_)->action_header(), detail::kFinish);
@@ -119,7 +123,10 @@ void UntypedFrontend::finish(Timeout timeout) {
 void UntypedFrontend::recover(Timeout timeout) {
   checked(state_)->require_own();
   if (checked(state_)->inline_backend != nullptr) {
+    using detail::InlineThread;
     checked(state_)->require_backend();
+    const InlineThread::Use use(*checked(state_)->inline_thread, InlineThread::Taking::kYes);
+    if (!use) checked(state_)->throw_moved();
     checked(state_)->inline_backend->recover();
     return;
   }

@@ -61,6 +61,12 @@ void FrontendState::require_backend() const {
                         "longer than its front-ends");
 }
 
+void FrontendState::throw_moved() const {
+  throw ControlHeld("another thread is moving '" + mapping->name() +
+                    "' at this moment; a robot that runs inline is controlled by one thread at a "
+                    "time");
+}
+
 void FrontendState::throw_stopped() const {
   look_for_interrupted_step();
   mapping->throw_stopped();
@@ -75,6 +81,8 @@ void FrontendState::look_for_interrupted_step() const {
 void FrontendState::run_inline_to_end() const noexcept {
   // A back-end that was destroyed has brought the robot to rest by itself.
   if (inline_backend == nullptr || backend_life.expired()) return;
+  const InlineThread::Use use(*inline_thread, InlineThread::Taking::kYes);
+  if (!use) return;
   // If a later session has begun, this stops as soon as that session waits for an action.
   for (auto progress = Progress::kStepped;
        progress == Progress::kStepped || progress == Progress::kHeldUp;) {

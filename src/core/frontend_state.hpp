@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -36,6 +37,55 @@ struct Part {
   std::optional<ipc::SharedMemory> action{};
 };
 
+// Which thread moves an inline robot: the one that has made the front-end, or the one that has
+// controlled the robot last. A front-end and its companions share one.
+class InlineThread {
+ public:
+  // Makes the calling thread the one. False if another thread is moving the robot just now.
+  [[nodiscard]] bool take() noexcept {
+    // relaxed: only the thread itself finds its own number.
+    if (thread_.load(std::memory_order_relaxed) == std::this_thread::get_id()) return true;
+    const std::lock_guard lock(mutex_);
+    if (depth_ > 0) return false;
+    thread_.store(std::this_thread::get_id(), std::memory_order_relaxed);
+    return true;
+  }
+
+  enum class Taking : std::uint8_t { kNo, kYes };
+
+  // True while the calling thread may move the robot; nobody can take it meanwhile. Uses may nest,
+  // because a safety check may wait within a step.
+  class Use {
+   public:
+    explicit Use(InlineThread& inline_thread, Taking taking = Taking::kNo) : of_(inline_thread) {
+      const auto self = std::this_thread::get_id();
+      const std::lock_guard lock(of_.mutex_);
+      if (taking == Taking::kYes && of_.depth_ == 0) {
+        of_.thread_.store(self, std::memory_order_relaxed);
+      }
+      is_own_ = of_.thread_.load(std::memory_order_relaxed) == self;
+      if (is_own_) ++of_.depth_;
+    }
+    Use(const Use&) = delete;
+    Use& operator=(const Use&) = delete;
+    ~Use() {
+      if (!is_own_) return;
+      const std::lock_guard lock(of_.mutex_);
+      --of_.depth_;
+    }
+    explicit operator bool() const noexcept { return is_own_; }
+
+   private:
+    InlineThread& of_;
+    bool is_own_{false};
+  };
+
+ private:
+  std::mutex mutex_;
+  std::atomic<std::thread::id> thread_{std::this_thread::get_id()};
+  int depth_{0};  // number of waits in which `thread_` moves the robot
+};
+
 // What a front-end knows, and how it waits. If the back-end is in another thread or process, a wait
 // sleeps; if the back-end is inline, the wait runs it.
 struct FrontendState {
@@ -58,6 +108,8 @@ struct FrontendState {
   void require_control() const;
   // Throws InvalidArgument if the inline back-end was destroyed.
   void require_backend() const;
+  // Throws ControlHeld: another thread moves an inline robot just now.
+  [[noreturn]] void throw_moved() const;
   [[noreturn]] void throw_stopped() const;
 
   // Waits until `ready()`. `wanted` tells the back-end when to wake us. `what` names the awaited
@@ -75,7 +127,7 @@ struct FrontendState {
   bool is_strict;
   Backend* inline_backend;
   std::weak_ptr<const void> backend_life;  // of the inline back-end
-  std::thread::id thread{std::this_thread::get_id()};
+  std::shared_ptr<InlineThread> inline_thread{std::make_shared<InlineThread>()};
   std::function<void()> interrupt;
   ipc::ForkGuard fork;
   ipc::Ring queue;
@@ -126,9 +178,12 @@ class WaitSlot {
 template <class Ready, class What>
 void FrontendState::wait(const Ready& ready, const Wanted& wanted, Timeout timeout,
                          const What& what) const {
-  if (inline_backend != nullptr && std::this_thread::get_id() == thread) {
-    run_inline(ready, timeout, what);
-    return;
+  if (inline_backend != nullptr) {
+    const InlineThread::Use use(*inline_thread);
+    if (use) {
+      run_inline(ready, timeout, what);
+      return;
+    }
   }
   const Deadline deadline(timeout);
   Deadline slice(kSlice);

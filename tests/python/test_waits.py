@@ -5,7 +5,9 @@ import os
 import signal
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -260,25 +262,67 @@ def test_one_thread_appends(start_fake: StartChild) -> None:
     assert isinstance(waiting.join(), int)
 
 
-def test_an_inline_robot_is_moved_by_its_own_thread() -> None:
+def call_in_thread(call: Callable[[], Any]) -> Any:
+    """Calls a function in another thread; returns or raises what it does."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(call).result()
+
+
+def step_of(robot: trifinger.Frontend) -> int:
+    """Controls a robot for a step, and reads what came of it."""
+    t = robot.append_desired_action(robot.new_action())
+    assert robot.get_observation(t).applied_actions == t
+    return t
+
+
+def test_an_inline_robot_is_moved_by_the_thread_that_controls_it() -> None:
     robot = trifinger.fake(sensor_period=1)
-    robot.append_desired_action(robot.new_action())
-    waiting = Waiting(lambda: robot.get_observation(0).applied_actions)
-    for call in (robot.finish, robot.recover, lambda: robot.companion("sensor")):
-        errors: list[object] = []
+    assert call_in_thread(lambda: step_of(robot)) == 0
+    assert step_of(robot) == 1
+    assert call_in_thread(lambda: [step_of(robot), step_of(robot)]) == [2, 3]
+    t = robot.append_desired_action(robot.new_action())
+    waiting = Waiting(lambda: robot.get_observation(t).applied_actions)
+    assert robot.companion("sensor").get_latest_at(t) is not None
+    assert waiting.join() == t
+    call_in_thread(robot.finish)
+    call_in_thread(robot.recover)
+    call_in_thread(robot.close)
 
-        def run(call: Callable[[], object] = call, errors: list[object] = errors) -> None:
-            try:
+
+def test_a_simulation_may_be_made_in_one_thread_and_used_in_another() -> None:
+    with call_in_thread(trifinger.simulate) as robot:
+        action = robot.new_action(position=robot.latest_observation().position)
+        t = call_in_thread(lambda: robot.append_desired_action(action))
+        t = robot.append_desired_action(action)
+        assert robot.get_observation(t).position.shape == (9,)
+
+
+def test_a_thread_cannot_control_an_inline_robot_while_another_moves_it() -> None:
+    is_armed, inside, may_end = threading.Event(), threading.Event(), threading.Event()
+
+    def hold_up(_: trifinger.Element, __: trifinger.Element) -> None:
+        if is_armed.is_set():
+            inside.set()
+            may_end.wait()
+
+    def drive() -> int:
+        t = robot.append_desired_action(action)
+        robot.wait_until_time_index(t + 1)
+        return t
+
+    robot = trifinger.simulate(checks=[hold_up])
+    action = robot.new_action(torque=np.zeros(9))
+    is_armed.set()
+    with ThreadPoolExecutor(1) as pool:
+        driving = pool.submit(drive)
+        inside.wait()
+        for call in (lambda: robot.append_desired_action(action), robot.finish, robot.recover):
+            with pytest.raises(trifinger.ControlHeld, match="another thread is moving"):
                 call()
-            except trifinger.ControlHeld as error:
-                errors.append(error)
-
-        thread = threading.Thread(target=run)
-        thread.start()
-        thread.join()
-        assert len(errors) == 1
-    robot.wait_until_time_index(0)
-    assert waiting.join() == 0
+        may_end.set()
+        assert driving.result() == 0
+    assert robot.append_desired_action(action) == 1
+    robot.close()
 
 
 def test_a_range_is_filled_while_it_is_waited_for(remote: trifinger.Frontend) -> None:
