@@ -158,7 +158,8 @@ computes the decision process and `Simulator` the physics, on the threads of MuJ
 batches.
 
 Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
-of its own. One batch must not be used by several threads at once.
+of its own. One batch must not be used by several threads at once. In a forked child `reset`
+and `step` raise InheritedHandle.
 
 Simulations that see share one pair of eyes per thread. An image is drawn when an
 observation needs it.)";
@@ -743,7 +744,7 @@ inline constexpr const char* kp = R"(Stiffness with which joints follow their ta
 inline constexpr const char* least_sigma = R"(Each rollout changes the knots by normal numbers with a standard deviation between these
 two, in the unit of the command. Its logarithm is spread evenly. Cross-entropy begins each
 plan with the larger one and does not go below the smaller one.)";
-inline constexpr const char* num_threads = R"(The calling thread included; 0: one per processor.)";
+inline constexpr const char* num_threads = R"(The calling thread included; 0: one per processor that the process may use.)";
 inline constexpr const char* one_finger_share = R"(Share of rollouts that change one finger only.)";
 inline constexpr const char* rounds = R"(Rounds per plan.)";
 inline constexpr const char* samples = R"(Rollouts per round. The first one is the plan before the round.)";
@@ -1117,6 +1118,9 @@ inline constexpr const char* minimum_jerk = R"(The movement of least jerk from r
 share of `duration` that has passed. It is complete if `duration` is not positive.)";
 inline constexpr const char* moved = R"(The pose after moving from `pose` with a constant `twist` for `duration` [s], which may be
 negative.)";
+inline constexpr const char* num_processors = R"(Number of processors that the calling thread was given, at least 1: those of its affinity
+(taskset, cpusets of containers and of batch systems), but no more than the quota of its
+control groups, rounded up (`docker run --cpus`, `CPUQuota=` of systemd).)";
 inline constexpr const char* object_impedance = R"(The wrench about the object's centre that keeps the object on its way, in the world frame:
 
     force  = stiffness * dx + damping * dv + mass * (a - gravity)

@@ -8,6 +8,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -31,9 +32,12 @@
 #include "simulation/simulation.hpp"
 #include "task.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/joint/limits.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
+#include "trifinger/realtime/processors.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 
 namespace nb = nanobind;
@@ -632,6 +636,7 @@ void bind_environment(nb::module_& m) {
   bind_episodes(m);
   bind_batch(m);
   m.def("task_names", [] { return task_names(); }, docs::task_names);
+  m.def("num_processors", &num_processors, docs::num_processors);
   m.def(
       "default_environment_options",
       [](const std::string& task) { return write_options(default_options(task)); }, "task"_a,
@@ -676,6 +681,29 @@ void bind_environment(nb::module_& m) {
         return all;
       },
       "Name, type, default (JSON) and meaning of each option.");
+  m.def(
+      "limits_of_file_robot",
+      [](const std::string& config, const nb::dict& overrides) {
+        nb::dict limits;
+        const AnyRobotConfig any = load_any_config(config, overrides);
+        const auto* const file = std::get_if<FileRobotConfig>(&any);
+        if (file == nullptr) return limits;
+        const FileRobotOptions& robot = file->robot;
+        for (std::size_t i = 0; i < robot.limits.size(); ++i) {
+          nb::dict values;
+          for (const JointLimitField& field : JointLimit::fields()) {
+            const double value = robot.limits[i].*field.value;
+            if (!std::isnan(value)) values[to_str(field.name)] = value;
+          }
+          limits[to_str(robot.model->joints()[i].name)] = std::move(values);
+        }
+        return limits;
+      },
+      "config"_a, "config_overrides"_a = nb::dict(),
+      nb::sig("def limits_of_file_robot(config: str, config_overrides: dict[str, object] = {}) -> "
+              "dict[str, dict[str, float]]"),
+      "What each joint of a robot from a file may do, whether its configuration or its file says "
+      "it:\nkeys and values of its section in `safety`. Empty for other robots.");
   m.def(
       "robot_configuration",
       [](const std::string& config, const nb::dict& overrides) {

@@ -2726,7 +2726,9 @@ class PlannerOptions:
 
     @property
     def num_threads(self) -> int:
-        """The calling thread included; 0: one per processor."""
+        """
+        The calling thread included; 0: one per processor that the process may use.
+        """
 
     @num_threads.setter
     def num_threads(self, arg: int, /) -> None: ...
@@ -3596,7 +3598,8 @@ class EnvironmentBatch:
     batches.
 
     Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
-    of its own. One batch must not be used by several threads at once.
+    of its own. One batch must not be used by several threads at once. In a forked child `reset`
+    and `step` raise InheritedHandle.
 
     Simulations that see share one pair of eyes per thread. An image is drawn when an
     observation needs it.
@@ -3780,6 +3783,13 @@ class EnvironmentBatch:
 def task_names() -> list[str]:
     """Names of all tasks, for example "reach"."""
 
+def num_processors() -> int:
+    """
+    Number of processors that the calling thread was given, at least 1: those of its affinity
+    (taskset, cpusets of containers and of batch systems), but no more than the quota of its
+    control groups, rounded up (`docker run --cpus`, `CPUQuota=` of systemd).
+    """
+
 def default_environment_options(task: str) -> str:
     """Default options of a task, as JSON."""
 
@@ -3796,6 +3806,12 @@ def is_from_file(config: str, overrides: dict[str, object] = {}) -> bool:
 
 def describe_environment_options() -> list[tuple[str, str, str, str]]:
     """Name, type, default (JSON) and meaning of each option."""
+
+def limits_of_file_robot(config: str, config_overrides: dict[str, object] = {}) -> dict[str, dict[str, float]]:
+    """
+    What each joint of a robot from a file may do, whether its configuration or its file says it:
+    keys and values of its section in `safety`. Empty for other robots.
+    """
 
 def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> str:
     """
@@ -3822,6 +3838,10 @@ class LoggedSession:
         for steps in session.chunks():               # a log larger than memory
             steps.time_index, steps.observations, steps.applied_actions
     """
+
+    def __getstate__(self) -> tuple[object, str, int]: ...
+
+    def __setstate__(self, arg: tuple[object, str, int], /) -> None: ...
 
     def __repr__(self) -> str: ...
 
@@ -4050,6 +4070,10 @@ class Log:
     """
 
     def __init__(self, path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> None: ...
+
+    def __getstate__(self) -> tuple[object, dict[str, str]]: ...
+
+    def __setstate__(self, arg: tuple[object, Mapping[str, str]], /) -> None: ...
 
     def __repr__(self) -> str: ...
 

@@ -2,6 +2,7 @@
 """Logs as data sets: what was recorded is what readers of LeRobot and Minari find."""
 
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -10,12 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import minari
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import trifinger
 from conftest import BUILD
+from gymnasium import wrappers
 from lerobot_reader import Reader
 from trifinger.commands.export_data_set import logs_of, main
 from trifinger.data_sets import lerobot, minari as minari_format, rows
@@ -23,7 +26,7 @@ from trifinger.data_sets.episodes import find_episodes
 from trifinger.data_sets.marks import Decisions, EpisodeMarks, Mark, read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.data_sets.rows import Choice, Rows
-from trifinger.environments import Environment
+from trifinger.environments import Environment, Options
 from trifinger.errors import InvalidArgument
 from trifinger.log.images import LoggedCameras
 
@@ -520,6 +523,120 @@ def test_minari_loads_what_an_environment_saw_chose_and_got(played: Played) -> N
     for action, reward in zip(played.actions[1], played.rewards[1], strict=True):
         assert environment.step(action)[1] == reward
     environment.close()
+
+
+def play(environment: Any, folder: Path, count: int) -> tuple[list[Any], list[float]]:
+    """Records the beginning of an episode; returns its actions and rewards."""
+    recorded = RecordEpisodes(environment, folder)
+    recorded.action_space.seed(1)
+    recorded.reset(seed=7)
+    actions = [recorded.action_space.sample() for _ in range(count)]
+    rewards = [float(recorded.step(action)[1]) for action in actions]
+    recorded.close()
+    return actions, rewards
+
+
+def check_recovered(
+    name: str, actions: list[Any], rewards: list[float], *, digits: float = 0.0
+) -> Any:
+    """The environment of a data set has its spaces, and gives its rewards again."""
+    data = minari.load_dataset(name)
+    (episode,) = data.iterate_episodes()
+    np.testing.assert_array_equal(episode.actions, actions)
+    np.testing.assert_array_equal(episode.rewards, rewards)
+    environment = data.recover_environment()
+    assert environment.observation_space == data.observation_space
+    assert environment.action_space == data.action_space
+    environment.reset(seed=7)
+    again = [environment.step(action)[1] for action in actions]
+    np.testing.assert_allclose(again, rewards, rtol=digits)
+    environment.close()
+    return environment
+
+
+# Gymnasium tells that it makes single numbers of double ones.
+@pytest.mark.filterwarnings("ignore:.*precision lowered")
+@pytest.mark.usefixtures("minari_root")
+def test_a_recovered_environment_has_the_wrappers_of_the_recorded_one(tmp_path: Path) -> None:
+    environment: Any = wrappers.RescaleAction(Environment("reach"), -5.0, np.float32(5.0))
+    environment = wrappers.StickyAction(environment, 0.3)
+    environment = wrappers.FrameStackObservation(environment, 3)
+    actions, rewards = play(environment, tmp_path / "logs", 30)
+    assert np.abs(actions).max() > 4
+    export("minari", tmp_path / "logs", "--episodes", "marks", "-o", "wrapped-v0")
+    recovered = check_recovered("wrapped-v0", actions, rewards)
+    assert recovered.observation_space.shape[0] == 3
+    for kind in (wrappers.RescaleAction, wrappers.StickyAction, wrappers.FrameStackObservation):
+        around = recovered
+        while not isinstance(around, kind):
+            around = around.env
+
+
+class Unnamed(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """A wrapper that does not say how it was made."""
+
+
+@pytest.mark.filterwarnings("ignore:.*precision lowered")
+@pytest.mark.parametrize(
+    ("wrap", "reason"),
+    [
+        (wrappers.NormalizeObservation, "its statistics change with every step"),
+        (wrappers.NormalizeReward, "its statistics change with every step"),
+        (lambda one: wrappers.TransformReward(one, lambda r: 2 * r), r"\(func\) are not all JSON"),
+        (Unnamed, "it does not say how it was made"),
+        (lambda one: wrappers.RescaleAction(one, -np.arange(1, 10.0), 1.0), "making it again"),
+    ],
+)
+def test_a_wrapper_that_a_data_set_cannot_name_is_refused(
+    wrap: Any, reason: str, tmp_path: Path
+) -> None:
+    environment = wrap(Environment("reach"))
+    name = type(environment).__name__
+    with pytest.raises(trifinger.InvalidArgument, match=rf"{name}.*{reason}.*{name}\(RecordEpis"):
+        RecordEpisodes(environment, tmp_path / "logs")
+    environment.close()
+    assert not (tmp_path / "logs").exists()
+    wrap(RecordEpisodes(Environment("reach"), tmp_path / "logs")).close()
+
+
+@pytest.mark.usefixtures("minari_root")
+def test_an_environment_is_recovered_where_the_file_of_its_robot_is_not(
+    arm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(Path(arm).parent)
+    options = Options.of("reach", frames=("hand",), duration=0.5)
+    environment = Environment("reach", config="arm.yml", options=options)
+    actions, rewards = play(environment, tmp_path / "logs", 10)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for name in ("arm.yml", "arm.xml"):
+        (Path(arm).parent / name).unlink()
+    export("minari", tmp_path / "logs", "--episodes", "marks", "-o", "arm-v0")
+    # MuJoCo writes masses into the model of a log with seven digits.
+    check_recovered("arm-v0", actions, rewards, digits=1e-5)
+
+
+@pytest.mark.usefixtures("minari_root")
+@pytest.mark.parametrize("format_", ["minari", "lerobot"])
+def test_a_data_set_of_a_log_that_was_cut_off_says_so(
+    format_: str, played: Played, minari_root: Path, tmp_path: Path, capsys: Any
+) -> None:
+    (log,) = played.folder.glob("*.mcap")
+    (marks,) = played.folder.glob("*.episodes.jsonl")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
+    (tmp_path / marks.name).write_bytes(marks.read_bytes())
+    place = "cut-v0" if format_ == "minari" else str(tmp_path / "set")
+    export(format_, cut, "--episodes", "marks", "-o", place)
+    said = capsys.readouterr().err
+    if format_ == "minari":
+        losses = json.loads((minari_root / "cut-v0/data/metadata.json").read_text())["losses"]
+    else:
+        losses = json.loads((tmp_path / "set/meta/losses.json").read_text())
+    assert any("cut.mcap was not written: the recording was cut off" in loss for loss in losses)
+    assert any("are an episode, but the log ends before step" in loss for loss in losses)
+    for loss in losses:
+        assert said.count(f"trifinger export: {loss}.\n") == 1
 
 
 @pytest.mark.usefixtures("minari_root")

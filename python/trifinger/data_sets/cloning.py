@@ -320,11 +320,17 @@ def _read_minari(name: str) -> Examples:
         outputs=names.get(ACTION, ()),
     )
     spec = json.loads(metadata["env_spec"]) if "env_spec" in metadata else {}
-    if spec.get("entry_point") != MAKE:
+    # `trifinger run-policy` has no wrappers.
+    if spec.get("entry_point") != MAKE or spec.get("additional_wrappers"):
         return examples
+    made = spec["kwargs"]
+    if made.pop("files", None) is not None:
+        made |= metadata["recorded_with"]
+        if not Path(made["config"]).is_file():
+            return examples
     return dataclasses.replace(
         examples,
-        environment=spec["kwargs"],
+        environment=made,
         low=data.action_space.low,
         high=data.action_space.high,
     )

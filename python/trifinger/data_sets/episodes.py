@@ -28,7 +28,9 @@ class Episode:
     mark: Mark | None = None
     """The mark that the episode comes from; None for an episode that is a session."""
     is_end: bool = True
-    """False if a gap in the log cut off the end of the episode."""
+    """False if a gap or the end of the log cut off the end of the episode."""
+    losses: tuple[str, ...] = ()
+    """What the logs of all episodes have lost, as sentences."""
 
     @property
     def terminated(self) -> bool:
@@ -40,6 +42,11 @@ class Episode:
             f"steps {self.first} to {self.end - 1} of '{self.session.name}' "
             f"(session {self.session.session_id}) in {self.log}"
         )
+
+
+def losses_of(episodes: Iterable[Episode]) -> list[str]:
+    """What the logs of episodes have lost, as sentences. Data sets have them."""
+    return list(dict.fromkeys(loss for episode in episodes for loss in episode.losses))
 
 
 def find_marks(logs: Iterable[Log]) -> list[Path]:
@@ -89,13 +96,14 @@ def find_episodes(
             for mark in read_marks(path):
                 by_session.setdefault(mark.session_id, []).append(mark)
     found: list[Episode] = []
+    losses: list[str] = []
     for log, session in sessions:
         wanted = step_range(session, begin, end)
-        found += _of_session(log, session, wanted, task, by_session, say)
+        found += _of_session(log, session, wanted, task, by_session, losses, say)
     if not found:
         what = "sessions" if marks is None else "marks"
         raise InvalidArgument(f"the {what} of the logs have no episodes in this part of them")
-    return found
+    return [replace(episode, losses=tuple(losses)) for episode in found]
 
 
 def _of_session(
@@ -104,6 +112,7 @@ def _of_session(
     wanted: tuple[int | None, int | None],
     task: str,
     marks: dict[int, list[Mark]] | None,
+    losses: list[str],
     say: Say,
 ) -> Iterator[Episode]:
     there = session.range("applied_action")
@@ -124,6 +133,18 @@ def _of_session(
             for mark in sorted(marks.get(session.session_id, []), key=lambda mark: mark.first)
         ]
     gaps = session.gaps
+    lost = [*_of_files(log), *_of_end(whole)]
+    for gap in gaps:
+        missing = replace(whole, first=gap.first, end=gap.last + 1)
+        lost.append(f"{missing} are missing: {gap.reason}")
+    for episode in episodes:
+        if episode.mark is not None and episode.mark.end > there[1]:
+            marked = replace(whole, first=episode.mark.first, end=episode.mark.end)
+            lost.append(f"{marked} are an episode, but the log ends before step {there[1]}")
+    for loss in lost:
+        if loss not in losses:
+            losses.append(loss)
+            say(f"{loss}.")
     for episode in episodes:
         if episode.end <= episode.first:
             continue
@@ -131,6 +152,24 @@ def _of_session(
         if len(pieces) != 1 or pieces[0] != episode:
             say(f"{episode}: steps are missing, so it becomes {len(pieces)} episodes.")
         yield from pieces
+
+
+def _of_files(log: Log) -> Iterator[str]:
+    if not log.is_finished:
+        yield f"the end of {log.files[-1]} was not written: the recording was cut off or still runs"
+    for damage in log.damage:
+        yield (
+            f"{damage.size} bytes of {damage.file} from byte {damage.offset} on are lost: "
+            f"{damage.reason.removesuffix('.')}"
+        )
+
+
+def _of_end(whole: Episode) -> Iterator[str]:
+    if whole.session.steps is None:
+        yield (
+            f"the end of '{whole.session.name}' (session {whole.session.session_id}) is not in "
+            f"{whole.log}; the newest step is {whole.session.range('applied_action')[1] - 1}"
+        )
 
 
 def _without_gaps(episode: Episode, gaps: Sequence[tuple[int, int]]) -> Iterator[Episode]:

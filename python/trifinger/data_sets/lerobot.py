@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from trifinger import extras
-from trifinger.data_sets.episodes import Episode, Say
+from trifinger.data_sets.episodes import Episode, Say, losses_of
 from trifinger.data_sets.output import whole_folder
 from trifinger.data_sets.rows import (
     IMAGE_AGE,
@@ -134,7 +134,10 @@ def write(
             total = sum(rows.count(episode) for episode in usable)
             for episode in usable:
                 writer.add(episode, lambda done: progress.update(done / total))
-        return writer.finish()
+        result = writer.finish()
+        if losses := losses_of(episodes):
+            writer.write_json("losses.json", losses)
+        return result
 
 
 class _Writer:
@@ -322,8 +325,8 @@ class _Writer:
             index=pd.Index(list(self._tasks), name="task"),
         )
         tasks.to_parquet(self._folder / "meta/tasks.parquet")
-        self._write_json("stats.json", statistics)
-        self._write_json("info.json", self._info())
+        self.write_json("stats.json", statistics)
+        self.write_json("info.json", self._info())
         return Result(episodes=self._episodes.count, frames=self._frames, rate=self._rows.rate)
 
     def _info(self) -> dict[str, Any]:
@@ -379,7 +382,8 @@ class _Writer:
     def _schema(self) -> Any:
         return _schema_of(self._features, [IMAGES + n for n in self._sizes if not self._videos])
 
-    def _write_json(self, name: str, value: Any) -> None:
+    def write_json(self, name: str, value: Any) -> None:
+        """Writes a file of the folder `meta`."""
         path = self._folder / "meta" / name
         path.write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
 

@@ -89,16 +89,17 @@ class Decisions:
     """
 
     environment: str
-    """The environment as `Environment` is made, JSON: task, options, config, config_overrides."""
+    """How the environment is made, JSON: task, options, config and config_overrides of
+    `Environment`, and the wrappers around it, if there are any."""
     seed: int
     episode: int
     """The number of the episode among those of the seed."""
     steps: Array
     """The robot's step of each observation: int64[T + 1]."""
     observations: Array
-    """The environment's flat observations: float32[T + 1, n]."""
+    """The environment's observations: float32[T + 1, ...]."""
     actions: Array
-    """float32[T, m]"""
+    """float32[T, ...]"""
     rewards: Array
     """float64[T]"""
 
@@ -110,7 +111,7 @@ class Decisions:
             ("rewards", np.float64, 1),
         ):
             values = np.asarray(getattr(self, name), dtype)
-            if values.ndim != dimensions:
+            if values.ndim != dimensions and not values.ndim > dimensions == 2:
                 raise InvalidArgument(
                     f"the {name} of an episode have the shape {values.shape}; expected are "
                     f"{dimensions} dimensions"
@@ -192,6 +193,6 @@ def read_marks(path: Path) -> list[Mark]:
 
 
 def environment_of(decisions: Decisions) -> dict[str, Any]:
-    """What made the environment of an episode: task, options, config and config_overrides."""
+    """How the environment of an episode was made; `Decisions.environment` names the keys."""
     made: dict[str, Any] = json.loads(decisions.environment)
     return made

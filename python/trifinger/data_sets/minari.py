@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from trifinger import extras
-from trifinger.data_sets.episodes import Episode, Say
+from trifinger.data_sets.episodes import Episode, Say, losses_of
 from trifinger.data_sets.marks import Decisions, environment_of
 from trifinger.data_sets.output import whole_folder
 from trifinger.data_sets.rows import (
@@ -39,6 +39,7 @@ from trifinger.errors import InvalidArgument
 if TYPE_CHECKING:
     from gymnasium import spaces
 
+    from trifinger._trifinger import LoggedSession
     from trifinger.arrays import Array
 
 ROOT = "MINARI_DATASETS_PATH"  # the variable that says where Minari looks for data sets
@@ -46,6 +47,8 @@ IDENTIFIER = re.compile(r"(?:([-_\w]+(?:/[-_\w]+)*)/)?([-_\w]+)-v(\d+)", re.ASCI
 NAMESPACE = "namespace_metadata.json"
 DATA = "main_data.hdf5"
 MEGABYTE = 1e6
+CONFIGURATION = "configuration.yml"  # documents of a session
+MODEL = "model.xml"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +84,7 @@ class _Source:
     spec: str | None = None
     task: str = ""
     rows: Rows | None = None
+    origin: dict[str, Any] | None = None
 
 
 def root() -> Path:
@@ -130,6 +134,8 @@ def write(
             "total_steps": steps,
             "dataset_size": round(size, 1),
         }
+        if losses := losses_of(episodes):
+            metadata["losses"] = losses
         text = json.dumps(metadata, indent=2)
         (part / "data" / "metadata.json").write_text(text + "\n", encoding="utf-8")
         _make_namespaces(match.group(1))
@@ -153,7 +159,7 @@ def _source(
                 "what an environment saw has no steps between its observations; --observation flat "
                 "takes what the robot measured, which has"
             )
-        return _environment_source(made[0])
+        return _environment_source(made[0], episodes[0].session)
     if any(made):
         say("the episodes have what the robot measured, not what an environment saw.")
     say("no environment has judged, so all rewards are 0.")
@@ -168,26 +174,90 @@ def _decisions(episode: Episode) -> Decisions | None:
     return mark.decisions
 
 
-def _environment_source(decisions: Decisions | None) -> _Source:
-    from gymnasium.envs.registration import EnvSpec
+def _environment_source(decisions: Decisions | None, session: LoggedSession) -> _Source:
+    import gymnasium
+    from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
     from trifinger.data_sets.recorded_environment import make
 
     if decisions is None:
         raise InvalidArgument("no environment has made the episodes")
     arguments = environment_of(decisions)
-    with contextlib.closing(make(**arguments)) as environment:
-        spec = EnvSpec(
-            id=f"TriFinger/{_camel(arguments['task'])}-v0",
-            entry_point=f"{make.__module__}:{make.__name__}",
-            kwargs=arguments,
-        )
+    wrappers = tuple(WrapperSpec(**one) for one in arguments.pop("wrappers", ()))
+    limits = arguments.pop("limits", {})
+    spec = EnvSpec(
+        id=f"TriFinger/{_camel(arguments['task'])}-v0",
+        entry_point=f"{make.__module__}:{make.__name__}",
+        kwargs=_portable(arguments, limits, session),
+        additional_wrappers=wrappers,
+    )
+    # As everybody will do it who recovers the environment.
+    with contextlib.closing(gymnasium.make(EnvSpec.from_json(spec.to_json()))) as environment:
         return _Source(
             environment.observation_space,
             environment.action_space,
             spec.to_json(),
             arguments["task"],
+            origin=None if spec.kwargs is arguments else _origin(arguments),
         )
+
+
+def _portable(
+    arguments: dict[str, Any], limits: dict[str, dict[str, float]], session: LoggedSession
+) -> dict[str, Any]:
+    # A robot of the user's own file: its configuration and its model travel in the data set.
+    config = Path(arguments["config"])
+    documents = session.documents
+    text = documents.get(CONFIGURATION)
+    if (config.name == str(config) and config.suffix == "") or text is None:
+        return arguments
+    if not re.search(r"^driver: simulation$", text, re.MULTILINE):
+        return arguments
+    files = {config.name: text}
+    if limits and MODEL in documents:
+        files = {config.name: _with_model(text, limits), MODEL: documents[MODEL]}
+    return arguments | {"config": config.name, "config_overrides": {}, "files": files}
+
+
+def _origin(arguments: dict[str, Any]) -> dict[str, Any]:
+    # The user's own files, for whoever still has them.
+    config = str(Path(arguments["config"]).absolute())
+    return {"config": config, "config_overrides": arguments["config_overrides"]}
+
+
+def _with_model(configuration: str, limits: dict[str, dict[str, float]]) -> str:
+    # The model of a session needs no other file and has the objects of the configuration in it. It
+    # has no limits.
+    lines = []
+    section = ""
+    for line in configuration.splitlines():
+        if not line.startswith(" "):
+            section = line.partition(":")[0]
+        if section in ("objects", "safety"):
+            continue
+        if section == "robot" and re.match(r"  (mjcf|urdf|mesh_folder): ", line):
+            continue
+        lines.append(line)
+        if line == "robot:":
+            lines.append(f"  mjcf: {MODEL}")
+    lines.append("safety:")
+    for joint, values in limits.items():
+        lines.append(f"  {json.dumps(joint)}:")
+        names = [name.partition(".") for name in values]
+        lines += [f"    {key}: {_number(values[key])}" for key, dot, _ in names if not dot]
+        inner = [(key, rest) for key, dot, rest in names if dot]
+        for group in dict.fromkeys(key for key, _ in inner):
+            lines.append(f"    {group}:")
+            lines += [
+                f"      {rest}: {_number(values[f'{key}.{rest}'])}"
+                for key, rest in inner
+                if key == group
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    return repr(value) if np.isfinite(value) else ".inf"
 
 
 def _camel(task: str) -> str:
@@ -341,6 +411,8 @@ def _metadata(identifier: str, source: _Source, about: About) -> dict[str, Any]:
     }
     if source.spec is not None:
         metadata["env_spec"] = source.spec
+    if source.origin is not None:
+        metadata["recorded_with"] = source.origin
     if source.rows is not None:
         metadata["rate"] = source.rows.rate
         metadata["names"] = {

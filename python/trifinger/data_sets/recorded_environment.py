@@ -13,7 +13,10 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import time
+import warnings
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +27,11 @@ from trifinger.environments import Environment, Options
 # isort: split
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import WrapperSpec
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
 
-from trifinger._trifinger import Recorder, task_names
+from trifinger._trifinger import Recorder, limits_of_file_robot, task_names
 from trifinger.data_sets.marks import ENDING, Decisions, EpisodeMarks, Mark
 from trifinger.errors import InvalidArgument
 
@@ -36,19 +42,100 @@ def make(
     config: str,
     config_overrides: dict[str, object],
     render_mode: Any = None,
+    files: dict[str, str] | None = None,
 ) -> Environment:
-    """The environment of a recorded episode; `options` are the JSON of its options."""
-    return Environment(
+    """The environment of a recorded episode; `options` are the JSON of its options.
+
+    With `files`, texts by their names, `config` is one of them.
+    """
+    folder: tempfile.TemporaryDirectory[str] | None = None
+    if files is not None:
+        folder = tempfile.TemporaryDirectory(prefix="trifinger_")
+        for name, text in files.items():
+            (Path(folder.name) / Path(name).name).write_text(text, encoding="utf-8")
+        config = str(Path(folder.name) / Path(config).name)
+    environment = Environment(
         task,
         options=Options.from_json(options),
         config=config,
         config_overrides=config_overrides,
         render_mode=render_mode,
     )
+    if folder is not None:
+        weakref.finalize(environment, folder.cleanup)
+    return environment
+
+
+def wrappers_around(environment: gymnasium.Env[Any, Any]) -> list[WrapperSpec]:
+    """What makes the wrappers of an environment again, from the inside to the outside.
+
+    Wrappers that change nothing are left out. Raises InvalidArgument for one that cannot be made
+    from its name and JSON.
+    """
+    base = environment.unwrapped
+    found: list[tuple[gymnasium.Wrapper[Any, Any, Any, Any], WrapperSpec]] = []
+    around = environment
+    while isinstance(around, gymnasium.Wrapper):
+        if not isinstance(around, OrderEnforcing | PassiveEnvChecker):
+            found.append((around, _spec_of(around)))
+        around = around.env
+    found.reverse()
+    again: Any = _Blank(base.observation_space, base.action_space)
+    for wrapper, spec in found:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the user has seen them
+                again = type(wrapper)(again, **(spec.kwargs or {}))
+            same = (again.observation_space, again.action_space) == (
+                wrapper.observation_space,
+                wrapper.action_space,
+            )
+        except Exception as error:
+            raise _not_recorded(wrapper, f"making it again fails: {error}") from error
+        if not same:
+            raise _not_recorded(wrapper, "made again from its arguments it has other spaces")
+    return [spec for _, spec in found]
+
+
+class _Blank(gymnasium.Env[Any, Any]):
+    # Spaces without an environment.
+    def __init__(self, observation_space: Any, action_space: Any) -> None:
+        self.observation_space = observation_space
+        self.action_space = action_space
+
+
+def _spec_of(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> WrapperSpec:
+    kind = type(wrapper)
+    if hasattr(wrapper, "obs_rms") or hasattr(wrapper, "return_rms"):
+        raise _not_recorded(wrapper, "its statistics change with every step")
+    if not isinstance(wrapper, RecordConstructorArgs):
+        raise _not_recorded(
+            wrapper, "it does not say how it was made; gymnasium.utils.RecordConstructorArgs does"
+        )
+    if kind.__module__ == "__main__" or "." in kind.__qualname__:
+        raise _not_recorded(wrapper, "its class cannot be imported by other programs")
+    try:
+        text = json.dumps(wrapper._saved_kwargs, default=lambda value: value.tolist())
+    except (AttributeError, TypeError, ValueError):
+        names = ", ".join(wrapper._saved_kwargs)
+        raise _not_recorded(wrapper, f"its arguments ({names}) are not all JSON") from None
+    return kind.wrapper_spec(**json.loads(text))
+
+
+def _not_recorded(wrapper: Any, reason: str) -> InvalidArgument:
+    name = type(wrapper).__name__
+    return InvalidArgument(
+        f"a data set cannot say how the wrapper {name} is made: {reason}. Put it around the "
+        f"recording instead: {name}(RecordEpisodes(environment, ...), ...)"
+    )
 
 
 class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
     """Records each episode of an `Environment` with flat observations.
+
+    Wrappers inside of the recording belong to what is recorded: a data set names them, so that the
+    environment can be recovered. A wrapper that cannot be made from its name and JSON is refused;
+    it can be around the recording.
 
     `folder` gets the marks, and the log if the environment has its own simulation. A connected
     robot is recorded by `trifinger record` or `trifinger run --record`. `sentence` says for people
@@ -75,7 +162,16 @@ class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
             )
         if base.task not in task_names():
             raise InvalidArgument.of_name("task", base.task, task_names())
+        if not isinstance(environment.observation_space, gymnasium.spaces.Box) or not isinstance(
+            environment.action_space, gymnasium.spaces.Box
+        ):
+            raise InvalidArgument(
+                f"the wrappers make observations of {environment.observation_space} and actions of "
+                f"{environment.action_space}; recorded are arrays of numbers (Box)"
+            )
+        wrappers = wrappers_around(environment)
         self._base = base
+        self._bounds = (environment.action_space.low, environment.action_space.high)
         self._sentence = sentence
         config, overrides = base.scene
         self._made = json.dumps(
@@ -85,6 +181,9 @@ class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
                 "config": config,
                 "config_overrides": overrides,
             }
+            # The robot's file may say them, and the model in the log does not.
+            | ({"limits": limits} if (limits := limits_of_file_robot(config, overrides)) else {})
+            | ({"wrappers": [vars(one) for one in wrappers]} if wrappers else {})
         )
         name = f"{base.task}_{time.strftime('%Y-%m-%d_%H-%M-%S', time.gmtime())}_{os.getpid()}"
         self._marks = EpisodeMarks(Path(folder) / f"{name}{ENDING}")
@@ -115,7 +214,7 @@ class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
         step = self.env.step(action)
         observation, reward, terminated, truncated, info = step
         # What the environment has done with it: numbers beyond the bounds are clipped.
-        self._actions.append(np.clip(np.asarray(action, np.float32), -1, 1).tolist())
+        self._actions.append(np.clip(np.asarray(action, np.float32), *self._bounds).tolist())
         self._rewards.append(float(reward))
         self._see(observation)
         if terminated or truncated:
