@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
 
+import contextlib
+import io
 import json
 import multiprocessing
 import os
+import pickle
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +18,7 @@ import av
 import killed_training
 import numpy as np
 import pytest
+import torch
 import trifinger
 from conftest import PROGRAM, output_of
 from gymnasium.vector import AutoresetMode
@@ -24,7 +29,7 @@ from trifinger.commands import evaluate, train
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.stable_baselines import Rows
-from trifinger.training import CHECKPOINT, CURVE, PLAN, Plan, Training
+from trifinger.training import CHECKPOINT, CURVE, PLAN, Plan, Training, checkpoint
 from trifinger.training.ddpg import QuickDDPG
 from trifinger.training.model import MODELS
 from trifinger.training.replay import FingerReplayBuffer
@@ -164,6 +169,82 @@ def test_a_checkpoint_is_the_old_or_the_new_one(tmp_path):
     whole = (tmp_path / CHECKPOINT).read_bytes()
     (tmp_path / f"{CHECKPOINT}.partial").write_bytes(whole[: len(whole) // 2])
     assert Training.resume(tmp_path).run() == training.curve[-1][1]
+
+
+# ---- checkpoints of strangers ----
+
+
+class Touching:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return Path.touch, (self.path,)
+
+
+def files_that_run(path):
+    """Files that would make `path` if a reader believed what they say."""
+    yield pickle.dumps(Touching(path))
+    yield pickle.dumps({"model": Touching(path)})
+    for write in (np.savez, np.savez_compressed):
+        file = io.BytesIO()
+        write(file, **{"0": np.array(Touching(path), object), "state.json": np.zeros(1, object)})
+        yield file.getvalue()
+    file = io.BytesIO()
+    torch.save({"model": Touching(path)}, file)
+    yield file.getvalue()
+
+
+def test_fault_83_a_checkpoint_of_a_stranger_runs_nothing(undisturbed, tmp_path):
+    shutil.copytree(undisturbed, tmp_path / "run")
+    ran = tmp_path / "ran"
+    for content in files_that_run(ran):
+        (tmp_path / "run" / CHECKPOINT).write_bytes(content)
+        with pytest.raises(
+            InvalidArgument, match=r"is no checkpoint of this training.*begins anew"
+        ):
+            Training.resume(tmp_path / "run")
+        assert not ran.exists()
+
+
+def test_fault_83_a_changed_checkpoint_is_refused_or_read(undisturbed):
+    content = (undisturbed / CHECKPOINT).read_bytes()
+    plan = Plan.of_folder(undisturbed)
+    random = np.random.default_rng(1)
+    state = checkpoint.load(content)
+    assert state["curve"]
+    assert plan.recipe.algorithm == "ddpg"
+    for _ in range(200):
+        changed = bytearray(content)
+        if random.random() < 0.3:
+            del changed[random.integers(len(changed)) :]
+        for place in random.integers(len(changed), size=4):
+            changed[place] = random.integers(256)
+        with contextlib.suppress(ValueError, LookupError):
+            checkpoint.load(bytes(changed))
+
+
+def test_a_checkpoint_keeps_every_kind_of_value():
+    values = {
+        "numbers": [1, -(2**100), 0.1, float("inf"), True, None, "é", np.float32(0.5).item()],
+        "nested": (1, [2, (3, {"four": 4, 5: "five"})]),
+        "arrays": [np.eye(2, 3, dtype=kind) for kind in (bool, int, np.float32)],
+        "tensor": torch.arange(3.0),
+        "scalar": torch.tensor(2.5),
+        "empty": np.zeros((0, 3)),
+    }
+    found = checkpoint.load(checkpoint.dump(values))
+    assert found.keys() == values.keys()
+    assert found["numbers"] == values["numbers"]
+    assert found["nested"] == values["nested"]
+    for one, other in zip(found["arrays"], values["arrays"], strict=True):
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+    assert torch.equal(found["tensor"], values["tensor"])
+    assert torch.equal(found["scalar"], values["scalar"])
+    assert found["empty"].shape == (0, 3)
 
 
 def test_other_seeds_are_other_trainings(undisturbed, tmp_path):
@@ -457,8 +538,14 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     assert train.main(words) == 0
     done = capsys.readouterr()
     assert "episode 4 of 4: " in done.err
+    first, *_ = done.err.splitlines()
+    assert first == (
+        f"reach by ddpg: 4 episodes of 1 robot, seed 1; {folder / PLAN} has all settings."
+    )
+    assert "{" not in done.err
+    plan = (folder / PLAN).read_text()
     for name in ("steps_per_action", "position_noise", "object_delay", "friction", "learning_rate"):
-        assert f'"{name}": ' in done.err
+        assert f'"{name}": ' in plan
     assert "\r" not in done.err
     assert f"{folder}/reach.policy written." in done.out
     assert {file.name for file in folder.iterdir()} == {

@@ -5,7 +5,6 @@ import csv
 import dataclasses
 import io
 import os
-import pickle
 import random
 import time
 from collections.abc import Callable, Sequence
@@ -25,6 +24,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from torch.utils.tensorboard import SummaryWriter
 
 from trifinger import policy_file
+from trifinger._trifinger import num_processors
 from trifinger.arrays import Array
 from trifinger.environments import Environment, VectorEnvironment, policy_metadata
 from trifinger.errors import InvalidArgument
@@ -37,7 +37,8 @@ from trifinger.evaluation import (
     save_ways,
 )
 from trifinger.picture import View
-from trifinger.training.model import MODELS, make_model
+from trifinger.training import checkpoint
+from trifinger.training.model import make_model
 from trifinger.training.plan import PLAN, Plan, Recipe
 
 CHECKPOINT = "checkpoint"
@@ -105,7 +106,12 @@ class Training:
 
         Ctrl-C raises KeyboardInterrupt; resume() then goes on after the newest checkpoint.
         """
-        self._say(self.plan.to_json())
+        plan, count = self.plan, self.plan.recipe.num_envs
+        self._say(
+            f"{plan.task} by {plan.recipe.algorithm}: {plan.episodes} episodes of {count} "
+            f"robot{'s' if count > 1 else ''}, seed {plan.seed}; {self.folder / PLAN} has all "
+            "settings."
+        )
         remaining = self._total - self._model.num_timesteps
         if remaining > 0:
             self._started = (time.monotonic(), self._model.num_timesteps)
@@ -212,47 +218,67 @@ class Training:
 
     def _save(self) -> None:
         model = self._model
-        saved = io.BytesIO()
-        model.save(saved)
+        buffer = getattr(model, "replay_buffer", None)
         state = {
-            "model": saved.getvalue(),
-            "buffer": getattr(model, "replay_buffer", None),
-            "normalizer": self._normalizer,
+            "model": checkpoint.state_of(model),
+            "buffer": None if buffer is None else checkpoint.arrays_of(buffer),
+            "normalizer": None if self._normalizer is None else _means_of(self._normalizer),
             "episodes": self._rows.episodes,
-            "curve": self.curve,
+            "curve": [(episode, dataclasses.asdict(one)) for episode, one in self.curve],
             "ways": self._ways,
             "next_checkpoint": self._next_checkpoint,
             "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
-            "random_actions": model.action_space.np_random,
+            "random_actions": model.action_space.np_random.bit_generator.state,
         }
         # The whole state is one file, replaced in one step: a kill leaves the old or the new file.
-        _replace(self.folder / CHECKPOINT, pickle.dumps(state))
+        _replace(self.folder / CHECKPOINT, checkpoint.dump(state))
         _replace(self.folder / CURVE, _curve_file(self.curve))
 
     def _restore(self) -> None:
         path = self.folder / CHECKPOINT
         if not path.exists():
             return
-        # Loading a pickle can run code; the file is as trusted as the rest of the folder.
-        state = pickle.loads(path.read_bytes())  # noqa: S301
-        if self._normalizer is not None:
-            self._normalizer = state["normalizer"]
-            self._normalizer.set_venv(self._rows)
-        environment = self._normalizer or self._rows
-        model = MODELS[self.plan.recipe.algorithm].load(
-            io.BytesIO(state["model"]), env=environment, device="cpu", force_reset=False
-        )
+        if not path.is_file():
+            raise InvalidArgument(f"{path} is no regular file")
+        try:
+            self._take(checkpoint.load(path.read_bytes()))
+        except (LookupError, RuntimeError, TypeError, ValueError) as error:
+            raise InvalidArgument(
+                f"{path} is no checkpoint of this training: {error}. It is damaged or from an "
+                f"earlier version; without it --resume {self.folder} begins anew"
+            ) from error
+
+    def _take(self, state: dict[str, Any]) -> None:
+        model = self._model
+        checkpoint.restore(model, state["model"])
         if state["buffer"] is not None:
-            setattr(model, "replay_buffer", state["buffer"])  # noqa: B010  (not all algorithms have one)
-        self._model = model
+            checkpoint.set_arrays(getattr(model, "replay_buffer"), state["buffer"])  # noqa: B009
+        if self._normalizer is not None:
+            _set_means(self._normalizer, state["normalizer"])
         self._begin(state["episodes"])
-        self.curve, self._ways = state["curve"], state["ways"]
+        self.curve = [(episode, Summary(**one)) for episode, one in state["curve"]]
+        self._ways = state["ways"]
         self._next_checkpoint = state["next_checkpoint"]
         python, numpy, pytorch = state["random"]
         random.setstate(python)
         np.random.set_state(numpy)  # noqa: NPY002
         torch.set_rng_state(pytorch)
-        model.action_space._np_random = state["random_actions"]
+        model.action_space.np_random.bit_generator.state = state["random_actions"]
+
+
+def _means_of(normalizer: VecNormalize) -> dict[str, Any]:
+    means = {name: vars(getattr(normalizer, name)) for name in ("obs_rms", "ret_rms")}
+    return {"means": means, "returns": normalizer.returns}
+
+
+def _set_means(normalizer: VecNormalize, state: dict[str, Any]) -> None:
+    for name, numbers in state["means"].items():
+        own = vars(getattr(normalizer, name))
+        for key, value in numbers.items():
+            if np.shape(own[key]) != np.shape(value):
+                raise ValueError(f"{name}.{key} has the shape {np.shape(value)}")
+            own[key] = value
+    normalizer.returns = state["returns"]
 
 
 class _BetweenRollouts(BaseCallback):
@@ -290,7 +316,7 @@ def _environments(plan: Plan) -> Vector:
 
 
 def _threads(recipe: Recipe) -> int:
-    return 1 if recipe.num_envs == 1 else min(2, len(os.sched_getaffinity(0)))
+    return 1 if recipe.num_envs == 1 else min(2, num_processors())
 
 
 def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:

@@ -580,6 +580,29 @@ def test_a_policy_is_run_and_its_log_replayed(
     assert move_cube_program.main(words) == 1
 
 
+class Touching:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.path,)
+
+
+def test_fault_83_a_log_of_a_stranger_runs_nothing(tmp_path: Path) -> None:
+    log, ran = tmp_path / "log.p", tmp_path / "ran"
+    reaches = (Touching(ran), {"actions": [Touching(ran)]}, evaluation.run_policy, subprocess.run)
+    for content in reaches:
+        log.write_bytes(pickle.dumps(content))
+        with pytest.raises(evaluation.EvaluationError, match=r"log\.p is refused: it has a "):
+            evaluation.read_pickle(log)
+        assert not ran.exists()
+    plain = {"a": [1, 2.5, None, np.arange(3), np.float64(2)], "b": ({1, 2}, "c", b"d")}
+    log.write_bytes(pickle.dumps(plain))
+    assert repr(evaluation.read_pickle(log)) == repr(plain)
+
+
 def test_goals_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from trifinger_simulation.tasks import __main__ as old
     from trifinger_simulation.tasks.move_cube_on_trajectory import __main__ as trajectory
