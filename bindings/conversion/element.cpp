@@ -5,10 +5,29 @@
 #include <vector>
 
 #include "numpy.hpp"
+#include "text.hpp"
 
 namespace nb = nanobind;
 
 namespace trifinger::bindings {
+
+std::string wrong_shape(const nb::object& name, const nb::object& dtype, const nb::object& value) {
+  const std::string field = "field '" + text_of(name) + "' ";
+  const nb::object expected = dtype.attr("shape");
+  const auto are = [](const nb::object& shape) {
+    if (nb::len(shape) == 1) return text_of(shape[nb::int_(0)]) + " numbers";
+    return nb::len(shape) == 0 ? "one number" : "numbers of the shape " + text_of(shape);
+  };
+  try {
+    const nb::object found = nb::module_::import_("numpy").attr("shape")(value);
+    if (nb::len(found) == 0 || found.equal(expected)) return {};
+    return field + "has " + are(expected) + "; given are " + are(found);
+  } catch (const nb::python_error& error) {
+    if (!error.matches(PyExc_ValueError)) throw;
+    return field + "has " + are(expected) + "; given are lists of several lengths";
+  }
+}
+
 namespace {
 
 bool is_field(PyObject* self, PyObject* name) {
@@ -22,8 +41,22 @@ PyObject* get_attribute(PyObject* self, PyObject* name) {
 }
 
 int set_attribute(PyObject* self, PyObject* name, PyObject* value) {
-  if (value != nullptr && is_field(self, name)) return PyObject_SetItem(self, name, value);
-  return PyObject_GenericSetAttr(self, name, value);
+  if (value == nullptr || !is_field(self, name)) return PyObject_GenericSetAttr(self, name, value);
+  const int result = PyObject_SetItem(self, name, value);
+  if (result == 0 || PyErr_ExceptionMatches(PyExc_ValueError) == 0) return result;
+  try {
+    const nb::python_error error;  // takes NumPy's
+    const nb::object dtype = nb::borrow(self).attr("dtype")[nb::borrow(name)];
+    const std::string wrong = wrong_shape(nb::borrow(name), dtype, nb::borrow(value));
+    const nb::object type = wrong.empty()
+                                ? nb::borrow(error.type())
+                                : nb::module_::import_("trifinger.errors").attr("InvalidArgument");
+    const std::string text = wrong.empty() ? text_of(error.value()) : wrong;
+    PyErr_SetObject(type.ptr(), to_message(text).ptr());
+  } catch (nb::python_error& error) {
+    error.restore();
+  }
+  return -1;
 }
 
 // An element can always be printed, even if this fails, for example while the interpreter ends.

@@ -3,6 +3,8 @@
 
 #include <nanobind/nanobind.h>
 
+#include <string>
+
 #include "trifinger/core/session.hpp"
 
 namespace trifinger::bindings {
@@ -11,6 +13,11 @@ namespace trifinger::bindings {
 /// attributes. numpy.record cannot be used: its own attributes hide fields such as `flags` of a
 /// status, and it takes three times as long.
 void bind_element(nanobind::module_& m);
+
+/// Says how the shape of `value` differs from that of the field `name`, whose type is `dtype`.
+/// Empty if it does not.
+[[nodiscard]] std::string wrong_shape(const nanobind::object& name, const nanobind::object& dtype,
+                                      const nanobind::object& value);
 
 /// Returns the name of the class for elements of `series`.
 [[nodiscard]] const char* class_of(Series series) noexcept;

@@ -47,7 +47,8 @@ void assign(const nb::object& action, const nb::object& name, const nb::object& 
         !error.matches(PyExc_OverflowError)) {
       throw;
     }
-    throw InvalidArgument(text(text_of(error.value())));
+    const std::string wrong = wrong_shape(name, dtype, value);
+    throw InvalidArgument(wrong.empty() ? text(text_of(error.value())) : wrong);
   }
   const auto kind = nb::cast<std::string>(dtype.attr("base").attr("kind"));
   if (kind != "i" && kind != "u") return;

@@ -642,6 +642,25 @@ class TestMistakes:
         with pytest.raises(trifinger.InvalidArgument, match="GoalEnvironment"):
             Environment("reach", options=Options.of("reach", observation="goal"))
 
+    def test_options_may_be_arguments(self):
+        for one in (
+            Environment("reach", duration=1.0),
+            VectorEnvironment("reach", 2, duration=1.0),
+        ):
+            assert one.options == Options.of("reach", duration=1.0)
+            one.close()
+        for make in (Environment, lambda task, **more: VectorEnvironment(task, 2, **more)):
+            with pytest.raises(trifinger.InvalidArgument, match="there is no option 'durration'"):
+                make("reach", durration=1.0)
+            with pytest.raises(trifinger.InvalidArgument, match=r"observation.*flat"):
+                make("push", observation="pictures")
+            with pytest.raises(
+                trifinger.InvalidArgument, match=r"^observation is <object.*'flat'$"
+            ):
+                make("push", observation=object())
+            with pytest.raises(trifinger.InvalidArgument, match="duration"):
+                make("push", duration="long")
+
     def test_a_robot_that_does_not_suit(self):
         with pytest.raises(trifinger.InvalidArgument, match="needs an object called 'cube'"):
             Environment("push", config_overrides={"objects": []})

@@ -34,7 +34,14 @@ class Options(OptionFields):
 
     def to_json(self) -> str:
         """The options as JSON, as files of policies hold them."""
-        return json.dumps(dataclasses.asdict(self))
+        values = dataclasses.asdict(self)
+        for name, value in values.items():
+            try:
+                json.dumps(value)
+            except (TypeError, ValueError):
+                usual = getattr(OptionFields(), name)
+                raise InvalidArgument(f"{name} is {value!r}, must be like {usual!r}") from None
+        return json.dumps(values)
 
     @classmethod
     def from_json(cls, text: str) -> Self:

@@ -18,24 +18,15 @@ def _gymnasium_id(task: str) -> str:
     return f"TriFinger/{''.join(word.capitalize() for word in task.split('_'))}-v0"
 
 
-# An argument that the class does not have is an option: gymnasium.make(id, steps_per_action=10).
-def _with_options(task: str, arguments: dict[str, Any], own: set[str]) -> dict[str, Any]:
-    chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
-    options = chosen.get("options") or Options.of(task)
-    chosen["options"] = options.changed(**arguments)
-    return chosen
-
-
 def _make(task: str, render_mode: Any = None, **arguments: Any) -> Environment:
-    own = {"options", "connect", "config", "config_overrides", "view"}
-    chosen = _with_options(task, arguments, own)
-    kind = GoalEnvironment if chosen["options"].observation == "goal" else Environment
-    return kind(task, render_mode=render_mode, **chosen)
+    options = arguments.get("options") or Options.of(task)
+    observation = arguments.get("observation", options.observation)
+    kind = GoalEnvironment if observation == "goal" else Environment
+    return kind(task, render_mode=render_mode, **arguments)
 
 
 def _make_vector(task: str, num_envs: int, **arguments: Any) -> VectorEnvironment:
-    own = {"options", "num_threads", "autoreset_mode", "copy", "config", "config_overrides"}
-    return VectorEnvironment(task, num_envs, **_with_options(task, arguments, own))
+    return VectorEnvironment(task, num_envs, **arguments)
 
 
 def register() -> None:

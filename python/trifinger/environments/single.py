@@ -56,7 +56,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     `config` and `config_overrides` must describe that robot. reset() moves it by actions to where
     the episode begins; objects stay where they are. Noise of joints in `options` is added only in
     the environment's own simulation, never to what a connected robot measures. `view` is the camera
-    and the size of what `render` draws; a window starts with it.
+    and the size of what `render` draws; a window starts with it. `changes` are other values of
+    options, as in `duration=1.0`.
     """
 
     _core: _trifinger.Episodes
@@ -73,10 +74,11 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         config_overrides: dict[str, object] | None = None,
         render_mode: Literal["rgb_array", "human"] | None = None,
         view: View | None = None,
+        **changes: Any,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
-        options = options or default_options(task)
+        options = (options or default_options(task)).changed(**changes)
         if (options.observation == "goal") != isinstance(self, GoalEnvironment):
             raise InvalidArgument(
                 f'observation is "{options.observation}"; GoalEnvironment needs "goal", '

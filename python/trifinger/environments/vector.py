@@ -30,6 +30,8 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
 
     A simulation with seed s gives the same numbers, bit for bit, as `Environment` with seed s. With
     `copy=False` the next call overwrites the observations: they are the memory that C++ writes.
+    `num_threads` is one per processor that this process may use by default (0). `changes` are other
+    values of options, as in `duration=1.0`.
     """
 
     _core: _trifinger.EnvironmentBatch
@@ -45,12 +47,13 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         copy: bool = True,
         config: str | None = None,
         config_overrides: dict[str, object] | None = None,
+        **changes: Any,
     ) -> None:
         if not isinstance(task, str):
             raise InvalidArgument(
                 "the task is in Python, must be the name of one in C++: docs/environments.md"
             )
-        options = options or Options.of(task)
+        options = (options or Options.of(task)).changed(**changes)
         config = robot_of(task, config)
         overrides = overrides_of(task, options, config, config_overrides)
         core = _trifinger.EnvironmentBatch(
