@@ -7,6 +7,7 @@
 #include <string>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 
 namespace trifinger::control {
 namespace {
@@ -223,13 +224,13 @@ ForceOptimizer::~ForceOptimizer() = default;
 
 ForceDistribution ForceOptimizer::solve(const Grasp& grasp, const Eigen::Vector3d& centre,
                                         const Wrench& wrench) noexcept {
-  return state_->solve(grasp, centre, wrench, nullptr);
+  return checked(state_)->solve(grasp, centre, wrench, nullptr);
 }
 
 ForceDistribution ForceOptimizer::solve(const Grasp& grasp, const Eigen::Vector3d& centre,
                                         const Wrench& wrench,
                                         const TorqueLimits& torques) noexcept {
-  return state_->solve(grasp, centre, wrench, &torques);
+  return checked(state_)->solve(grasp, centre, wrench, &torques);
 }
 
 }  // namespace trifinger::control

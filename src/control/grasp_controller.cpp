@@ -9,6 +9,7 @@
 
 #include "tip_path.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/control/filters.hpp"
 
 namespace trifinger::control {
@@ -277,7 +278,7 @@ GraspController& GraspController::operator=(GraspController&&) noexcept = defaul
 GraspController::~GraspController() = default;
 
 void GraspController::grasp(const Touches& touches, const Pose& object) noexcept {
-  State& s = *state_;
+  State& s = *checked(state_);
   s.touches = touches;
   s.rest = object;
   s.depth.fill(0.0);
@@ -287,15 +288,15 @@ void GraspController::grasp(const Touches& touches, const Pose& object) noexcept
 }
 
 void GraspController::release() noexcept {
-  state_->is_path_planned = false;
-  state_->enter(GraspPhase::kRelease);
+  checked(state_)->is_path_planned = false;
+  checked(state_)->enter(GraspPhase::kRelease);
 }
 
-const GraspState& GraspController::state() const noexcept { return state_->state; }
+const GraspState& GraspController::state() const noexcept { return checked(state_)->state; }
 
 const JointValues& GraspController::update(Seconds elapsed, const JointState& joints,
                                            const Motion& object, const Motion& desired) noexcept {
-  State& s = *state_;
+  State& s = *checked(state_);
   s.time += elapsed;
   s.sense(joints, object.pose);
   s.state.wanted = {};

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
 #include "trifinger/model/kinematics.hpp"
@@ -293,7 +294,7 @@ GraspPlanner& GraspPlanner::operator=(GraspPlanner&&) noexcept = default;
 GraspPlanner::~GraspPlanner() = default;
 
 std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way) {
-  State& s = *state_;
+  State& s = *checked(state_);
   if (way.empty()) return std::nullopt;
   const auto faces = side_faces(way.front().pose.orientation, s.object.size);
   std::vector<double> offsets;

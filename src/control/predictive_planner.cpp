@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/fork.hpp"
@@ -682,36 +683,46 @@ PredictivePlanner::PredictivePlanner(PredictivePlanner&&) noexcept = default;
 PredictivePlanner& PredictivePlanner::operator=(PredictivePlanner&&) noexcept = default;
 
 const Plan& PredictivePlanner::plan(const PlanningState& start) {
-  return implementation_->plan(start);
+  return checked(implementation_)->plan(start);
 }
-const Plan& PredictivePlanner::newest() const noexcept { return implementation_->newest(); }
-void PredictivePlanner::restart() noexcept { implementation_->restart(); }
+const Plan& PredictivePlanner::newest() const noexcept {
+  return checked(implementation_)->newest();
+}
+void PredictivePlanner::restart() noexcept { checked(implementation_)->restart(); }
 void PredictivePlanner::begin_with(const KnotSpline& commands) {
-  implementation_->begin_with(commands);
+  checked(implementation_)->begin_with(commands);
 }
 double PredictivePlanner::simulate(const PlanningState& start, const KnotSpline& commands,
                                    Seconds duration, PlanningState& end) {
-  return implementation_->simulate(start, commands, duration, end);
+  return checked(implementation_)->simulate(start, commands, duration, end);
 }
-void PredictivePlanner::set_task(PlanningTask task) { implementation_->set_task(std::move(task)); }
+void PredictivePlanner::set_task(PlanningTask task) {
+  checked(implementation_)->set_task(std::move(task));
+}
 void PredictivePlanner::set_terms(std::span<const CostTerm> terms) {
-  implementation_->set_terms(terms);
+  checked(implementation_)->set_terms(terms);
 }
-const PlanningModel& PredictivePlanner::model() const noexcept { return implementation_->model(); }
-const PlanningTask& PredictivePlanner::task() const noexcept { return implementation_->task(); }
+const PlanningModel& PredictivePlanner::model() const noexcept {
+  return checked(implementation_)->model();
+}
+const PlanningTask& PredictivePlanner::task() const noexcept {
+  return checked(implementation_)->task();
+}
 const PlannerOptions& PredictivePlanner::options() const noexcept {
-  return implementation_->options();
+  return checked(implementation_)->options();
 }
-int PredictivePlanner::num_threads() const noexcept { return implementation_->num_threads(); }
-int PredictivePlanner::num_steps() const noexcept { return implementation_->num_steps(); }
+int PredictivePlanner::num_threads() const noexcept {
+  return checked(implementation_)->num_threads();
+}
+int PredictivePlanner::num_steps() const noexcept { return checked(implementation_)->num_steps(); }
 std::span<const double> PredictivePlanner::costs() const noexcept {
-  return implementation_->samples();
+  return checked(implementation_)->samples();
 }
 std::span<const double> PredictivePlanner::weights() const noexcept {
-  return implementation_->weights();
+  return checked(implementation_)->weights();
 }
 std::span<const double> PredictivePlanner::knots_of(int rollout) const noexcept {
-  return implementation_->knots_of(rollout);
+  return checked(implementation_)->knots_of(rollout);
 }
 
 }  // namespace trifinger::control

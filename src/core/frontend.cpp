@@ -155,7 +155,8 @@ UntypedFrontend::UntypedFrontend(const SessionHost& host, FrontendOptions option
           options.strict)) {}
 
 UntypedFrontend::UntypedFrontend(const Session& session)
-    : state_(std::make_unique<FrontendState>(Part{checked(session.mapping())})) {}
+    : state_(std::make_unique<FrontendState>(
+          Part{(static_cast<void>(checked(session.mapping())), session.mapping())})) {}
 
 UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options,
                                  std::shared_ptr<void> owner)

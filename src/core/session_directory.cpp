@@ -88,13 +88,12 @@ std::string refusal_text(const std::string& doing, const std::filesystem::path& 
 std::optional<gid_t> shared_group() {
   struct group entry{};
   struct group* found = nullptr;
-  std::array<char, 65536> text{};
+  std::vector<char> text(65536);  // the names of all its members
   ::getgrnam_r("trifinger", &entry, text.data(), text.size(), &found);
   if (found == nullptr) return std::nullopt;
-  std::array<gid_t, 65536> groups{};  // the most that Linux knows
-  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
-  const auto end = groups.begin() + std::max(count, 0);
-  if (std::find(groups.begin(), end, found->gr_gid) == end) return std::nullopt;
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  static_cast<void>(::getgroups(static_cast<int>(groups.size()), groups.data()));
+  if (std::ranges::find(groups, found->gr_gid) == groups.end()) return std::nullopt;
   return found->gr_gid;
 }
 

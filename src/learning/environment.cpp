@@ -10,6 +10,7 @@
 
 #include "make_task.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/text_of.hpp"
 
 namespace trifinger::learning {
@@ -406,52 +407,64 @@ Environment::Environment(Environment&&) noexcept = default;
 Environment& Environment::operator=(Environment&&) noexcept = default;
 Environment::~Environment() = default;
 
-const EnvironmentOptions& Environment::options() const noexcept { return implementation_->options; }
-std::size_t Environment::num_joints() const noexcept { return implementation_->num_joints; }
-std::size_t Environment::num_fingers() const noexcept { return implementation_->num_points; }
-std::size_t Environment::num_parts() const noexcept { return implementation_->num_parts; }
+const EnvironmentOptions& Environment::options() const noexcept {
+  return checked(implementation_)->options;
+}
+std::size_t Environment::num_joints() const noexcept {
+  return checked(implementation_)->num_joints;
+}
+std::size_t Environment::num_fingers() const noexcept {
+  return checked(implementation_)->num_points;
+}
+std::size_t Environment::num_parts() const noexcept { return checked(implementation_)->num_parts; }
 bool Environment::has_goals_of_fingers() const noexcept {
-  return implementation_->task->has_goals_of_fingers();
+  return checked(implementation_)->task->has_goals_of_fingers();
 }
 const std::vector<std::string>& Environment::scores() const noexcept {
-  return implementation_->scores;
+  return checked(implementation_)->scores;
 }
 std::int64_t Environment::episode_actions() const noexcept {
-  return implementation_->episode_actions;
+  return checked(implementation_)->episode_actions;
 }
 std::string_view Environment::object_name() const noexcept {
-  return implementation_->task->object_name();
+  return checked(implementation_)->task->object_name();
 }
 bool Environment::judges_by_truth() const noexcept {
-  return !implementation_->task->object_name().empty() && options().needs_cameras();
+  return !checked(implementation_)->task->object_name().empty() && options().needs_cameras();
 }
-const std::vector<Entry>& Environment::entries() const noexcept { return implementation_->entries; }
-std::size_t Environment::observation_size() const noexcept { return implementation_->flat.size(); }
-std::size_t Environment::goal_size() const noexcept { return implementation_->goal.low.size(); }
-const Entry& Environment::goal() const noexcept { return implementation_->goal; }
+const std::vector<Entry>& Environment::entries() const noexcept {
+  return checked(implementation_)->entries;
+}
+std::size_t Environment::observation_size() const noexcept {
+  return checked(implementation_)->flat.size();
+}
+std::size_t Environment::goal_size() const noexcept {
+  return checked(implementation_)->goal.low.size();
+}
+const Entry& Environment::goal() const noexcept { return checked(implementation_)->goal; }
 std::span<const double> Environment::position_low() const noexcept {
-  return implementation_->workspace.low;
+  return checked(implementation_)->workspace.low;
 }
 std::span<const double> Environment::position_high() const noexcept {
-  return implementation_->workspace.high;
+  return checked(implementation_)->workspace.high;
 }
 
 std::vector<std::string> Environment::flat_names() const {
   std::vector<std::string> names;
-  for (const Entry& entry : implementation_->entries) {
+  for (const Entry& entry : checked(implementation_)->entries) {
     for (std::size_t i = 0; i < entry.low.size(); ++i) {
       names.push_back(text_of(entry.name, "[", i, "]"));
     }
   }
   std::vector<std::string> ordered;
-  ordered.reserve(implementation_->flat.size());
-  for (const std::size_t i : implementation_->flat) ordered.push_back(names[i]);
+  ordered.reserve(checked(implementation_)->flat.size());
+  for (const std::size_t i : checked(implementation_)->flat) ordered.push_back(names[i]);
   return ordered;
 }
 
 Start Environment::begin(std::uint64_t seed, std::uint64_t number,
                          Episode& episode) const noexcept {
-  const Implementation& self = *implementation_;
+  const Implementation& self = *checked(implementation_);
   const std::uint64_t stream = kStreams * number;
   episode = {};
   episode.random = {.seed = seed, .episode = stream};
@@ -481,21 +494,21 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
 }
 
 std::int64_t Environment::way_actions() const noexcept {
-  return std::max(kWayActions, std::llround(kWayTime / implementation_->action_time));
+  return std::max(kWayActions, std::llround(kWayTime / checked(implementation_)->action_time));
 }
 
 void Environment::way_point(std::span<const double> from, const Start& start, std::int64_t index,
                             std::span<double> position) const noexcept {
   const double time = static_cast<double>(index + 1) / static_cast<double>(way_actions());
   const double share = time * time * time * (10 - 15 * time + 6 * time * time);
-  for (std::size_t i = 0; i < implementation_->num_joints; ++i) {
+  for (std::size_t i = 0; i < checked(implementation_)->num_joints; ++i) {
     position[i] = from[i] + share * (start.position[i] - from[i]);
   }
 }
 
 bool Environment::take_action(std::span<const float> numbers, Episode& episode,
                               std::span<double> torque, std::span<double> position) const noexcept {
-  const Implementation& self = *implementation_;
+  const Implementation& self = *checked(implementation_);
   for (const float number : numbers) {
     if (!std::isfinite(number)) return false;
   }
@@ -527,7 +540,7 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
 Outcome Environment::observe(const Measurement& measurement, Episode& episode,
                              std::span<float> observation, std::span<double> achieved,
                              std::span<double> desired) const noexcept {
-  const Implementation& self = *implementation_;
+  const Implementation& self = *checked(implementation_);
   const EnvironmentOptions& options = self.options;
   const std::size_t n = self.num_joints;
   const auto goal_size = self.goal.low.size();
@@ -601,7 +614,7 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
 
 double Environment::reward(std::span<const double> achieved,
                            std::span<const double> desired) const noexcept {
-  return implementation_->task->reward(achieved, desired);
+  return checked(implementation_)->task->reward(achieved, desired);
 }
 
 }  // namespace trifinger::learning

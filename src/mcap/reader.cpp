@@ -10,6 +10,7 @@
 #include "file_walk.hpp"
 #include "summary.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 
 namespace trifinger::mcap {
 namespace {
@@ -212,10 +213,10 @@ Reader::Reader(Reader&&) noexcept = default;
 Reader& Reader::operator=(Reader&&) noexcept = default;
 Reader::~Reader() = default;
 
-const Contents& Reader::contents() const noexcept { return implementation_->contents(); }
+const Contents& Reader::contents() const noexcept { return checked(implementation_)->contents(); }
 
 std::optional<std::span<const Message>> Reader::read_chunk(std::size_t index) {
-  return implementation_->read_chunk(index);
+  return checked(implementation_)->read_chunk(index);
 }
 
 }  // namespace trifinger::mcap

@@ -13,6 +13,7 @@
 #include "encoding.hpp"
 #include "summary_encoding.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::mcap {
@@ -356,27 +357,29 @@ Writer::~Writer() = default;
 
 std::uint16_t Writer::add_schema(std::string_view name, std::string_view encoding,
                                  std::string_view data) {
-  return implementation_->add_schema(name, encoding, data);
+  return checked(implementation_)->add_schema(name, encoding, data);
 }
 
 std::uint16_t Writer::add_channel(const Channel& channel) {
-  return implementation_->add_channel(channel);
+  return checked(implementation_)->add_channel(channel);
 }
 
-void Writer::write(const Message& message) { implementation_->write(message); }
+void Writer::write(const Message& message) { checked(implementation_)->write(message); }
 
-void Writer::flush() { implementation_->flush(); }
+void Writer::flush() { checked(implementation_)->flush(); }
 
-void Writer::write(const Metadata& metadata) { implementation_->write(metadata); }
+void Writer::write(const Metadata& metadata) { checked(implementation_)->write(metadata); }
 
-void Writer::write(const Attachment& attachment) { implementation_->write(attachment); }
+void Writer::write(const Attachment& attachment) { checked(implementation_)->write(attachment); }
 
-void Writer::finish() { implementation_->finish(); }
+void Writer::finish() { checked(implementation_)->finish(); }
 
 void Writer::set_compression(Compression compression) {
-  implementation_->set_compression(compression);
+  checked(implementation_)->set_compression(compression);
 }
 
-std::size_t Writer::open_chunk_size() const noexcept { return implementation_->open_chunk_size(); }
+std::size_t Writer::open_chunk_size() const noexcept {
+  return checked(implementation_)->open_chunk_size();
+}
 
 }  // namespace trifinger::mcap

@@ -10,6 +10,7 @@
 
 #include "blueprint.hpp"
 #include "spec.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/model/robot_model.hpp"
 
 namespace trifinger {
@@ -145,29 +146,32 @@ struct Kinematics::State {
 
 Kinematics::Kinematics(RobotDescription description)
     : state_(std::make_unique<State>(std::move(description))) {
-  update(Eigen::Map<const Eigen::VectorXd>(state_->model.initial_position().data(), num_joints()));
+  update(Eigen::Map<const Eigen::VectorXd>(checked(state_)->model.initial_position().data(),
+                                           num_joints()));
 }
 
 Kinematics::Kinematics(Kinematics&&) noexcept = default;
 Kinematics& Kinematics::operator=(Kinematics&&) noexcept = default;
 Kinematics::~Kinematics() = default;
 
-const RobotDescription& Kinematics::description() const noexcept { return state_->description; }
-int Kinematics::num_fingers() const noexcept { return state_->model.num_fingers(); }
-int Kinematics::num_joints() const noexcept { return state_->model.num_joints(); }
+const RobotDescription& Kinematics::description() const noexcept {
+  return checked(state_)->description;
+}
+int Kinematics::num_fingers() const noexcept { return checked(state_)->model.num_fingers(); }
+int Kinematics::num_joints() const noexcept { return checked(state_)->model.num_joints(); }
 
 void Kinematics::update(const JointValues& position) noexcept {
   assert(position.size() == num_joints());
-  const mjModel* model = state_->model.mujoco();
-  mjData* data = state_->data.get();
+  const mjModel* model = checked(state_)->model.mujoco();
+  mjData* data = checked(state_)->data.get();
   Eigen::Map<Eigen::VectorXd>(data->qpos, num_joints()) = position;
   mj_kinematics(model, data);
   mj_comPos(model, data);
 }
 
 Eigen::Vector3d Kinematics::tip_position(int finger) const noexcept {
-  const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
-  return Eigen::Map<const Eigen::Vector3d>(state_->data->site_xpos + 3 * site);
+  const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
+  return Eigen::Map<const Eigen::Vector3d>(checked(state_)->data->site_xpos + 3 * site);
 }
 
 TipPositions Kinematics::tip_positions() const noexcept {
@@ -181,7 +185,7 @@ TipPositions Kinematics::tip_positions(const JointValues& position) const noexce
   assert(position.size() == num_joints());
   TipPositions tips(3 * num_fingers());
   for (int finger = 0; finger < num_fingers(); ++finger) {
-    const Chain& chain = state_->chains[static_cast<std::size_t>(finger)];
+    const Chain& chain = checked(state_)->chains[static_cast<std::size_t>(finger)];
     Eigen::Vector3d tip = chain.tip;
     for (int joint = kJointsPerFinger - 1; joint >= 0; --joint) {
       const auto j = static_cast<std::size_t>(joint);
@@ -195,24 +199,26 @@ TipPositions Kinematics::tip_positions(const JointValues& position) const noexce
 
 double Kinematics::finger_azimuth(int finger) const noexcept {
   const Eigen::Isometry3d world_from_finger =
-      state_->finger_from_world[static_cast<std::size_t>(finger)].inverse();
+      checked(state_)->finger_from_world[static_cast<std::size_t>(finger)].inverse();
   const Eigen::Vector3d forward = world_from_finger.linear().col(1);
   return std::atan2(forward.y(), forward.x());
 }
 
 TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
-  const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+  const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
   // MuJoCo writes row-major.
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
-  mj_jacSite(state_->model.mujoco(), state_->data.get(), rows.data(), nullptr, site);
+  mj_jacSite(checked(state_)->model.mujoco(), checked(state_)->data.get(), rows.data(), nullptr,
+             site);
   return rows;
 }
 
 TipJacobian Kinematics::tip_rotation_jacobian(int finger) const noexcept {
-  const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+  const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
   // MuJoCo writes row-major.
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
-  mj_jacSite(state_->model.mujoco(), state_->data.get(), nullptr, rows.data(), site);
+  mj_jacSite(checked(state_)->model.mujoco(), checked(state_)->data.get(), nullptr, rows.data(),
+             site);
   return rows;
 }
 
@@ -225,13 +231,13 @@ JointMatrix Kinematics::tip_jacobians() const noexcept {
 
 TipPositions Kinematics::tip_accelerations(const JointValues& velocity) const noexcept {
   assert(velocity.size() == num_joints());
-  const mjModel* model = state_->model.mujoco();
-  mjData* data = state_->data.get();
+  const mjModel* model = checked(state_)->model.mujoco();
+  mjData* data = checked(state_)->data.get();
   Eigen::Map<Eigen::VectorXd>(data->qvel, num_joints()) = velocity;
   mj_comVel(model, data);
   TipPositions accelerations(3 * num_fingers());
   for (int finger = 0; finger < num_fingers(); ++finger) {
-    const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+    const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
     Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
     mj_jacDot(model, data, rows.data(), nullptr, data->site_xpos + 3 * site,
               model->site_bodyid[site]);
@@ -246,8 +252,8 @@ JointValues Kinematics::gravity_torques() const noexcept {
 
 JointValues Kinematics::bias_torques(const JointValues& velocity) const noexcept {
   assert(velocity.size() == num_joints());
-  const mjModel* model = state_->model.mujoco();
-  mjData* data = state_->data.get();
+  const mjModel* model = checked(state_)->model.mujoco();
+  mjData* data = checked(state_)->data.get();
   Eigen::Map<Eigen::VectorXd>(data->qvel, num_joints()) = velocity;
   mj_comVel(model, data);
   JointValues torques(num_joints());
@@ -256,22 +262,23 @@ JointValues Kinematics::bias_torques(const JointValues& velocity) const noexcept
 }
 
 JointMatrix Kinematics::mass_matrix() const noexcept {
-  mj_crb(state_->model.mujoco(), state_->data.get());
+  mj_crb(checked(state_)->model.mujoco(), checked(state_)->data.get());
   JointMatrix mass(num_joints(), num_joints());
-  mj_fullM(state_->model.mujoco(), state_->data.get(), mass.data());
+  mj_fullM(checked(state_)->model.mujoco(), checked(state_)->data.get(), mass.data());
   return mass;
 }
 
 FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip) const noexcept {
-  return inverse_kinematics(finger, tip, state_->initial);
+  return inverse_kinematics(finger, tip, checked(state_)->initial);
 }
 
 FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip,
                                           const Eigen::Vector3d& near) const noexcept {
-  if (!tip.allFinite() || !near.allFinite()) return {state_->initial, Reach::kTooFar};
+  if (!tip.allFinite() || !near.allFinite()) return {checked(state_)->initial, Reach::kTooFar};
 
-  const ClosedForm& form = state_->form;
-  const Eigen::Vector3d local = state_->finger_from_world[static_cast<std::size_t>(finger)] * tip;
+  const ClosedForm& form = checked(state_)->form;
+  const Eigen::Vector3d local =
+      checked(state_)->finger_from_world[static_cast<std::size_t>(finger)] * tip;
   const double forward = local.y() - form.forward;
 
   Reach reach = Reach::kYes;
@@ -299,9 +306,11 @@ FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip
       pose[2] = knee * std::acos(cosine);
       pose[1] = form.joint1_sign * (std::atan2(forward, -height) - pose[2] / 2);
       for (int j = 0; j < kJointsPerFinger; ++j) {
-        pose[j] = equivalent_angle(pose[j], near[j], state_->lower[j], state_->upper[j]);
+        pose[j] = equivalent_angle(pose[j], near[j], checked(state_)->lower[j],
+                                   checked(state_)->upper[j]);
       }
-      const Eigen::Vector3d inside = pose.cwiseMax(state_->lower).cwiseMin(state_->upper);
+      const Eigen::Vector3d inside =
+          pose.cwiseMax(checked(state_)->lower).cwiseMin(checked(state_)->upper);
       const double excess = (pose - inside).cwiseAbs().maxCoeff();
       const double distance = (pose - near).norm();
       const bool better =

@@ -13,6 +13,7 @@
 #include "scene.hpp"
 #include "sensor.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/rendering/context.hpp"
@@ -256,20 +257,20 @@ CameraRenderer& CameraRenderer::operator=(CameraRenderer&&) noexcept = default;
 CameraRenderer::~CameraRenderer() = default;
 
 const std::vector<camera::Camera>& CameraRenderer::cameras() const noexcept {
-  return implementation_->cameras();
+  return checked(implementation_)->cameras();
 }
 const std::vector<camera::Camera>& CameraRenderer::true_cameras() const noexcept {
-  return implementation_->true_cameras();
+  return checked(implementation_)->true_cameras();
 }
 const RenderingOptions& CameraRenderer::options() const noexcept {
-  return implementation_->options();
+  return checked(implementation_)->options();
 }
 void CameraRenderer::set_options(const RenderingOptions& options) {
-  implementation_->set_options(options);
+  checked(implementation_)->set_options(options);
 }
 void CameraRenderer::render(std::span<const double> configuration, std::uint64_t number,
                             std::span<const std::span<std::byte>> images) {
-  implementation_->render(configuration, number, images);
+  checked(implementation_)->render(configuration, number, images);
 }
 
 }  // namespace trifinger::rendering

@@ -12,6 +12,7 @@
 #include "light.hpp"
 #include "search.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "view.hpp"
 
@@ -310,12 +311,14 @@ Tracker::Tracker(Tracker&&) noexcept = default;
 Tracker& Tracker::operator=(Tracker&&) noexcept = default;
 Tracker::~Tracker() = default;
 
-const std::vector<camera::Camera>& Tracker::cameras() const noexcept { return parts_->cameras; }
-const TrackedObject& Tracker::object() const noexcept { return parts_->object; }
+const std::vector<camera::Camera>& Tracker::cameras() const noexcept {
+  return checked(parts_)->cameras;
+}
+const TrackedObject& Tracker::object() const noexcept { return checked(parts_)->object; }
 
 Estimate Tracker::track(std::span<const std::span<const std::byte>> images,
                         const Eigen::Isometry3d* guess) {
-  Parts& parts = *parts_;
+  Parts& parts = *checked(parts_);
   if (images.size() != parts.cameras.size()) {
     throw InvalidArgument(text_of(images.size(), " images for ", parts.cameras.size(),
                                   " cameras; give one for each, empty if it is missing"));

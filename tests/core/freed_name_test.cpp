@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <cstdio>
@@ -222,8 +223,8 @@ TEST_F(FreedName, fault_80_HasOneOwnerAtATimeHoweverManyComeAndGo) {
     return 0;
   };
   {
-    std::vector<std::unique_ptr<ChildProcess>> children;
-    for (int i = 0; i < 3; ++i) children.push_back(std::make_unique<ChildProcess>(compete));
+    std::array<std::unique_ptr<ChildProcess>, 3> children;
+    for (auto& child : children) child = std::make_unique<ChildProcess>(compete);
     for (const auto& child : children) EXPECT_EQ(child->wait(), 0);
   }
   EXPECT_FALSE(has_two->load());

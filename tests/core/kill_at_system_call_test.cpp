@@ -96,7 +96,7 @@ std::function<void()> take_name() {
 
 std::function<void()> give_name_back() {
   auto host = std::make_shared<std::optional<SessionHost>>(SessionHost::named("robot"));
-  return [host] { host->reset(); };
+  return [host] { *host = std::nullopt; };
 }
 
 using Work = std::function<std::function<void()>()>;

@@ -8,10 +8,12 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <random>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "log/recordings.hpp"
@@ -140,6 +142,24 @@ TEST(Log, ReadsAnyRangeWithoutReadingAllTheRest) {
       ASSERT_EQ(found.indices.front(), first);
     }
   }
+}
+
+TEST(Log, fault_82_HasNothingAtTheEndsOfTheIndices) {
+  const Folder folder;
+  test::write_log(folder / "a.mcap", {random_session(3, 50)});
+  const Log log(folder / "a.mcap");
+  const LoggedRobot<OddRobot> robot(log.sessions().front());
+  constexpr TimeIndex kLargest = std::numeric_limits<TimeIndex>::max();
+  std::vector<OddObservation> two(2);
+  for (const TimeIndex t : {std::numeric_limits<TimeIndex>::min(), TimeIndex{-1}, kLargest - 2,
+                            kLargest - 1, kLargest}) {
+    EXPECT_THROW(static_cast<void>(robot.get_observation(t)), NotInLog) << t;
+    EXPECT_THROW(robot.get_observations(t, two), NotInLog) << t;
+  }
+  SeriesReader moved = robot.session().read({{.series = Series::kStatus, .fields = {}}}, 0, 5);
+  const SeriesReader reader(std::move(moved));
+  // NOLINTNEXTLINE(bugprone-use-after-move): this is what the test is about
+  EXPECT_THROW(static_cast<void>(moved.read(1, {})), InvalidArgument);
 }
 
 TEST(Log, ReadsSomeFieldsOnly) {

@@ -8,11 +8,13 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "chunk_loader.hpp"
 #include "mcap/files.hpp"
 #include "support/allocation_counter.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::mcap::test {
@@ -34,6 +36,15 @@ TEST(Writer, GivesTheSameIdForTheSameChannel) {
   const std::uint16_t id = writer.add_channel(channel);
   EXPECT_EQ(writer.add_channel(channel), id);
   EXPECT_NE(writer.add_channel({.topic = "/a", .message_encoding = "cdr"}), id);
+}
+
+TEST(Writer, fault_82_ThatWasMovedFromSaysSo) {
+  MemorySink sink;
+  Writer moved(sink, {});
+  Writer writer(std::move(moved));
+  // NOLINTNEXTLINE(bugprone-use-after-move): this is what the test is about
+  EXPECT_THROW(moved.flush(), InvalidArgument);
+  writer.finish();
 }
 
 TEST(Writer, RefusesWhatMakesNoSense) {

@@ -13,6 +13,7 @@
 #include <random>
 #include <span>
 #include <thread>
+#include <utility>
 
 #include "check_values.hpp"
 #include "scenes.hpp"
@@ -73,6 +74,13 @@ class RandomPoses {
   const VariantFigures& figures_;
   std::mt19937_64 generator_{1};
 };
+
+TEST(KinematicsDeathTest, fault_82_ThatWasMovedFromEndsTheProgramWithASentence) {
+  Kinematics moved{RobotDescription{}};
+  const Kinematics kinematics(std::move(moved));
+  // NOLINTNEXTLINE(bugprone-use-after-move): this is what the test is about
+  EXPECT_DEATH(static_cast<void>(moved.tip_positions()), "use the object that it was moved to");
+}
 
 TEST(TipPositions, AreThoseOfThePublishedDescriptionsForThreeFingers) {
   for (const Checks& checks : kChecks) {

@@ -5,16 +5,16 @@
 
 namespace trifinger {
 
-/// Returns `pointer`, through which an object that can be moved reaches what it owns.
+/// What `pointer` owns, through which an object that can be moved reaches its implementation.
 /// @throws InvalidArgument if the object was moved from. In a function that cannot throw, this ends
 /// the program with that sentence.
 template <class Pointer>
-[[nodiscard]] const Pointer& checked(const Pointer& pointer) {
+[[nodiscard]] auto* checked(const Pointer& pointer) {
   if (pointer == nullptr) {
     throw InvalidArgument(
         "an object was used after it had been moved: use the object that it was moved to");
   }
-  return pointer;
+  return pointer.get();
 }
 
 }  // namespace trifinger

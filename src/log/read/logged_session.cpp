@@ -158,6 +158,11 @@ void LoggedSession::get(Series series, TimeIndex first, std::size_t count, void*
 
 void LoggedSession::get(const Column& column, TimeIndex first, std::size_t count,
                         void* elements) const {
+  constexpr TimeIndex kLargest = std::numeric_limits<TimeIndex>::max();
+  if (first > kLargest - static_cast<TimeIndex>(count)) {
+    const Lock lock(log_->mutex);
+    throw_not_in_log(*log_, *stream_, column.series, first, kLargest);
+  }
   const TimeIndex last = first + static_cast<TimeIndex>(count);
   SeriesReader reader = read({column}, first, last);
   std::size_t done = first < 0 ? 0 : reader.read(count, {.columns = {&elements, 1}});

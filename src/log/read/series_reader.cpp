@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::log {
@@ -194,11 +195,11 @@ SeriesReader& SeriesReader::operator=(SeriesReader&&) noexcept = default;
 SeriesReader::~SeriesReader() = default;
 
 const ElementDescription& SeriesReader::element(std::size_t i) const {
-  return implementation_->element(i);
+  return checked(implementation_)->element(i);
 }
-std::size_t SeriesReader::max_rows() const noexcept { return implementation_->max_rows(); }
+std::size_t SeriesReader::max_rows() const noexcept { return checked(implementation_)->max_rows(); }
 std::size_t SeriesReader::read(std::size_t count, const Rows& rows) {
-  return implementation_->read(count, rows);
+  return checked(implementation_)->read(count, rows);
 }
 
 }  // namespace trifinger::log

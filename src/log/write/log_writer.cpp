@@ -19,6 +19,7 @@
 #include "format/session_messages.hpp"
 #include "format/text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::log {
@@ -441,47 +442,49 @@ LogWriter& LogWriter::operator=(LogWriter&&) noexcept = default;
 LogWriter::~LogWriter() = default;
 
 std::size_t LogWriter::begin_session(const SessionHeader& header) {
-  return implementation_->begin_session(header);
+  return checked(implementation_)->begin_session(header);
 }
 void LogWriter::write_steps(std::size_t session, const Steps& steps) {
-  implementation_->write_steps(session, steps);
+  checked(implementation_)->write_steps(session, steps);
 }
 void LogWriter::write_companion(std::size_t session, std::size_t companion, TimeIndex first,
                                 std::size_t count, const void* elements) {
-  implementation_->write_companion(session, companion, first, count, elements);
+  checked(implementation_)->write_companion(session, companion, first, count, elements);
 }
 void LogWriter::write_end(std::size_t session, TimeIndex time_index, const void* observation,
                           const Status& status) {
-  implementation_->write_end(session, time_index, observation, status);
+  checked(implementation_)->write_end(session, time_index, observation, status);
 }
 void LogWriter::end_session(std::size_t session, TimeIndex steps, const Fault& fault,
                             std::string_view fault_text) {
-  implementation_->end_session(session, steps, fault, fault_text);
+  checked(implementation_)->end_session(session, steps, fault, fault_text);
 }
 void LogWriter::write_gap(std::size_t session, TimeIndex first, TimeIndex last,
                           std::string_view reason) {
-  implementation_->write_gap(session, implementation_->at(session).header().name, first, last,
-                             reason);
+  checked(implementation_)
+      ->write_gap(session, checked(implementation_)->at(session).header().name, first, last,
+                  reason);
 }
 void LogWriter::write_companion_gap(std::size_t session, std::size_t companion, TimeIndex first,
                                     TimeIndex last, std::string_view reason) {
-  const SessionHeader& header = implementation_->at(session).header();
-  implementation_->write_gap(session, header.companions.at(companion).name, first, last, reason);
+  const SessionHeader& header = checked(implementation_)->at(session).header();
+  checked(implementation_)
+      ->write_gap(session, header.companions.at(companion).name, first, last, reason);
 }
 void LogWriter::write_image(std::size_t session, Image image) {
-  implementation_->write_image(session, std::move(image));
+  checked(implementation_)->write_image(session, std::move(image));
 }
 std::size_t LogWriter::waiting_images_size() const noexcept {
-  return implementation_->waiting_images_size();
+  return checked(implementation_)->waiting_images_size();
 }
 void LogWriter::write_event(Level level, std::string_view source, std::string_view text,
                             std::int64_t time) {
-  implementation_->write_event(level, source, text, time);
+  checked(implementation_)->write_event(level, source, text, time);
 }
-void LogWriter::flush() { implementation_->flush(); }
-void LogWriter::finish() { implementation_->finish(); }
+void LogWriter::flush() { checked(implementation_)->flush(); }
+void LogWriter::finish() { checked(implementation_)->finish(); }
 std::size_t LogWriter::open_chunk_size() const noexcept {
-  return implementation_->writer().open_chunk_size();
+  return checked(implementation_)->writer().open_chunk_size();
 }
 
 }  // namespace trifinger::log
