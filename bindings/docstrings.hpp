@@ -597,7 +597,7 @@ inline constexpr const char* files = R"(The files, in the order of the parts.)";
 inline constexpr const char* is_finished = R"(True if every file has the summary that is written at its end.)";
 inline constexpr const char* lost_bytes = R"(Number of bytes of the files that could not be used. Reads the whole log once.)";
 inline constexpr const char* origin = R"(The program and machine that wrote the log: "trifinger_version", "host", "kernel",
-"created".)";
+"created". "began" orders the recordings of a folder, even if the clock was set back.)";
 inline constexpr const char* session = R"(The newest session with steps of the robot or companion `name`. With an empty name, that of
 the only robot in the log.
 

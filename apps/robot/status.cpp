@@ -89,7 +89,7 @@ std::optional<int> realtime_priority(std::int64_t pid) {
 // Returns the log that the flight recorder has written for a session.
 std::optional<std::filesystem::path> fault_log(const SessionInfo& info) {
   try {
-    return log::find_fault_log(log_folder(), robot_of(info.name), info.created);
+    return log::find_fault_log(log_folder(), robot_of(info.name), info.robot_session_id);
   } catch (const Error&) {
     return std::nullopt;  // There is no folder for logs here.
   }

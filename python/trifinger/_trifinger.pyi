@@ -4093,7 +4093,7 @@ class Log:
     def origin(self) -> dict[str, str]:
         """
         The program and machine that wrote the log: "trifinger_version", "host", "kernel",
-        "created".
+        "created". "began" orders the recordings of a folder, even if the clock was set back.
         """
 
     @property

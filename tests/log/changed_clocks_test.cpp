@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/session_folder.hpp"
@@ -65,6 +68,51 @@ TEST_F(RecorderOfChangedClocks, fault_55_TellsTheNewOffsetAndKeepsTheTimeOfTheSt
     EXPECT_GT(times[i], times[i - 1]);
     EXPECT_LT(times[i] - times[i - 1], Nanoseconds(std::chrono::minutes(30)).count());
   }
+}
+
+// Takes steps in a session, until they are recorded, and ends it. Returns its number.
+std::uint64_t take_steps(Frontend<FakeRobot> robot, RecorderUnderTest& recorder, TimeIndex count) {
+  for (TimeIndex i = 0; i < count; ++i)
+    static_cast<void>(robot.get_status(robot.append_desired_action({.setpoint = 1.0})));
+  recorder.wait_for_step(count);
+  robot.finish();
+  return robot.session().info().session_id;
+}
+
+TEST_F(RecorderOfChangedClocks, ANewerRecordingIsTheNewestAfterTheClockWasSetBack) {
+  std::vector<std::filesystem::path> files;
+  for (const int hours : {2, 0, 1}) {
+    clocks_.set_wall_ahead(std::chrono::hours(hours));
+    const NamedRobot backend("robot", {});
+    RecorderUnderTest recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+    const std::uint64_t id = take_steps(connect<FakeRobot>("robot"), recorder, 10);
+    recorder.stop();
+    const log::Log newest(logs_.path());
+    EXPECT_EQ(newest.session().header().session_id, id);
+    files.push_back(newest.files().front());
+  }
+  // People sort files by their names.
+  EXPECT_TRUE(std::ranges::is_sorted(files));
+}
+
+TEST_F(RecorderOfChangedClocks, ANewerSessionIsTheNewestAfterTheClockWasSetBack) {
+  const NamedRobot backend("robot", {});
+  RecorderUnderTest recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+  std::uint64_t last = 0;
+  TimeIndex count = 0;
+  for (const int hours : {2, 0, 1}) {
+    auto robot = connect<FakeRobot>("robot");
+    // The next session begins when this one has ended.
+    clocks_.set_wall_ahead(std::chrono::hours(hours));
+    // The recorder's position is that of this session, since it is longer than the one before.
+    last = take_steps(std::move(robot), recorder, count += 10);
+  }
+  recorder.stop();
+  const log::Log log(logs_.path());
+  const std::vector<log::LoggedSession> sessions = log.sessions();
+  EXPECT_FALSE(std::ranges::is_sorted(
+      sessions, {}, [](const log::LoggedSession& session) { return session.header().created; }));
+  EXPECT_EQ(log.session().header().session_id, last);
 }
 
 }  // namespace

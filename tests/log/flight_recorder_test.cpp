@@ -223,6 +223,21 @@ TEST_F(FlightRecorderTest, RemovesTheOldestOfItsOwnAndNothingElse) {
   EXPECT_THAT(files_in(folder_.path()), SizeIs(3 + foreign.size()));
 }
 
+TEST_F(FlightRecorderTest, KeepsTheNewestAfterTheClockWasSetBack) {
+  const std::vector<std::string> earlier{"fake_2999-12-31_23-59-58_fault.mcap",
+                                         "fake_2999-12-31_23-59-59_fault.mcap",
+                                         "other_2999-12-31_23-59-59_fault.mcap",
+                                         // A name that nothing can follow.
+                                         "fake_9999-12-31_23-59-59_000.mcap"};
+  for (const std::string& name : earlier) std::ofstream(folder_ / name) << "x";
+  run_session(10);
+  const auto left = recorder_.write();
+  ASSERT_THAT(left, SizeIs(1));
+  EXPECT_EQ(left[0].file.filename(), "anonymous_3000-01-01_00-00-00_fault.mcap");
+  EXPECT_TRUE(std::filesystem::exists(left[0].file));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / earlier[0]));
+}
+
 TEST_F(FlightRecorderTest, SaysWhyItCouldNotWrite) {
   FlightRecorder nowhere({.folder = folder_ / "missing"});
   FakeDriver driver({.action_fault_after = 0});
@@ -240,13 +255,16 @@ TEST_F(FlightRecorderTest, SaysWhyItCouldNotWrite) {
 }
 
 TEST_F(FlightRecorderTest, IsFoundByTheSessionThatItBelongsTo) {
-  const auto before = std::chrono::system_clock::now();
-  EXPECT_FALSE(find_fault_log(folder_.path(), "anonymous", before));
+  EXPECT_FALSE(find_fault_log(folder_.path(), "anonymous", 1));
   run_session(10);
   const auto left = recorder_.write();
-  EXPECT_EQ(find_fault_log(folder_.path(), "anonymous", before), left.at(0).file);
-  EXPECT_FALSE(find_fault_log(folder_.path(), "other", before));
-  EXPECT_FALSE(find_fault_log(folder_.path(), "anonymous", before + std::chrono::seconds(3600)));
+  const std::uint64_t id = Log(left.at(0).file).session().header().session_id;
+  EXPECT_EQ(find_fault_log(folder_.path(), "anonymous", id), left.at(0).file);
+  EXPECT_FALSE(find_fault_log(folder_.path(), "other", id));
+  EXPECT_FALSE(find_fault_log(folder_.path(), "anonymous", id + 1));
+  run_session(20);
+  const auto second = recorder_.write();
+  EXPECT_FALSE(find_fault_log(folder_.path(), "anonymous", id));
 }
 
 // --- Rescue

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <mutex>
@@ -34,11 +35,10 @@ void write_last(const Session& robot, const std::vector<Session>& companions,
 std::filesystem::path rescue(const std::string& name, std::optional<std::filesystem::path> file,
                              Nanoseconds length);
 
-/// The log that was written at the end of the session of `name` that began at `created`. Nothing if
-/// there is none.
+/// The log that was written at the end of the session `session_id` of the robot `name`. Nothing if
+/// there is none, or if the robot has left a newer one.
 [[nodiscard]] std::optional<std::filesystem::path> find_fault_log(
-    const std::filesystem::path& folder, const std::string& name,
-    std::chrono::system_clock::time_point created);
+    const std::filesystem::path& folder, const std::string& name, std::uint64_t session_id);
 
 struct FlightRecorderOptions {
   std::filesystem::path folder{};  ///< Must exist; default: `log_folder()`.

@@ -196,6 +196,7 @@ class Log {
   /// True if every file has the summary that is written at its end.
   [[nodiscard]] bool is_finished() const noexcept;
   /// The program and machine that wrote the log: "trifinger_version", "host", "kernel", "created".
+  /// "began" orders the recordings of a folder, even if the clock was set back.
   [[nodiscard]] const std::map<std::string, std::string>& origin() const noexcept;
 
   /// The sessions of robots, in the order in which they began.

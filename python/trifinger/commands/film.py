@@ -27,9 +27,11 @@ def recordings(path: Path) -> Iterator[Log]:
         if file not in newest.files:
             others.setdefault(recording, []).append(file)
     logs = [Log(parts) for parts in others.values()]
-    # Log(folder) chooses the newest recording by the same order: by time, then by name.
+    # Log(folder) chooses the newest recording by the same order.
     yield from sorted(
-        logs, key=lambda log: (log.origin.get("created", ""), log.files[0]), reverse=True
+        logs,
+        key=lambda log: (log.origin["began"], log.origin.get("created", ""), log.files[0]),
+        reverse=True,
     )
 
 

@@ -52,6 +52,16 @@ inline constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";
   });
 }
 
+// Returns the date in the name of a log, such as "sim_2026-11-20_09-05-12_000.mcap"; empty if there
+// is none.
+[[nodiscard]] constexpr std::string_view date_in(std::string_view name) noexcept {
+  for (std::size_t i = name.size(); i-- > 1;) {
+    const std::string_view text = name.substr(i, kDatePattern.size());
+    if (name[i - 1] == '_' && is_date(text)) return text;
+  }
+  return {};
+}
+
 // Returns 64 random bits in hexadecimal. They tell one recording from all others.
 [[nodiscard]] inline std::string random_id() {
   std::random_device random;

@@ -2,6 +2,8 @@
 #include "trifinger/log/log.hpp"
 
 #include <algorithm>
+#include <cstdint>
+#include <map>
 #include <mutex>
 #include <set>
 #include <string_view>
@@ -59,8 +61,20 @@ std::vector<LoggedSession> Log::sessions() const {
   for (const SessionRecord& session : data_->sessions()) {
     sessions.emplace_back(data_, session.robot);
   }
-  std::ranges::stable_sort(sessions, {},
-                           [](const LoggedSession& session) { return session.header().created; });
+  // A robot's sessions follow each other in the log. Where the clock was set back between two, the
+  // later one counts as made when the earlier one was.
+  std::map<std::string_view, std::int64_t> latest;
+  std::map<std::uint64_t, std::int64_t> began;
+  for (const LoggedSession& session : sessions) {
+    const SessionHeader& header = session.header();
+    if (header.created == 0) continue;  // Its record is lost.
+    std::int64_t& time = latest.try_emplace(header.name, header.created).first->second;
+    time = std::max(time, header.created);
+    began[header.session_id] = time;
+  }
+  std::ranges::stable_sort(sessions, {}, [&](const LoggedSession& session) {
+    return began[session.header().session_id];
+  });
   return sessions;
 }
 

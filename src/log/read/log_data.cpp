@@ -29,6 +29,7 @@ LogData::LogData(const std::vector<std::filesystem::path>& parts, Several severa
     for (std::size_t index = 0; index < count; ++index)
       chunks_.push_back({.file = i, .index = index, .runs = {}});
   }
+  origin_["began"] = files_.front().began();
   bool is_certain = true;
   for (LogFile& file : files_) {
     const mcap::Contents& contents = file.reader.contents();

@@ -2,10 +2,11 @@
 #include "read/log_files.hpp"
 
 #include <algorithm>
-#include <utility>
+#include <tuple>
 
 #include "format/format.hpp"
 #include "format/records.hpp"
+#include "format/text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 
@@ -15,9 +16,9 @@ namespace {
 
 // Leaves only the files of the newest recording, and the damage of its parts.
 void leave_newest_recording(std::vector<LogFile>& files, std::vector<Damage>& damage) {
-  // If two recordings began in the same second, their names decide: the recorder's names have a
-  // date.
-  const auto age = [](const LogFile& file) { return std::pair(file.created(), file.path); };
+  const auto age = [](const LogFile& file) {
+    return std::tuple(file.began(), file.created(), file.path);
+  };
   const std::string newest = std::ranges::max_element(files, {}, age)->recording();
   std::erase_if(files, [&](const LogFile& file) { return file.recording() != newest; });
   // A file that is not a log counts as a part of this recording if its name fits.
@@ -66,6 +67,16 @@ std::int64_t LogFile::part() const {
 std::string LogFile::recording() const { return entry_of(origin, "recording"); }
 
 std::string LogFile::created() const { return entry_of(origin, "created"); }
+
+std::string LogFile::began() const {
+  const std::string name = path.filename().string();
+  if (const std::string_view date = date_in(name); !date.empty()) return std::string(date);
+  // Somebody has chosen the name. "2026-11-20T09:05:12Z" becomes a date as in names.
+  std::string date = created().substr(0, kDatePattern.size());
+  std::ranges::replace(date, 'T', '_');
+  std::ranges::replace(date, ':', '-');
+  return date;
+}
 
 std::vector<LogFile> open_parts(const std::vector<std::filesystem::path>& parts, Several several,
                                 std::vector<Damage>& damage) {

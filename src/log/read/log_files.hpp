@@ -23,6 +23,9 @@ struct LogFile {
   [[nodiscard]] std::int64_t part() const;
   [[nodiscard]] std::string recording() const;
   [[nodiscard]] std::string created() const;
+  /// Returns the date that orders recordings, as in the names of their files: it is later than
+  /// those of all recordings that began before in its folder, even if the clock was set back.
+  [[nodiscard]] std::string began() const;
 
   std::filesystem::path path;
   std::uint64_t size{0};

@@ -9,6 +9,7 @@
 
 #include "format/extra_series.hpp"
 #include "format/format.hpp"
+#include "format/records.hpp"
 #include "format/text.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
@@ -16,7 +17,9 @@
 #include "trifinger/core/log_folder.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/log/log_writer.hpp"
+#include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/sink.hpp"
+#include "write/next_date.hpp"
 
 namespace trifinger::log {
 
@@ -266,7 +269,7 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
 
 // Returns an unused path in `folder`.
 std::filesystem::path new_fault_log(const std::filesystem::path& folder, const std::string& robot) {
-  const std::string name = robot + "_" + date_text(std::chrono::system_clock::now()) + "_fault";
+  const std::string name = robot + "_" + next_date(folder) + "_fault";
   std::filesystem::path path = folder / (name + std::string(kLogSuffix));
   // A dangling link occupies its name, too.
   for (int i = 2; std::filesystem::exists(std::filesystem::symlink_status(path)); ++i) {
@@ -319,13 +322,22 @@ std::filesystem::path rescue(const std::string& name, std::optional<std::filesys
 
 std::optional<std::filesystem::path> find_fault_log(const std::filesystem::path& folder,
                                                     const std::string& name,
-                                                    std::chrono::system_clock::time_point created) {
-  std::optional<FaultLog> newest;
-  for (const FaultLog& log : fault_logs(folder)) {
-    if (log.robot == name) newest = log;
+                                                    std::uint64_t session_id) {
+  const std::vector<FaultLog> logs = fault_logs(folder);
+  const auto newest = std::ranges::find(logs.rbegin(), logs.rend(), name, &FaultLog::robot);
+  if (newest == logs.rend()) return std::nullopt;
+  try {
+    const mcap::Reader reader(newest->path);
+    for (const mcap::Metadata& record : reader.contents().metadata) {
+      if (record.name == kSessionRecord && entry_of(record.entries, "name") == name &&
+          number_of<std::uint64_t>(entry_of(record.entries, "session_id")) == session_id) {
+        return newest->path;
+      }
+    }
+  } catch (const Error&) {
+    // A file that cannot be read tells nothing of the session.
   }
-  if (!newest || newest->time < date_text(created)) return std::nullopt;
-  return newest->path;
+  return std::nullopt;
 }
 
 FlightRecorder::FlightRecorder(FlightRecorderOptions options) : options_(std::move(options)) {}

@@ -21,6 +21,7 @@
 #include "trifinger/base/text.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/records.hpp"
+#include "write/next_date.hpp"
 
 namespace trifinger::log::detail {
 namespace {
@@ -154,12 +155,7 @@ void RecordingFiles::find_unfinished(std::vector<File> files) {
     }
   }
   id_ = random_id();
-  auto begin = std::chrono::system_clock::now();
-  const auto is_taken = [this](const File& file) { return file.stem == stem_; };
-  do {
-    stem_ = name_ + "_" + date_text(begin);
-    begin += std::chrono::seconds(1);
-  } while (std::ranges::any_of(earlier_, is_taken));
+  stem_ = name_ + "_" + next_date(options_.folder);
 }
 
 void RecordingFiles::take_over(Unfinished unfinished) {
