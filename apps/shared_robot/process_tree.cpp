@@ -54,7 +54,7 @@ bool is_zombie(std::string_view stat) {
 pid_t live_thread_of(pid_t process) {
   pid_t found = process;
   for_each_thread(process, [&found](const std::filesystem::path& thread) {
-    const pid_t number = number_of<pid_t>(thread.filename().string());
+    const auto number = number_of<pid_t>(thread.filename().string());
     if (!is_zombie(proc_text(number, "stat"))) found = number;
   });
   return found;
@@ -194,7 +194,10 @@ bool end_descendants() {
         has_new = ::kill(process.pid, SIGSTOP) == 0 || has_new;
       }
     }
-    if (stopped.empty()) return true;
+    if (stopped.empty()) {
+      reap();  // those that have ended since
+      return true;
+    }
     for (const pid_t pid : stopped) ::kill(pid, SIGKILL);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }

@@ -78,7 +78,7 @@ constexpr auto kProgram = [] {
   };
   std::array<sock_filter, kBegin.size() + 2 * (kMissing.size() + kRefused.size()) + kEnd.size()>
       program{};
-  auto next = std::ranges::copy(kBegin, program.begin()).out;
+  auto* next = std::ranges::copy(kBegin, program.begin()).out;
   for (const std::uint32_t call : kMissing) {
     *next++ = unless_equal(call, 1);
     *next++ = refuse(ENOSYS);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests SocketCAN and control groups in a virtual machine with Debian's real-time kernel: tools/can_machine.py."""
+"""Tests SocketCAN and control groups in a virtual machine: tools/can_machine.py."""
 
 import can_machine
 
