@@ -43,8 +43,9 @@ void assign(const nb::object& action, const nb::object& name, const nb::object& 
   try {
     action[name] = value;
   } catch (const nb::python_error& error) {
+    // NumPy 1 only warns of an integer that does not fit; where warnings are errors, that is one.
     if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError) &&
-        !error.matches(PyExc_OverflowError)) {
+        !error.matches(PyExc_OverflowError) && !error.matches(PyExc_DeprecationWarning)) {
       throw;
     }
     const std::string wrong = wrong_shape(name, dtype, value);

@@ -6,7 +6,9 @@ from collections.abc import Callable, Sequence
 
 from .build import build, configure, uses
 from .counting import Count
+from .environments import lerobot, oldest
 from .lint import clang_tidy
+from .machine import NotRun
 from .setup import PYTHON, fetch_robots, setup
 from .steps import Step, StepFailed, Steps
 from .test import python_tests, run_fuzzers
@@ -23,6 +25,8 @@ def soak(parts: Sequence[str]) -> int:
         print(part)
         try:
             passed.append(PARTS[part]())
+        except NotRun as reason:
+            print(f"  not run: {reason}")
         except StepFailed:
             passed.append(False)
     return 0 if all(passed) else 1
@@ -113,12 +117,24 @@ def endurance_in_real_time() -> bool:
     return python_soak("endurance-real-time", "--minutes", "60")
 
 
+def lerobot_itself() -> bool:
+    """Records with images, replays, teleoperates and trains with LeRobot."""
+    return print_figures(lerobot())
+
+
+def lowest_versions() -> bool:
+    """Tests with exactly the lowest versions that our packages allow."""
+    return all([print_figures(step) for step in oldest()])  # noqa: C419, all of them
+
+
 PARTS: dict[str, Callable[[], bool]] = {
     "analyser": analyser,
     "kills": kills,
     "tests": tests,
     "fuzz": fuzz,
     "memory": memory,
+    "lerobot": lerobot_itself,
+    "oldest": lowest_versions,
     "endurance": endurance,
     "endurance-real-time": endurance_in_real_time,
 }

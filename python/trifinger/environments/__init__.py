@@ -13,12 +13,18 @@
 bit for bit. docs/environments.md has the tasks, spaces and options.
 """
 
-from trifinger.extras import sentence
+from trifinger.extras import how_to_install, sentence
 
 try:
-    import gymnasium as _  # noqa: F401  (only to say what is missing)
+    import gymnasium
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence("learning", "gymnasium"), name=error.name) from error
+if not hasattr(gymnasium.vector, "AutoresetMode"):  # `trifinger` itself works with older ones
+    raise ImportError(
+        f"these environments need Gymnasium 1.1 or newer, and gymnasium {gymnasium.__version__} is "
+        f"installed: {how_to_install('learning')}",
+        name="gymnasium",
+    )
 
 from trifinger.environments.options import Options as Options, policy_metadata as policy_metadata
 from trifinger.environments.registration import TASKS as TASKS, register as register

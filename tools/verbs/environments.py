@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parts of `./run soak` with packages of others, each in an environment of its own."""
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from make_release import VARIABLES, builder, pythons
+
+from .build import build, uses
+from .machine import NotRun
+from .setup import PYTHON
+from .steps import ROOT, Step, Steps
+
+STEPS = Steps("soak")
+LEROBOT_PYTHON = "3.12"  # the oldest that it runs with
+# Tests of bindings and of programs for the original, of which the most depends on versions.
+TESTS_WITH_OLDEST = (
+    *("test_described_structs.py", "test_elements.py", "test_errors.py", "test_frontend.py"),
+    *("test_grasping.py", "test_hand.py", "test_mappings.py", "test_motion.py"),
+    *("test_planning.py", "test_simulation.py", "compat/test_data_set_packages.py"),
+    *("compat/test_kinematics.py", "compat/test_logs.py", "compat/test_platform.py"),
+    *("compat/test_symbols.py", "compat/test_tasks_of_the_original.py"),
+)
+
+
+def project_of(folder: str = ".") -> dict[str, Any]:
+    """The content of a pyproject.toml."""
+    return tomllib.loads((ROOT / folder / "pyproject.toml").read_text())
+
+
+@contextmanager
+def environment(name: str, python: Path, packages: Sequence[str]) -> Iterator[Path]:
+    """An environment with these packages in build/, which is removed at the end.
+
+    Raises:
+        NotRun: if they cannot be had here
+    """
+    folder = ROOT / "build" / name
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        STEPS.run(f"an environment for {name}", [str(python), "-m", "venv", str(folder)])
+        install = [*pip(folder), "install", "--progress-bar=off", *packages]
+        done = subprocess.run(install, capture_output=True, text=True)
+        if done.returncode != 0:
+            raise NotRun(f"pip gives {name} nothing: {done.stderr.strip().rpartition(chr(10))[2]}")
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def pip(folder: Path) -> list[str]:
+    """The command pip of an environment."""
+    return [str(folder / "bin" / "python"), "-m", "pip", "--disable-pip-version-check"]
+
+
+def lerobot() -> Step:
+    """Records, replays, teleoperates and trains with LeRobot itself.
+
+    Raises:
+        NotRun: if this machine lacks something
+    """
+    python = pythons().get(LEROBOT_PYTHON)
+    if python is None:
+        raise NotRun(f"this machine has no Python {LEROBOT_PYTHON}, which LeRobot needs")
+    if shutil.disk_usage(ROOT).free < 12e9:
+        raise NotRun(f"{ROOT} has less than 12 GB of room, which LeRobot's PyTorch needs")
+    with environment("lerobot", python, project_of()["dependency-groups"]["lerobot"]) as folder:
+        wheels = folder / "wheels"
+        tool = [PYTHON, "tools/make_wheel.py", str(wheels), str(builder(LEROBOT_PYTHON, python))]
+        STEPS.run("our wheel for it", [*tool, *(f"{k}={value}" for k, value in VARIABLES.items())])
+        sources = folder / "sources"  # setuptools leaves files in them
+        shutil.copytree(ROOT / "packages" / "lerobot_robot_trifinger", sources)
+        ours = [*map(str, wheels.glob("*.whl")), str(sources)]
+        STEPS.run("ours beside it", [*pip(folder), "install", "--progress-bar=off", *ours])
+        use = [str(folder / "bin" / "python"), "tests/packages/use_lerobot.py"]
+        return STEPS.check("record, replay, teleoperate, train", use)
+
+
+def oldest() -> tuple[Step, Step]:
+    """Runs tests, and the evaluation of trifinger_rl_datasets itself, with the lowest versions.
+
+    Raises:
+        NotRun: if pip cannot have them
+    """
+    build("release")
+    ours = project_of()
+    requirements = [
+        *ours["project"]["dependencies"],
+        *project_of("packages/trifinger_compat")["project"]["dependencies"],
+    ]
+    lowest = [one.replace(">=", "==") for one in requirements]
+    tools = [
+        one
+        for one in ours["project"]["optional-dependencies"]["test"]
+        if re.match(r"(pytest|hypothesis)\b", one)
+    ]
+    group = ours["dependency-groups"]["oldest"]
+    (evaluation,) = (one for one in group if one.startswith("trifinger-rl-datasets"))
+    packages = [*lowest, *tools, *(one for one in group if one != evaluation)]
+    with environment("oldest", Path(sys.executable), packages) as folder:
+        # It demands the original, for which ours stands, and another package of OpenCV.
+        STEPS.run("trifinger_rl_datasets", [*pip(folder), "install", "--no-deps", evaluation])
+        python = str(folder / "bin" / "python")
+        # Behind what is installed, as if it were: what is one file gives way to a package.
+        (site,) = folder.glob("lib/python*/site-packages")
+        compat = ROOT / "packages" / "trifinger_compat"
+        (site / "trifinger_compat.pth").write_text(f"{compat}\n")
+        tests = [str(ROOT / "tests" / "python" / name) for name in TESTS_WITH_OLDEST]
+        versions = " and ".join(one for one in sorted(set(lowest)) if "==" in one)
+        tested = STEPS.check("tests", [python, "-m", "pytest", "-q", *tests], **uses("release"))
+        print(f"    with {versions}: {tested.last_line(' passed| failed')}")
+        use = [python, "tests/packages/use_oldest.py"]
+        return tested, STEPS.check("its own evaluation", use, **uses("release"))
