@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The program `trifinger-manipulate`: handles an object with a robot that runs elsewhere.
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -135,9 +134,7 @@ void print(const Report& report) {
 }
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
-  // The file is created anew, because somebody may have replaced an earlier result.
-  ::unlink(path.c_str());
-  write_new_file(path, std::as_bytes(std::span(text)));
+  replace_file(path, std::as_bytes(std::span(text)));
 }
 
 // The columns that all tables have.
@@ -263,7 +260,11 @@ int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
   nlohmann::ordered_json json{{"is_done", trace.failure.empty()}, {"failure", trace.failure}};
   for (const manipulation::Figure& figure : skill->figures(trace, trace.seen)) {
     json[figure.name] = figure.value;
-    fmt::print("  {:<26}{:.4g} {}  {}\n", figure.name, figure.value, figure.unit, figure.meaning);
+    const std::string number = figure.unit == "1" ? fmt::format("{:.4g} %", 100 * figure.value)
+                               : figure.unit.empty()
+                                   ? fmt::format("{:.4g}", figure.value)
+                                   : fmt::format("{:.4g} {}", figure.value, figure.unit);
+    fmt::print("  {:<26}{:<14}{}\n", figure.name, number, figure.meaning);
   }
   write_report(options, robot.session(), trace.period, std::move(json), table_of(trace));
   for (const manipulation::ReportFile& file : skill->report_files(trace, trace.seen)) {
@@ -299,8 +300,9 @@ int manipulate(const ManipulateOptions& options) {
 // The tasks with a line for each.
 std::string list_of_tasks() {
   std::string text =
-      "Tasks:\n  lift        Lifts a cube, holds it, and puts it down\n"
-      "  slide       Slides a cube on a circle\n";
+      "Tasks:\n"
+      "  lift        Lifts a cube, holds it, and puts it down (trifinger run pushing)\n"
+      "  slide       Slides a cube on a circle (trifinger run sim)\n";
   for (const manipulation::SkillInfo& skill : manipulation::all_skills())
     text += fmt::format("  {:<12}{} (trifinger run {})\n", skill.name, skill.summary, skill.robot);
   return text;
@@ -322,10 +324,13 @@ int manipulate_command(const std::vector<std::string>& words) {
       "  trifinger run sim_tracked --set fingers.height=0.3\n"
       "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
   program.add_option("TASK", options.task, "What to do; see above")->required();
-  program.add_option("CONFIG", options.config,
-                     "A configuration or the path of one; default: that of the task, for lift and\n"
-                     "slide that of the robot's variant");
-  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program.add_option("ROBOT,--robot", options.robot, "Name of the running robot")
+      ->capture_default_str();
+  program
+      .add_option("--config", options.config,
+                  "A configuration or the path of one; default: that of the task, for lift and\n"
+                  "slide that of the robot's variant")
+      ->option_text("FILE");
   program
       .add_option_function<std::string>(
           "--poses",

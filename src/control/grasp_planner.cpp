@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cstddef>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
@@ -72,7 +73,17 @@ using Candidates = std::array<const Candidate*, kContacts>;
 struct Choice {
   double torque_share;
   Candidates candidates;
+  std::ptrdiff_t repeats{0};  // Most tips that touch where they did in a grasp that has failed.
 };
+
+// Returns how many tips touch where they do in `tried`.
+std::ptrdiff_t repeats(const Candidates& three, const Touches& tried) {
+  constexpr double kSamePlace = 1e-3;  // [m]
+  std::ptrdiff_t count = 0;
+  for (std::size_t i = 0; i < three.size(); ++i)
+    if ((three[i]->touch.point - tried[i].point).norm() < kSamePlace) ++count;
+  return count;
+}
 
 }  // namespace
 
@@ -294,6 +305,11 @@ GraspPlanner& GraspPlanner::operator=(GraspPlanner&&) noexcept = default;
 GraspPlanner::~GraspPlanner() = default;
 
 std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way) {
+  return plan(way, {});
+}
+
+std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way,
+                                               std::span<const Touches> tried) {
   State& s = *checked(state_);
   if (way.empty()) return std::nullopt;
   const auto faces = side_faces(way.front().pose.orientation, s.object.size);
@@ -325,16 +341,26 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way) {
         for (const Candidate& c : candidates[2]) {
           if (a.face == b.face || b.face == c.face || c.face == a.face) continue;
           const Candidates three{&a, &b, &c};
+          Choice choice{.torque_share = 0.0, .candidates = three};
+          for (const Touches& one : tried)
+            choice.repeats = std::max(choice.repeats, repeats(three, one));
+          if (choice.repeats == kContacts) continue;
           const auto share = s.torque_share(three, way);
-          if (share && *share <= s.config.largest_torque) choices.push_back({*share, three});
+          if (!share || *share > s.config.largest_torque) continue;
+          choice.torque_share = *share;
+          choices.push_back(choice);
         }
       }
     }
   }
-  std::ranges::stable_sort(choices, {}, &Choice::torque_share);
-  for (const auto& [share, three] : choices) {
-    if (s.is_free(three, way))
-      return PlannedGrasp{{three[0]->touch, three[1]->touch, three[2]->touch}, share};
+  std::ranges::stable_sort(choices, {}, [](const Choice& choice) {
+    return std::pair(choice.repeats, choice.torque_share);
+  });
+  for (const Choice& choice : choices) {
+    const Candidates& three = choice.candidates;
+    if (s.is_free(three, way)) {
+      return PlannedGrasp{{three[0]->touch, three[1]->touch, three[2]->touch}, choice.torque_share};
+    }
   }
   return std::nullopt;
 }

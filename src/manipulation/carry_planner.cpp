@@ -74,15 +74,17 @@ std::vector<Rest> CarryPlanner::rests(const Pose& now) const {
   return all;
 }
 
-std::optional<Rest> CarryPlanner::find_rest(const Pose& now) {
+std::optional<Rest> CarryPlanner::find_rest(const Pose& now,
+                                            std::span<const control::Touches> tried) {
   std::optional<Rest> fallback;
   for (const Rest& rest : rests(now)) {
-    if (!planner_.plan(rest.pose)) continue;
+    if (!planner_.plan(rest.pose, tried)) continue;
     if (!fallback) fallback = rest;
     // It will not lie there exactly.
     const bool has_spare =
         std::ranges::all_of(std::array{-rests_.spare_turn, rests_.spare_turn}, [&](double turn) {
-          return planner_.plan({rest.pose.position, about_vertical(turn) * rest.pose.orientation})
+          return planner_
+              .plan({rest.pose.position, about_vertical(turn) * rest.pose.orientation}, tried)
               .has_value();
         });
     if (has_spare) return rest;

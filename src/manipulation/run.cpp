@@ -47,7 +47,15 @@ class ManipulationSkill final : public Skill {
   [[nodiscard]] bool wants_plan() const noexcept override {
     return manipulation_.phase() == Phase::kPlan;
   }
-  void plan() override { plan_ = planner_.plan(manipulation_.resting_pose()); }
+  void plan() override {
+    // A grasp that has failed fails again.
+    plan_ = planner_.plan(manipulation_.resting_pose(), tried_);
+    if (!plan_ && !tried_.empty()) {
+      tried_.clear();
+      plan_ = planner_.plan(manipulation_.resting_pose());
+    }
+    if (plan_) tried_.push_back(plan_->touches);
+  }
   void begin() noexcept override {
     manipulation_.begin(plan_);
     note();
@@ -73,6 +81,7 @@ class ManipulationSkill final : public Skill {
   Manipulation manipulation_;
   TaskPlanner planner_;
   std::optional<Plan> plan_;
+  std::vector<control::Touches> tried_;  // The grasps of all plans.
   TriFinger::Action action_;
   SkillState state_;
 };

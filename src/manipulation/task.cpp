@@ -259,13 +259,13 @@ std::vector<TaskPlanner::Place> TaskPlanner::places(const Pose& start) const {
   return places;
 }
 
-std::optional<Plan> TaskPlanner::plan(const Pose& start) {
+std::optional<Plan> TaskPlanner::plan(const Pose& start, std::span<const control::Touches> tried) {
   std::optional<Plan> best;
   double best_cost = 0.0;
   for (const Place& place : places(start)) {
     if (best && place.cost >= best_cost) continue;
     const ObjectWay way(config_.task, config_.lead, start, place.begin, place.start_angle, radius_);
-    const auto grasp = planner_.plan(points_of(way, config_.task));
+    const auto grasp = planner_.plan(points_of(way, config_.task), tried);
     if (!grasp) continue;
     const double cost = place.cost + grasp->torque_share;
     if (best && cost >= best_cost) continue;

@@ -4,8 +4,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
+#include <cstddef>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "evaluation/carry_goals.hpp"
 #include "evaluation/skill_rows.hpp"
@@ -58,6 +60,39 @@ TEST(Carry, GraspsTheCubeAgainAfterSomebodyTookItAway) {
   const SkillTrace trace = run(simulation, skill, options);
   EXPECT_TRUE(is_taken);
   EXPECT_EQ(trace.failure, "");
+}
+
+// The centres of the tips in the cube's frame, at the begin of each time that it was carried.
+std::vector<Eigen::Matrix3d> grasps_of(const evaluation::SkillTrialResult& result) {
+  std::vector<Eigen::Matrix3d> grasps;
+  std::string_view before;
+  for (const SkillStep& step : result.trace.steps) {
+    if (step.phase == "follow" && before != step.phase) {
+      const evaluation::TrueStep& now = result.truth_at(step.step);
+      Eigen::Matrix3d& tips = grasps.emplace_back();
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        const Eigen::Vector3d& tip = now.tips[static_cast<std::size_t>(i)];
+        tips.col(i) = now.object.orientation.conjugate() * (tip - now.object.position);
+      }
+    }
+    before = step.phase;
+  }
+  return grasps;
+}
+
+TEST(Carry, NeverTriesTheSameGraspAgain) {
+  SkillTrial trial = near_goal();
+  // No attempt is good enough.
+  trial.settings.emplace_back("hold.orientation_tolerance=1e-6");
+  trial.settings.emplace_back("hold.time=1.5");
+  trial.settings.emplace_back("attempts=4");
+  const auto result = evaluation::run_skill_trial(trial);
+  EXPECT_EQ(result.trace.failure, "the object was not held where it should have been");
+  const std::vector<Eigen::Matrix3d> grasps = grasps_of(result);
+  ASSERT_EQ(grasps.size(), 4U);
+  for (std::size_t i = 0; i < grasps.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      EXPECT_GT((grasps[i] - grasps[j]).colwise().norm().maxCoeff(), 5e-3) << i << " and " << j;
 }
 
 TEST(Carry, SaysThatNobodySeesTheCube) {

@@ -106,7 +106,7 @@ def test_carries_out_a_skill(
     robot = start_program("run", config, "--name", "s", "--non-real-time")
     robot.wait_for("waits for a user")
     output = tmp_path / "output"
-    command = [PROGRAM, *shlex.split(words), "--robot", "s", "--output", output]
+    command = [PROGRAM, *shlex.split(words), "s", "--output", output]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((output / "report.json").read_text())
@@ -137,8 +137,9 @@ def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
         (["trow"], "there is no task 'trow', perhaps 'throw'"),
         (["throw"], "the scene has no 'ball'"),
         (["lift", "--set", "lift.hight=1"], "lift.hight"),
-        (["lift", "nonsense"], "there are edu, pro"),
-        (["lift", "--robot", "nobody"], "nobody"),
+        (["lift", "--config", "nonsense"], "there are edu, pro"),
+        (["lift", "--robot", "nobody"], "robot 'nobody'"),
+        (["lift", "nobody"], "robot 'nobody'"),
     ],
 )
 def test_says_what_is_wrong(

@@ -82,6 +82,10 @@ class GraspPlanner {
   /// there is none. The object may be tilted on the way, which takes longer to plan: up to a second
   /// instead of some milliseconds. Allocates memory.
   [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> way);
+  /// The best grasp but those in `tried`, which have failed. The fewer of its tips touch where they
+  /// did in one of them, the better it is.
+  [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> way,
+                                                 std::span<const Touches> tried);
 
  private:
   struct State;

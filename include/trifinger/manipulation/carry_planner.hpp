@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,12 +41,17 @@ class CarryPlanner {
   CarryPlanner(const RobotDescription& description, const ManipulationConfig& config,
                RestConfig rests);
 
-  /// The best way to the goal for an object that rests at `start`; nothing if no grasp reaches it.
-  [[nodiscard]] std::optional<Plan> plan(const Pose& start) { return planner_.plan(start); }
+  /// The best way to the goal for an object that rests at `start`; nothing if no grasp reaches it
+  /// but those in `tried`, which have failed.
+  [[nodiscard]] std::optional<Plan> plan(const Pose& start,
+                                         std::span<const control::Touches> tried = {}) {
+    return planner_.plan(start, tried);
+  }
 
   /// The pose on the table from which the goal is reached, and to which an object that rests at
   /// `now` is brought most easily; nothing if the goal is out of reach. Takes up to some seconds.
-  [[nodiscard]] std::optional<Rest> find_rest(const Pose& now);
+  [[nodiscard]] std::optional<Rest> find_rest(const Pose& now,
+                                              std::span<const control::Touches> tried = {});
 
   /// All poses that `find_rest` tries, the easiest first.
   [[nodiscard]] std::vector<Rest> rests(const Pose& now) const;

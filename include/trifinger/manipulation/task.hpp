@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -132,8 +133,9 @@ class TaskPlanner {
   TaskPlanner(const RobotDescription& description, ManipulationConfig config);
 
   /// The best plan for an object that rests at `start`; nothing if there is none. Takes up to some
-  /// seconds and allocates memory.
-  [[nodiscard]] std::optional<Plan> plan(const Pose& start);
+  /// seconds and allocates memory. Its grasp is none of those in `tried`, which have failed.
+  [[nodiscard]] std::optional<Plan> plan(const Pose& start,
+                                         std::span<const control::Touches> tried = {});
 
  private:
   struct Place {

@@ -53,6 +53,8 @@ class Carry final : public Skill {
         handling_(context.description, config_.handling, context.period) {
     state_.phase = name_of(handling_.phase());
     state_.desired.pose = goal_;
+    // The loop must not allocate memory.
+    told_.reserve(static_cast<std::size_t>(config_.attempts));
   }
 
   [[nodiscard]] std::string_view object() const noexcept override {
@@ -104,9 +106,17 @@ class Carry final : public Skill {
     }
     next_push_.reset();
     const Pose& rest = handling_.resting_pose();
-    planned_ = planner_.plan(rest);
-    if (planned_) return;
-    const std::optional<Rest> better = planner_.find_rest(rest);
+    // A grasp that has failed fails again, from wherever the object lies.
+    planned_ = planner_.plan(rest, tried_);
+    change_ = "the tips touch the object elsewhere";
+    std::optional<Rest> better;
+    if (!planned_) better = planner_.find_rest(rest, tried_);
+    if (!planned_ && !better) {
+      change_ = "nothing: all grasps have failed";
+      tried_.clear();
+      planned_ = planner_.plan(rest);
+    }
+    if (planned_) tried_.push_back(planned_->touches);
     if (!better) return;
     next_push_ = std::make_unique<Repose>(
         context_, config_.pushing, [goal = better->pose](int number, const Pose&) {
@@ -124,11 +134,13 @@ class Carry final : public Skill {
     if (planned_) {
       handling_.begin(planned_);
       ++attempts_;
+      if (std::exchange(is_brought_, false)) change_ = "the object was brought elsewhere first";
+      told_.push_back({.change = attempts_ > 1 ? change_ : "", .end = ""});
     } else if (next_push_) {
       push_.swap(next_push_);
       push_begin_ = clock_.step() + 1;
       clock_.begin_phase();
-      is_pushing_ = true;
+      is_pushing_ = is_brought_ = true;
       ++pushes_;
     } else {
       end("no grasp reaches the goal, from wherever the object lies");
@@ -137,9 +149,26 @@ class Carry final : public Skill {
 
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
                                             std::span<const SeenPose> poses) const override;
+  [[nodiscard]] std::vector<ReportFile> report_files(
+      const SkillTrace& /*trace*/, std::span<const SeenPose> /*poses*/) const override {
+    std::string text = "attempt,change,end\n";
+    for (std::size_t i = 0; i < told_.size(); ++i) {
+      const auto& [change, end] = told_[i];
+      text += std::to_string(i + 1) + "," + std::string(change) + "," +
+              std::string(end.empty() ? "done" : end) + "\n";
+    }
+    return {{.name = "attempts.csv", .text = text}};
+  }
 
  private:
+  // What the report says of an attempt.
+  struct Told {
+    std::string_view change;  // Against those before.
+    std::string_view end;     // Why it has failed.
+  };
+
   void end(std::string_view failure) noexcept {
+    if (!told_.empty()) told_.back().end = failure;
     state_.phase = failure.empty() ? "done" : "failed";
     state_.failure = failure;
     state_.has_ended = true;
@@ -184,10 +213,13 @@ class Carry final : public Skill {
   }
 
   void try_again_or_fail(std::string_view failure) noexcept {
-    if (is_stopped_ || attempts_ >= config_.attempts)
+    if (is_stopped_ || attempts_ >= config_.attempts) {
       end(is_stopped_ ? text_of(Failure::kStopped) : failure);
-    else
-      handling_.begin_again(clock_.step());
+      return;
+    }
+    told_.back().end = failure;
+    handling_.begin_again(clock_.step());
+    state_.phase = name_of(handling_.phase());
   }
 
   void follow_push() noexcept {
@@ -223,13 +255,17 @@ class Carry final : public Skill {
   bool is_stopped_{false};
   int attempts_{0};
   int pushes_{0};
+  std::vector<Told> told_;
 
   // Made by `plan`.
   std::optional<Plan> planned_;
   std::unique_ptr<Repose> next_push_;
+  std::vector<control::Touches> tried_;  // The grasps of all plans.
+  std::string_view change_;              // What the next attempt changes.
 
   std::unique_ptr<Repose> push_;  // It counts steps from `push_begin_`.
   bool is_pushing_{false};
+  bool is_brought_{false};  // Since the last attempt.
   TimeIndex push_begin_{0};
   bool is_planning_{false};  // A plan of the push may be under way.
 

@@ -313,11 +313,15 @@ std::vector<Figure> Repose::figures(const SkillTrace& trace,
       {"duration", duration, "s", "from the first action to the end"},
       {"goals", static_cast<double>(reached_), "", "that were reached"},
       {"attempts", static_cast<double>(attempts_), "", "times that the tips went to the object"},
-      {"fetches", static_cast<double>(fetches_), "", "times that a finger dragged it"},
-      {"carries", static_cast<double>(carries_), "", "times that it was grasped and carried"}};
-  if (poses.empty()) return all;
+      {"fetches", static_cast<double>(fetches_), "", "times that a finger dragged it"}};
+  if (carrier_)
+    all.push_back(
+        {"carries", static_cast<double>(carries_), "", "times that it was grasped and carried"});
+  if (poses.empty() || attempts_ + reached_ == 0) return all;  // It had no goal yet.
   const Deviation last = deviation_of(goal_, poses.back().pose);
-  all.push_back({"position_error", last.position, "m", "of the last pose"});
+  // A goal may leave the place free.
+  if (goal_.free_radius == 0.0)
+    all.push_back({"position_error", last.position, "m", "of the last pose"});
   all.push_back({"orientation_error", last.orientation, "rad", "of the last pose"});
   return all;
 }
