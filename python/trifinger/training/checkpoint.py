@@ -31,7 +31,7 @@ def dump(state: Any) -> bytes:
     text = json.dumps(_tree(state, arrays))
     arrays[TREE] = np.frombuffer(text.encode(), np.uint8)
     file = io.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # names are no options
+    np.savez(file, allow_pickle=False, **arrays)
     return file.getvalue()
 
 
@@ -53,17 +53,22 @@ def _tree(value: Any, arrays: dict[str, Array]) -> Any:
         value = value.item()
     if isinstance(value, PLAIN):
         return value
-    if isinstance(value, np.ndarray | torch.Tensor):
-        is_tensor = isinstance(value, torch.Tensor)
-        name = str(len(arrays))
-        arrays[name] = value.detach().cpu().numpy() if is_tensor else value
-        return {"tensor" if is_tensor else "array": name}
+    if isinstance(value, torch.Tensor):
+        return {"tensor": _kept(value.detach().cpu().numpy(), arrays)}
+    if isinstance(value, np.ndarray):
+        return {"array": _kept(value, arrays)}
     if isinstance(value, dict):
         return {"dict": [[_tree(key, arrays), _tree(one, arrays)] for key, one in value.items()]}
     if isinstance(value, list | tuple):
         kind = "list" if isinstance(value, list) else "tuple"
         return {kind: [_tree(one, arrays) for one in value]}
     raise TypeError(f"a checkpoint cannot have a {type(value).__name__}")
+
+
+def _kept(values: Array, arrays: dict[str, Array]) -> str:
+    name = str(len(arrays))
+    arrays[name] = values
+    return name
 
 
 def _state(tree: Any, arrays: Any) -> Any:
