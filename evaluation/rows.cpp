@@ -7,10 +7,11 @@
 #include <atomic>
 #include <cstdio>
 #include <exception>
-#include <fstream>
+#include <span>
 #include <thread>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::evaluation {
@@ -89,10 +90,7 @@ std::string details_of(const Row& row, std::uint64_t first_seed) {
 
 void write_page(const std::filesystem::path& path, const std::string& page) {
   if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path());
-  std::ofstream file(path);
-  file << page;
-  file.close();
-  if (!file) throw Error("cannot write " + path.string());
+  replace_file(path, std::as_bytes(std::span(page)));
   fmt::print("{} written.\n", path.string());
 }
 

@@ -6,14 +6,15 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <exception>
-#include <fstream>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "evaluation/teaching.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/manipulation/skills.hpp"
 
 namespace trifinger::evaluation {
@@ -33,10 +34,7 @@ double usual_interval(std::string_view skill) {
 }
 
 void write(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) throw Error("cannot write " + path.string());
+  replace_file(path, std::as_bytes(std::span(text)));
 }
 
 int teach(const TeachOptions& options) {

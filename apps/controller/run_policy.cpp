@@ -12,7 +12,6 @@
 #include <deque>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -28,6 +27,7 @@
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/options.hpp"
+#include "shared/output_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -235,10 +235,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
   if (!options.json.empty()) {
     nlohmann::ordered_json json = nlohmann::ordered_json::array();
     for (const EpisodeReport& report : reports) json.push_back(json_of(report));
-    std::ofstream file(options.json);
-    file << json.dump(2) << "\n";
-    file.close();
-    if (!file) throw Error("cannot write " + options.json);
+    write_output_file(options.json, json.dump(2) + "\n");
   }
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }

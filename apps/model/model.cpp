@@ -2,8 +2,6 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
-#include <cerrno>
-#include <fstream>
 #include <functional>
 #include <optional>
 #include <string>
@@ -12,6 +10,7 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/output_file.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/export.hpp"
@@ -53,10 +52,7 @@ int export_model(const ModelOptions& options) {
     fmt::print("{}", text);
     return kDone;
   }
-  std::ofstream file(options.file, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) throw SystemError("write " + options.file, errno);
+  write_output_file(options.file, text);
   fmt::print("{} written.\n", options.file);
   return kDone;
 }

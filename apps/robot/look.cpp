@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <optional>
 #include <string>
 #include <utility>
@@ -14,6 +13,7 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/output_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/images.hpp"
@@ -58,9 +58,7 @@ void save(const fs::path& path, const camera::Picture& picture) {
   const bool is_jpeg = ending == ".jpg" || ending == ".jpeg";
   const std::string file = is_jpeg ? camera::encode_jpeg(picture.format, picture.pixels)
                                    : camera::encode_png(picture.format, picture.pixels);
-  std::ofstream stream(path, std::ios::binary);
-  stream << file;
-  if (!stream.flush()) throw Error("cannot write " + path.string());
+  write_output_file(path, file);
 }
 
 // Puts pictures side by side. One that is missing is black. Throws InvalidArgument for raw images

@@ -21,6 +21,7 @@ from trifinger import extras
 from trifinger.arrays import Array
 from trifinger.colours import BACKGROUND
 from trifinger.errors import InvalidArgument
+from trifinger.whole_file import whole_file
 
 PAINTS = {
     "red": (255, 0, 0),
@@ -135,7 +136,8 @@ def write_page(
     data = json.dumps({"pictures": pictures, "paints": paints, "target": target})
     # A text in a script must not end it.
     page = PAGE.replace("@DATA@", data.replace("</", "<\\/"))
-    path.write_text(page.replace("@TARGET@", html.escape(target)))
+    with whole_file(path) as part:
+        part.write_text(page.replace("@TARGET@", html.escape(target)))
 
 
 def _source(image: Array) -> str:

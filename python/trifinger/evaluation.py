@@ -18,6 +18,7 @@ from gymnasium.vector import AutoresetMode
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
 from trifinger.picture import FILM_RATE, View, save_film
+from trifinger.whole_file import whole_file
 
 # Takes rows of observations and returns rows of actions.
 Act = Callable[[Array], Array]
@@ -244,7 +245,8 @@ def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) 
     for axes in (distance, success):
         axes.set_xlabel("episodes")
         axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=110)
 
 
 def save_ways(evaluations: Mapping[str, Array], path: Path) -> None:
@@ -272,4 +274,5 @@ def save_ways(evaluations: Mapping[str, Array], path: Path) -> None:
         axes.spines[["top", "right"]].set_visible(False)
         if panel == 1:
             axes.set_ylabel("y [cm]")
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=110)

@@ -19,6 +19,7 @@ from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
 from trifinger.foreign_models import model_of
 from trifinger.placement import Placement
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -270,7 +271,7 @@ def save_film(images: Iterable[Array], path: Path, rate: int | Fraction) -> None
     extras.require("film", "av")
     import av
 
-    with av.open(str(path), "w") as container:
+    with whole_file(path) as part, av.open(str(part), "w") as container:
         stream = container.add_stream("libx264", rate=rate)
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "23", "preset": "veryfast"}

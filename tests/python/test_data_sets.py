@@ -141,6 +141,26 @@ def test_no_thread_of_an_encoder_has_real_time_priority(tmp_path: Path) -> None:
         videos.close()
 
 
+@pytest.mark.parametrize("rate", [250, 1000])
+def test_films_may_have_the_rate_of_the_loop(
+    seen: Recorded, tmp_path: Path, rate: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("lerobot", seen.folder, "--cameras", CAMERAS[0], "--from", "0.1", "--to", "0.15")
+    export(*words, "-o", tmp_path / "set", "--rate", str(rate))
+    assert "libsvtav1 takes at most 240 images/s" in capsys.readouterr().err
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    assert reader.fps == rate
+    for row in range(len(reader.column("index"))):
+        reader.image(f"observation.images.{CAMERAS[0]}", row)
+    slow = ("--rate", str(rate), "--encoder", "libsvtav1")
+    export(*words, "-o", tmp_path / "other", *slow, status=2)
+    text = capsys.readouterr().err
+    assert f"libsvtav1 writes videos of up to 240 images/s, not of {rate}: choose" in text
+    assert "Traceback" not in text
+    assert not (tmp_path / "other").exists()
+
+
 @pytest.mark.parametrize("images", ["video", "image"])
 def test_a_reader_of_the_format_finds_what_the_log_has(
     seen: Recorded, tmp_path: Path, images: str

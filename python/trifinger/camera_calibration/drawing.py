@@ -9,6 +9,7 @@ import numpy as np
 
 from trifinger.camera_calibration.board import MARGIN, Board, dictionary_of
 from trifinger.errors import InvalidArgument
+from trifinger.whole_file import whole_file
 
 PAPER = ((0.210, 0.297), (0.297, 0.420), (0.420, 0.594), (0.594, 0.841), (0.841, 1.189))  # A4 to A0
 LINE = 0.0002  # width of lines outside of the pattern [m]
@@ -134,10 +135,12 @@ def draw(board: Board, path: Path) -> None:
     """Writes a board to a file: SVG or PDF, by its suffix."""
     match path.suffix.lower():
         case ".svg":
-            path.write_text(svg(board))
+            content = svg(board).encode()
         case ".pdf":
-            path.write_bytes(pdf(board))
+            content = pdf(board)
         case suffix:
             raise InvalidArgument(
                 f"boards are drawn as .svg or .pdf, which keep their size on paper, not '{suffix}'"
             )
+    with whole_file(path) as part:
+        part.write_bytes(content)

@@ -20,6 +20,7 @@ from trifinger._trifinger import Camera, CameraCalibration, Lens
 from trifinger.camera_calibration.geometry import Matrix, inverse, nearest_rotation
 from trifinger.camera_calibration.images import natural_order
 from trifinger.errors import InvalidArgument
+from trifinger.whole_file import whole_file
 
 FULL, CROPPED = (720, 540), (540, 540)
 LEFT = 88  # columns of the sensor before the part that is used
@@ -76,7 +77,8 @@ def write(calibration: CameraCalibration, folder: Path) -> list[Path]:
     }
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in texts.items():
-        path.write_text(text)
+        with whole_file(path) as part:
+            part.write_text(text)
     return list(texts)
 
 

@@ -18,6 +18,7 @@ from trifinger import extras
 from trifinger._trifinger import CameraCalibration
 from trifinger.commands.command_line import run
 from trifinger.errors import Error, InvalidArgument
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from trifinger.camera_calibration import Board
@@ -191,9 +192,8 @@ def write(calibration: CameraCalibration, path: Path) -> None:
         before = path.with_name(path.name + ".before")
         path.replace(before)
         print(f"the calibration before is now in {before}.")
-    new = path.with_name(path.name + ".new")
-    new.write_text(calibration.text())
-    new.replace(path)
+    with whole_file(path) as part:
+        part.write_text(calibration.text())
     print(f"{path} written.")
 
 
@@ -216,7 +216,8 @@ def calibrate(arguments: argparse.Namespace) -> int:
         images, board_of(arguments), options, lambda text: print(f"{text} ...", flush=True)
     )
     path = arguments.page or Path(f"{arguments.robot}.cameras.html")
-    path.write_text(page(result, arguments.robot))
+    with whole_file(path) as part:
+        part.write_text(page(result, arguments.robot))
     for text in [*result.remarks, *result.advice]:
         print(f"- {as_sentence(text)}")
     print(f"corners miss by {result.rms:.3f} pixels (root mean square).")

@@ -14,6 +14,7 @@ from trifinger._trifinger import CameraCalibration
 from trifinger.arrays import Array
 from trifinger.commands.command_line import run
 from trifinger.errors import Error, InvalidArgument
+from trifinger.whole_file import whole_file
 
 HOW_TO = """\
 Each folder has one image of each camera, as 'trifinger look ROBOT --raw -o FOLDER' saves them. The
@@ -174,7 +175,8 @@ def learn(arguments: argparse.Namespace) -> int:
             position, orientation = estimate.position, estimate.orientation
         samples.add(images, text, tracked, position, orientation)
     model = samples.learn(f"{arguments.robot}.")
-    arguments.to.write_text(model)
+    with whole_file(arguments.to) as part:
+        part.write_text(model)
     print(f"{arguments.to} written.")
     return 0
 

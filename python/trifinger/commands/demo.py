@@ -27,6 +27,7 @@ from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.plot import plot
 from trifinger.picture import View
+from trifinger.whole_file import whole_file
 
 EMULATED = "trifinger_edu_emulated"
 # With fingers at the default height, a cube lifted by 19 cm would hit them.
@@ -141,7 +142,9 @@ def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path, view:
     held = [step for step, phase in zip(steps, trace.phases, strict=True) if phase == "hold"]
     step = held[len(held) // 2] if held else len(session.observations) - 1
     with contextlib.closing(Scene(session, view=view)) as scene:
-        matplotlib.image.imsave(path, scene.image(int(step)))
+        picture = scene.image(int(step))
+    with whole_file(path) as part:
+        matplotlib.image.imsave(part, picture)
 
 
 def newest_log(folder: Path, name: str) -> Path:

@@ -14,6 +14,7 @@ from trifinger.log import original
 from trifinger.log.images import save_images
 from trifinger.log.steps import step_range
 from trifinger.log.tables import SERIES, to_csv, to_parquet
+from trifinger.whole_file import whole_file
 
 WRITERS = {"csv": to_csv, "parquet": to_parquet}
 
@@ -80,13 +81,8 @@ def _export_session(
 ) -> None:
     series = None if session.is_companion else arguments.series
     first, last = step_range(session, arguments.from_, arguments.to)
-    # A file that is not complete never gets the final name.
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with whole_file(path) as part:
         write(session, part, first, last, series)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     print(f"{path} written.", flush=True)
 
 

@@ -59,6 +59,8 @@ ENCODERS = {
     "libx264": {"crf": "23", "preset": "veryfast", "g": "2"},
     "mpeg4": {"g": "2", "q": "5"},
 }
+FASTEST = {"libsvtav1": 240}
+"""The highest rate that an encoder takes [images/s]; the others take any."""
 CODECS = {"libsvtav1": "av1", "libx264": "h264", "mpeg4": "mpeg4"}
 
 COMMON = (
@@ -176,7 +178,7 @@ class _Writer:
         self._data = stack.enter_context(contextlib.closing(_Table(folder)))
         self._videos: dict[str, Videos] = {}
         if rows.cameras and images == "video":
-            chosen = _encoder(encoder, say)
+            chosen = _encoder(encoder, rows.rate, say)
             self._videos = {
                 name: stack.enter_context(
                     contextlib.closing(Videos(folder, IMAGES + name, rows.rate, chosen))
@@ -668,17 +670,27 @@ def encoders() -> Iterator[str]:
             yield name
 
 
-def _encoder(wanted: str | None, say: Say) -> str:
+def _encoder(wanted: str | None, rate: int, say: Say) -> str:
     there = list(encoders())
+    fast = [name for name in there if rate <= FASTEST.get(name, rate)]
     if wanted is not None:
         if wanted not in there:
             raise InvalidArgument.of_name("encoder", wanted, there)
+        if wanted not in fast:
+            raise InvalidArgument(
+                f"{wanted} writes videos of up to {FASTEST[wanted]} images/s, not of {rate}: "
+                "choose a lower rate, another encoder, or images instead of videos"
+            )
         return wanted
-    if not there:
-        raise InvalidArgument("PyAV has no encoder for videos; --images image writes PNG files")
-    if there[0] != next(iter(ENCODERS)):
-        say(f"PyAV has no {next(iter(ENCODERS))}, so videos are written by {there[0]}.")
-    return there[0]
+    if not fast:
+        raise InvalidArgument(
+            f"PyAV has no encoder for videos of {rate} images/s; --images image writes PNG files"
+        )
+    best = next(iter(ENCODERS))
+    if fast[0] != best:
+        why = f"takes at most {FASTEST[best]} images/s" if best in there else "is not in PyAV"
+        say(f"{best} {why}, so videos are written by {fast[0]}.")
+    return fast[0]
 
 
 def _png(image: NDArray[np.uint8]) -> bytes:

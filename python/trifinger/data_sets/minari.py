@@ -35,6 +35,7 @@ from trifinger.data_sets.rows import (
     Rows,
 )
 from trifinger.errors import InvalidArgument
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from gymnasium import spaces
@@ -430,5 +431,8 @@ def _make_namespaces(namespace: str | None) -> None:
         if part:
             folder /= part
             folder.mkdir(parents=True, exist_ok=True)
-            with contextlib.suppress(FileExistsError), (folder / NAMESPACE).open("x") as file:
-                file.write("{}")
+            with (
+                contextlib.suppress(FileExistsError),
+                whole_file(folder / NAMESPACE, replace=False) as part_file,
+            ):
+                part_file.write_text("{}")

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from trifinger.errors import InvalidArgument
+from trifinger.whole_file import synchronise
 
 
 @contextlib.contextmanager
@@ -30,13 +31,13 @@ def whole_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
         part.chmod(0o777 & ~_mask())
         for file in part.rglob("*"):
             if file.is_file():
-                _synchronise(file)
+                synchronise(file)
         old = None
         if path.exists():
             old = part.with_suffix(".old")
             path.rename(old)
         part.rename(path)
-        _synchronise(path.parent)
+        synchronise(path.parent)
         if old is not None:
             shutil.rmtree(old)
     finally:
@@ -47,11 +48,3 @@ def _mask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def _synchronise(path: Path) -> None:
-    number = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

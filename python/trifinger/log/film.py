@@ -20,6 +20,7 @@ from trifinger.log.manipulation import Trace, save_report
 from trifinger.picture import Painter, View
 from trifinger.progress import shown
 from trifinger.view.frame import positions_field
+from trifinger.whole_file import whole_file
 
 STRIP_IMAGES = 8
 SMOOTHING = 5  # poses of an object in a mean
@@ -118,7 +119,8 @@ def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path:
             fontsize=10,
             bbox=label,
         )
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=110)
 
 
 def film(

@@ -17,6 +17,7 @@ from trifinger.arrays import Array
 from trifinger.errors import Error
 from trifinger.log.plot.matplotlib_figure import entitle
 from trifinger.log.plot.panels import COLOURS
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +114,8 @@ def save_report(trace: Trace, path: Path) -> None:
     if below is not None:
         draw_line(below.subplots(), trace)
     figure.suptitle(title_of(trace.report), x=0.01, ha="left", fontsize=13, fontweight="bold")
-    figure.savefig(path, dpi=110)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=110)
 
 
 def title_of(report: dict[str, Any]) -> str:

@@ -6,7 +6,6 @@ format of x86's `long double`, which is decoded here, so that files can be read 
 """
 
 import gzip
-import secrets
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -22,6 +21,7 @@ from trifinger._trifinger import LoggedSession
 from trifinger.arrays import Array
 from trifinger.errors import Error
 from trifinger.log.images import LoggedCameras
+from trifinger.whole_file import whole_file
 
 ROBOT_VERSION = 2
 CAMERA_VERSION = 1
@@ -136,18 +136,13 @@ def read_robot_log(path: str | Path, joints: int, tips: int) -> NDArray[np.void]
 @contextmanager
 def _written(path: str | Path, level: int) -> Iterator[gzip.GzipFile]:
     """A compressed file that is written; one that is not complete never gets the final name."""
-    path = Path(path).resolve()
-    if path.exists() and not path.is_file():  # a device is written, not replaced
-        with path.open("wb") as raw, gzip.GzipFile(path.name, "wb", level, raw) as file:
-            yield file
-        return
-    part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-    try:
-        with part.open("xb") as raw, gzip.GzipFile(path.name, "wb", level, raw) as file:
-            yield file
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    path = Path(path)
+    with (
+        whole_file(path) as part,
+        part.open("wb") as raw,
+        gzip.GzipFile(path.name, "wb", level, raw) as file,
+    ):
+        yield file
 
 
 def write_robot_log(path: str | Path, rows: NDArray[np.void]) -> None:
@@ -166,7 +161,7 @@ def write_robot_csv(path: str | Path, rows: NDArray[np.void], *, is_compressed: 
     for name in names:
         size = rows.dtype[name].shape[0]
         header += [name] if size == 1 else [f"{name}_{i}" for i in range(size)]
-    with _open_text(Path(path), is_compressed) as file:
+    with whole_file(path) as part, _open_text(part, is_compressed) as file:
         file.write(" ".join(header) + "\n")
         for row, stamp in zip(rows, times_of(rows), strict=True):
             words = [str(row["time_index"]), repr(float(stamp))]

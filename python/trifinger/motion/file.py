@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import secrets
 import stat
 import warnings
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from trifinger.errors import Error, InvalidArgument
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,25 +72,11 @@ def write(path: str | os.PathLike[str], contents: Contents, overwrite: bool) -> 
     text.append(",".join(columns(contents.joints, tips)))
     # repr() gives the fewest digits from which the same number is read again.
     text += [",".join(map(repr, row)) for row in np.hstack(table).tolist()]
-    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
-        with part.open("x", encoding="utf-8") as file:
-            file.write("\n".join(text) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
-        if overwrite:
-            part.replace(target)
-        else:
-            try:
-                os.link(part, target)  # unlike a rename, this never replaces a file
-            except FileExistsError:
-                raise _exists(target) from None
-            except OSError:  # a file system without links
-                if os.path.lexists(target):
-                    raise _exists(target) from None
-                part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
+        with whole_file(target, replace=overwrite) as part:
+            part.write_text("\n".join(text) + "\n", encoding="utf-8")
+    except FileExistsError:
+        raise _exists(target) from None
 
 
 def columns(joints: Sequence[str], tips: int) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from trifinger import extras
 from trifinger.errors import InvalidArgument
 from trifinger.motion.limits import Samples, allowed_speeds
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,12 +40,8 @@ def plot(motion: Motion, path: str | os.PathLike[str], facts: JointFacts | None 
     if facts is None and motion.configuration:
         facts = motion.facts()
     figure = _draw(motion, facts, figure_type)
-    part = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.part{target.suffix}")
-    try:
+    with whole_file(target) as part:
         figure.savefig(part, dpi=110)
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:

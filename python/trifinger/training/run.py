@@ -4,7 +4,6 @@
 import csv
 import dataclasses
 import io
-import os
 import random
 import time
 from collections.abc import Callable, Sequence
@@ -40,6 +39,7 @@ from trifinger.picture import View
 from trifinger.training import checkpoint
 from trifinger.training.model import make_model
 from trifinger.training.plan import PLAN, Plan, Recipe
+from trifinger.whole_file import whole_file
 
 CHECKPOINT = "checkpoint"
 CURVE = "curve.csv"
@@ -333,14 +333,5 @@ def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    partial = path.with_suffix(path.suffix + ".partial")
-    with partial.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    with whole_file(path) as part:
+        part.write_bytes(content)

@@ -12,10 +12,7 @@ import base64
 import gzip
 import html
 import json
-import os
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -39,6 +36,7 @@ from trifinger.view.page import (
     smaller,
 )
 from trifinger.view.scene import Mesh, Scene
+from trifinger.whole_file import whole_file
 
 MOST_BYTES = 100_000_000
 """Limit for the size of a page [bytes]."""
@@ -97,7 +95,7 @@ def write_html(
     start, stop = max(begin or 0.0, 0.0), min(run.end if end is None else end, run.end)
     plan = _plan(run, max(stop - start, 0.0), rate, most_bytes)
     page = _Page(run, start, stop, plan)
-    with _replacing(path) as file:
+    with whole_file(path) as part, part.open("wb") as file:
         page.write(file)
         size = file.tell()
         if size > most_bytes:
@@ -420,22 +418,3 @@ def _ascending(times: Array) -> Array:
     """The times; a stretch without steps gets a time between those of its neighbours."""
     known = np.flatnonzero(np.isfinite(times))
     return np.interp(np.arange(len(times)), known, times[known])
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file that takes the place of `path` when the block has ended without an error."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise

@@ -7,6 +7,7 @@ from trifinger import extras
 from trifinger._trifinger import Log
 from trifinger.errors import InvalidArgument
 from trifinger.log.steps import step_range
+from trifinger.whole_file import whole_file
 
 
 def plot(
@@ -24,9 +25,13 @@ def plot(
     if path.suffix == ".html":
         from trifinger.log.plot.page import page
 
-        path.write_text(page(log, session, *steps), encoding="utf-8")
+        text = page(log, session, *steps)
+        with whole_file(path) as part:
+            part.write_text(text, encoding="utf-8")
         return
     extras.require("plot", "matplotlib")
     from trifinger.log.plot.matplotlib_figure import draw
 
-    draw(log, session, *steps).savefig(path, dpi=120)
+    figure = draw(log, session, *steps)
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=120)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files of results appear whole or not at all, whatever ends the program that writes them."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from trifinger.whole_file import whole_file
+
+PACKAGE = Path(__file__).parents[2] / "python/trifinger"
+WRITERS = ("write_text", "write_bytes", "savefig", "imsave", "ParquetWriter", "write_table")
+MODES = ("w", "wb", "wt", "x", "xb", "w+b")
+MODES = ("w", "wb", "wt", "x", "xb", "w+b")
+WHOLE = ("whole_file", "whole_folder")
+ELSEWHERE = {
+    # The caller gives the path inside of a whole file.
+    "log/tables.py": ("to_csv", "to_parquet"),
+    "log/original.py": ("_open_text",),
+    # A folder of many files, which grows.
+    "log/images.py": ("save_images",),
+    # In a whole folder.
+    "data_sets/lerobot.py": ("write_json", "_write", "close", "add"),
+    "data_sets/statistics.py": ("__init__",),
+    # In a temporary folder.
+    "data_sets/recorded_environment.py": ("make",),
+    # Into the memory.
+    "log/camera_film.py": ("__init__",),
+}
+"""Functions that write otherwise, and why they may."""
+
+
+def is_writer(node: ast.AST) -> bool:
+    """True if a call writes a file."""
+    if not isinstance(node, ast.Call):
+        return False
+    name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+    modes = [*node.args, *(word.value for word in node.keywords if word.arg == "mode")]
+    return name in WRITERS or (
+        name == "open"
+        and any(isinstance(mode, ast.Constant) and mode.value in MODES for mode in modes)
+    )
+
+
+def writers(node: ast.AST, function: str = "", is_whole: bool = False) -> Iterator[tuple[str, int]]:
+    """Yields the function and the line of each writer outside of whole files and folders."""
+    if isinstance(node, ast.FunctionDef):
+        function, is_whole = node.name, False
+    if isinstance(node, ast.With):
+        made = [item.context_expr for item in node.items]
+        is_whole = is_whole or any(
+            isinstance(one, ast.Call) and getattr(one.func, "id", "") in WHOLE for one in made
+        )
+    if is_writer(node) and not is_whole:
+        yield function, node.lineno  # type: ignore[attr-defined]  # a call
+    for child in ast.iter_child_nodes(node):
+        yield from writers(child, function, is_whole)
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE))
+)
+def test_every_writer_writes_whole_files(path: Path) -> None:
+    allowed = ELSEWHERE.get(str(path.relative_to(PACKAGE)), ())
+    for function, line in writers(ast.parse(path.read_text())):
+        assert function in allowed, f"{path}:{line}: {function} writes under the final name"
+
+
+def test_an_error_leaves_the_file_before(tmp_path: Path) -> None:
+    path = tmp_path / "files" / "one.png"
+    path.parent.mkdir()
+    path.write_bytes(b"before")
+
+    def fail() -> None:
+        with whole_file(path) as part:
+            assert part.suffix == ".png"
+            part.write_bytes(b"after")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert [file.read_bytes() for file in path.parent.iterdir()] == [b"before"]
+    with whole_file(path) as part:
+        part.write_bytes(b"after")
+    assert [file.read_bytes() for file in path.parent.iterdir()] == [b"after"]
+
+
+def test_a_file_that_must_not_be_replaced_stays(tmp_path: Path) -> None:
+    path = tmp_path / "files" / "one"
+    path.parent.mkdir()
+    path.write_bytes(b"before")
+    with pytest.raises(FileExistsError), whole_file(path, replace=False) as part:
+        part.write_bytes(b"after")
+    assert [file.read_bytes() for file in path.parent.iterdir()] == [b"before"]
+
+
+def test_a_link_and_a_device_stay(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    link = tmp_path / "link"
+    link.symlink_to(target)
+    with whole_file(link) as part:
+        part.write_bytes(b"after")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"after"
+    with whole_file("/dev/null") as part:
+        assert part == Path("/dev/null")
+
+
+# Draws a film, of which some images are written, and waits.
+FILM = """
+import sys, numpy as np
+from pathlib import Path
+from trifinger.picture import save_film
+
+def images():
+    for number in range(200):
+        yield np.random.default_rng(number).integers(0, 255, (240, 320, 3), np.uint8)
+    print("drawn", flush=True)
+    sys.stdin.read()
+
+save_film(images(), Path(sys.argv[1]), 30)
+"""
+
+
+def test_a_killed_film_has_not_its_final_name(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    for before in (None, b"an earlier film"):
+        if before is not None:
+            path.write_bytes(before)
+        with subprocess.Popen(
+            [sys.executable, "-c", FILM, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        ) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == b"drawn\n"
+            process.kill()
+        assert (path.read_bytes() if path.exists() else None) == before
