@@ -19,6 +19,7 @@
 
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
+#include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/suggestion.hpp"
@@ -73,13 +74,14 @@ void tell_phase(const Manipulation& at) {
   } else if (at.phase() == Phase::kFailed) {
     more = fmt::format(": {}", text_of(at.failure()));
   }
-  fmt::print("  {}{}\n", name_of(at.phase()), more);
+  print_safely("  {}{}\n", name_of(at.phase()), more);
   std::fflush(stdout);
 }
 
 void tell_sight(const Manipulation& at) {
-  fmt::print("  {}\n", at.is_in_sight() ? "the object is in sight again"
-                                        : "the object is out of sight: the tips feel where it is");
+  print_safely("  {}\n", at.is_in_sight()
+                             ? "the object is in sight again"
+                             : "the object is out of sight: the tips feel where it is");
   std::fflush(stdout);
 }
 
@@ -112,7 +114,7 @@ nlohmann::ordered_json json_of(const Report& report) {
 void print(const Report& report) {
   const double degrees = 180 / std::numbers::pi;
   const auto line = [](std::string_view name, const std::string& value) {
-    fmt::print("  {:<26}{}\n", name, value);
+    print_safely("  {:<26}{}\n", name, value);
   };
   line("position, rms and max",
        fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.position_rms, 1e3 * report.position_max));
@@ -201,12 +203,12 @@ void write_report(const ManipulateOptions& options, const Session& session, Seco
   json["session_id"] = session.info().session_id;
   json["period"] = period.count();
   write_text(summary, json.dump(2) + "\n");
-  fmt::print("Report: {}\nTrace:  {}\n", summary.string(), trace.string());
+  print_safely("Report: {}\nTrace:  {}\n", summary.string(), trace.string());
 }
 
 void announce(const ManipulateOptions& options, std::string_view object) {
   std::filesystem::create_directories(options.output);
-  fmt::print("'{}' shall {} the {}.\n", options.robot, options.task, object);
+  print_safely("'{}' shall {} the {}.\n", options.robot, options.task, object);
   std::fflush(stdout);
 }
 
@@ -239,7 +241,7 @@ int manipulate(const ManipulateOptions& options, Frontend<TriFinger>& robot,
 
 void tell_state(const manipulation::Skill& skill) {
   const manipulation::SkillState& state = skill.state();
-  fmt::print("  {}{}{}\n", state.phase, state.failure.empty() ? "" : ": ", state.failure);
+  print_safely("  {}{}{}\n", state.phase, state.failure.empty() ? "" : ": ", state.failure);
   std::fflush(stdout);
 }
 
@@ -264,12 +266,12 @@ int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
                                : figure.unit.empty()
                                    ? fmt::format("{:.4g}", figure.value)
                                    : fmt::format("{:.4g} {}", figure.value, figure.unit);
-    fmt::print("  {:<26}{:<14}{}\n", figure.name, number, figure.meaning);
+    print_safely("  {:<26}{:<14}{}\n", figure.name, number, figure.meaning);
   }
   write_report(options, robot.session(), trace.period, std::move(json), table_of(trace));
   for (const manipulation::ReportFile& file : skill->report_files(trace, trace.seen)) {
     write_text(options.output / file.name, file.text);
-    fmt::print("        {}\n", (options.output / file.name).string());
+    print_safely("        {}\n", (options.output / file.name).string());
   }
   if (stop.load()) return kInterrupted;
   return trace.failure.empty() ? kDone : kFailed;

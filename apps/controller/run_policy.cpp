@@ -27,6 +27,7 @@
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/output_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
@@ -66,12 +67,12 @@ void print(const EpisodeReport& report) {
   const auto& outcome = report.outcome;
   double worst = 0.0;
   for (const double distance : outcome.distance) worst = std::max(worst, distance);
-  fmt::print("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}\n",
-             report.number, report.actions, report.total_reward, 1e3 * worst,
-             outcome.success ? ", success" : "",
-             report.repeated_steps > 0
-                 ? fmt::format(", {} steps without an action in time", report.repeated_steps)
-                 : "");
+  print_safely("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}\n",
+               report.number, report.actions, report.total_reward, 1e3 * worst,
+               outcome.success ? ", success" : "",
+               report.repeated_steps > 0
+                   ? fmt::format(", {} steps without an action in time", report.repeated_steps)
+                   : "");
   std::fflush(stdout);
 }
 
@@ -162,13 +163,13 @@ void warn_of_differences(const Policy& policy, const RunPolicyOptions& options,
   if (!trained) return;
   const std::vector<ConfigDifference> different = differences(robot, *trained);
   if (different.empty()) return;
-  fmt::print(stderr,
-             "trifinger run-policy: warning: '{}' is not what {} was trained on, and may not do "
-             "what it did there:\n",
-             options.robot, options.policy);
+  print_safely(stderr,
+               "trifinger run-policy: warning: '{}' is not what {} was trained on, and may not do "
+               "what it did there:\n",
+               options.robot, options.policy);
   for (const ConfigDifference& difference : different) {
-    fmt::print(stderr, "  {}: {} here, {} in the training\n", difference.key,
-               difference.value.value_or("none"), difference.other.value_or("none"));
+    print_safely(stderr, "  {}: {} here, {} in the training\n", difference.key,
+                 difference.value.value_or("none"), difference.other.value_or("none"));
   }
 }
 
@@ -214,8 +215,8 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
   };
 
   const std::atomic<bool>& stop = stop_on_signals();
-  fmt::print("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
-             learning::write_options(trained));
+  print_safely("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
+               learning::write_options(trained));
   std::fflush(stdout);
   Reporter reporter(tell);  // Started here, with the usual priority.
   static_cast<void>(enter_realtime(realtime_beside(robot.session().info(), options.scheduling)));
@@ -231,7 +232,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
 
   const auto successes =
       std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });
-  fmt::print("{} of {} episodes ended at their goal.\n", successes, reports.size());
+  print_safely("{} of {} episodes ended at their goal.\n", successes, reports.size());
   if (!options.json.empty()) {
     nlohmann::ordered_json json = nlohmann::ordered_json::array();
     for (const EpisodeReport& report : reports) json.push_back(json_of(report));

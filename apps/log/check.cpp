@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "log/summary.hpp"
+#include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
@@ -32,12 +33,12 @@ int check(const LogCheckOptions& options) {
                                   : report.lost_bytes > 0
                                       ? terminal.paint("cut off", Style::kBad)
                                       : terminal.paint("not finished", Style::kWarning);
-      fmt::print("{}  {}: {}, {} messages\n", file.string(), verdict, size_text(report.size),
-                 report.messages);
-      for (const log::Damage& damage : report.damage) fmt::print("  {}\n", text_of(damage));
+      fmt::print("{}  {}: {}, {} messages\n", terminal.paint(file.string(), Style::kPlain), verdict,
+                 size_text(report.size), report.messages);
+      for (const log::Damage& damage : report.damage) print_safely("  {}\n", text_of(damage));
       if (!report.is_whole()) {
-        fmt::print("  'trifinger log recover {}' writes a whole file of what is there.\n",
-                   file.string());
+        print_safely("  'trifinger log recover {}' writes a whole file of what is there.\n",
+                     file.string());
       }
     }
   }

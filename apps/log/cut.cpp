@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "log/options.hpp"
+#include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/copy.hpp"
@@ -42,12 +43,12 @@ int cut(const LogCutOptions& options) {
   }
   log::copy(log, options.output, copy);
   const log::Log result{std::filesystem::path(options.output)};
-  fmt::print("{} written: {}", options.output, size_text(result.size()));
+  print_safely("{} written: {}", options.output, size_text(result.size()));
   for (const log::LoggedSession& session : result.sessions()) {
     const auto [first, end] = session.range(Series::kAppliedAction);
-    if (first < end) fmt::print(", steps {} to {} of '{}'", first, end - 1, session.name());
+    if (first < end) print_safely(", steps {} to {} of '{}'", first, end - 1, session.name());
   }
-  fmt::print(".\n");
+  print_safely(".\n");
   return kDone;
 }
 

@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "log/summary.hpp"
+#include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/repair.hpp"
@@ -28,10 +29,10 @@ int recover_log(const LogRecoverOptions& options) {
     output.replace_extension(".recovered.mcap");
   }
   const log::FileReport report = log::recover(options.file, output);
-  for (const log::Damage& damage : report.damage) fmt::print("{}\n", text_of(damage));
+  for (const log::Damage& damage : report.damage) print_safely("{}\n", text_of(damage));
   const bool is_all = report.lost_bytes == 0 && report.damage.empty();
-  fmt::print("{} written: {} messages, {}.\n", output.string(), report.messages,
-             is_all ? "nothing is lost" : size_text(report.lost_bytes) + " could not be used");
+  print_safely("{} written: {} messages, {}.\n", output.string(), report.messages,
+               is_all ? "nothing is lost" : size_text(report.lost_bytes) + " could not be used");
   return is_all ? kDone : kIncomplete;
 }
 

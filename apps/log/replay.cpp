@@ -11,6 +11,7 @@
 #include "commands.hpp"
 #include "log/action_replay.hpp"
 #include "log/options.hpp"
+#include "shared/output.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/log/log.hpp"
@@ -61,7 +62,7 @@ int replay(const LogReplayOptions& options) {
       }
     });
     const auto tell = [&options](const std::string& text) {
-      fmt::print("{}: {}\n", options.on, text);
+      print_safely("{}: {}\n", options.on, text);
       std::fflush(stdout);
     };
     replay_actions(motion, session.header().period, robot, options.how, tell);

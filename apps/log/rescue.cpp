@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/flight_recorder.hpp"
@@ -34,8 +35,8 @@ int rescue(const LogRescueOptions& options) {
     const auto [first, end] = session.range(Series::kAppliedAction);
     if (first < end) steps = fmt::format("steps {} to {}", first, end - 1);
   }
-  fmt::print("{} written: {}, {} of '{}'.\n", file.string(), size_text(log.size()), steps,
-             session.name());
+  print_safely("{} written: {}, {} of '{}'.\n", file.string(), size_text(log.size()), steps,
+               session.name());
   return kDone;
 }
 

@@ -45,7 +45,8 @@ constexpr std::size_t kInfoLabelWidth = 14;
 class InfoSheet {
  public:
   void heading(const std::string& name, const std::string& text) const {
-    fmt::print("{}  {}\n", terminal_.paint(name, Style::kBold), text);
+    fmt::print("{}  {}\n", terminal_.paint(name, Style::kBold),
+               terminal_.paint(text, Style::kPlain));
   }
   void line(const std::string& label, const std::string& text, Style style = Style::kPlain) const {
     const std::string head = terminal_.paint(pad("  " + label, kInfoLabelWidth), Style::kDim);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/sim/any_robot_config.hpp"
 
@@ -29,7 +30,8 @@ int print_config(const ConfigOptions& options) {
     value_width = std::max(value_width, key.value.size());
   }
   for (const config::File::Key& key : keys) {
-    fmt::print("{}  {}  {}\n", pad(key.path, key_width), pad(key.value, value_width), key.allowed);
+    print_safely("{}  {}  {}\n", pad(key.path, key_width), pad(key.value, value_width),
+                 key.allowed);
   }
   return kDone;
 }

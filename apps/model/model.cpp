@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/output_file.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/error.hpp"
@@ -53,7 +54,7 @@ int export_model(const ModelOptions& options) {
     return kDone;
   }
   write_output_file(options.file, text);
-  fmt::print("{} written.\n", options.file);
+  print_safely("{} written.\n", options.file);
   return kDone;
 }
 
@@ -76,7 +77,7 @@ int print_info(const ModelOptions& options) {
   }
 
   const auto line = [](const std::string& label, const std::string& text) {
-    fmt::print("{}{}\n", pad(label, 20), text);
+    print_safely("{}{}\n", pad(label, 20), text);
   };
   line("variant", fmt::format("{}{}", known.name, robot.flipped ? ", flipped" : ""));
   line("fingers", fmt::format("{}, joint 0 at {:g} m", num_fingers(robot), finger_height(robot)));
@@ -88,7 +89,7 @@ int print_info(const ModelOptions& options) {
   line("cameras", fmt::format("{}", fmt::join(cameras, " ")));
   line("torque limit", fmt::format("{:g} Nm", motor.torque_limit));
   line("no-load speed", fmt::format("{:g} rad/s", motor.no_load_speed));
-  fmt::print("\nof each finger, from the base to the tip\n");
+  print_safely("\nof each finger, from the base to the tip\n");
   line("initial position", joint_text(known.initial_position) + " rad");
   line("soft limits",
        fmt::format("{}  to  {} rad", joint_text(known.soft_lower), joint_text(known.soft_upper)));

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/joint/read_limits.hpp"
@@ -144,7 +145,7 @@ void write_driver(const NewRobotOptions& options) {
   require_new(folder);
   make_folder(folder);
   for (const auto& [path, text] : files) write_new_file(path, std::as_bytes(std::span(text)));
-  fmt::print(
+  print_safely(
       "{}/ has a robot with a driver in one file, {}.hpp, where FILL_IN marks what you replace.\n"
       "It builds, passes its test and runs as it is: {}/README.md says how.\n",
       folder.string(), options.name, folder.string());
@@ -215,11 +216,11 @@ void write_configuration(const NewRobotOptions& options) {
   make_folder(options.folder);
   write_new_file(path, std::as_bytes(std::span(text)));
   const bool is_whole = text.find("FILL_IN") == std::string::npos;
-  fmt::print("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
-             options.file->string());
-  fmt::print("{}'trifinger run {}' starts it.\n",
-             is_whole ? "" : "Replace each FILL_IN: nobody may guess what safety needs. Then ",
-             path.string());
+  print_safely("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
+               options.file->string());
+  print_safely("{}'trifinger run {}' starts it.\n",
+               is_whole ? "" : "Replace each FILL_IN: nobody may guess what safety needs. Then ",
+               path.string());
 }
 
 int make_robot_files(const NewRobotOptions& options) {

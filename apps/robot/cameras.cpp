@@ -15,6 +15,7 @@
 #include "commands.hpp"
 #include "shared/child_program.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/signals.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/error.hpp"
@@ -147,7 +148,7 @@ std::unique_ptr<camera::Source> open_source(const Cameras& cameras,
 }
 
 void say(const std::string& robot, const std::string& sentence) {
-  fmt::print("{}: {}\n", robot, sentence);
+  print_safely("{}: {}\n", robot, sentence);
   std::fflush(stdout);
 }
 
@@ -173,10 +174,10 @@ int list() {
   std::vector<std::string> lacks;
   const std::vector<camera::DeviceInfo> devices = camera::list_devices(lacks);
   for (const camera::DeviceInfo& device : devices) {
-    fmt::print("{:7} {:24} {}  {}\n", device.kind, device.id, device.name, device.detail);
+    print_safely("{:7} {:24} {}  {}\n", device.kind, device.id, device.name, device.detail);
   }
-  if (devices.empty()) fmt::print("There is no camera.\n");
-  for (const std::string& lack : lacks) fmt::print(stderr, "{}\n", lack);
+  if (devices.empty()) print_safely("There is no camera.\n");
+  for (const std::string& lack : lacks) print_safely(stderr, "{}\n", lack);
   return kDone;
 }
 

@@ -19,6 +19,7 @@
 #include "commands.hpp"
 #include "robot/doctor_can.hpp"
 #include "robot/finding.hpp"
+#include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/realtime/limit_remedy.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -335,8 +336,8 @@ int doctor(const DoctorOptions& options) {
       }
       return {"lacks", Style::kBad};
     }();
-    fmt::print("{}  {}{}\n", terminal.paint(pad(word, 5), style), pad(finding.what, kIndent - 7),
-               finding.found);
+    fmt::print("{}  {}\n", terminal.paint(pad(word, 5), style),
+               terminal.paint(pad(finding.what, kIndent - 7) + finding.found, Style::kPlain));
     if (finding.remedy.empty()) continue;
     const std::string indent(kIndent, ' ');
     for (const std::string& line : hang(indent, finding.remedy, room, terminal, Style::kDim)) {
@@ -345,11 +346,11 @@ int doctor(const DoctorOptions& options) {
   }
   const std::string purpose = options.robot ? *options.robot : "real time";
   if (lacking == 0) {
-    fmt::print("\nThis machine has what {} needs.\n", purpose);
+    print_safely("\nThis machine has what {} needs.\n", purpose);
     return kDone;
   }
-  fmt::print("\nThis machine lacks {} of {} things for {}; simulation works without.\n", lacking,
-             findings.size(), purpose);
+  print_safely("\nThis machine lacks {} of {} things for {}; simulation works without.\n", lacking,
+               findings.size(), purpose);
   return kFailed;
 }
 

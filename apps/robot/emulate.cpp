@@ -16,6 +16,7 @@
 #include "robot/typed_lines.hpp"
 #include "shared/child_program.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/boards/emulated_fault.hpp"
@@ -74,7 +75,7 @@ class Faults {
 
  private:
   void print(const char* what, std::size_t i) const {
-    fmt::print("{}: fault '{}' {}\n", name_, texts_[i], what);
+    print_safely("{}: fault '{}' {}\n", name_, texts_[i], what);
     std::fflush(stdout);
   }
 
@@ -111,11 +112,11 @@ void run_boards(const std::string& name, const RobotConfig& config,
         faults.add(line, clock.now());
       }
     } catch (const InvalidArgument& error) {
-      fmt::print(stderr, "{}: {}\n", name, error.what());
+      print_safely(stderr, "{}: {}\n", name, error.what());
     }
   };
-  fmt::print("{}: {} emulated boards are on; Ctrl-C switches them off.\n", name,
-             emulator.num_boards());
+  print_safely("{}: {} emulated boards are on; Ctrl-C switches them off.\n", name,
+               emulator.num_boards());
   std::fflush(stdout);
   Instant next = clock.now();
   while (!signals.wait(Nanoseconds::zero())) {
@@ -130,7 +131,7 @@ void run_boards(const std::string& name, const RobotConfig& config,
     clock.sleep_until(next);
     if (plant.has_diverged()) throw Error("the simulation of the robot has diverged");
   }
-  fmt::print("{}: off.\n", name);
+  print_safely("{}: off.\n", name);
 }
 
 // On a real bus, emulated boards would answer beside the real ones.
@@ -176,7 +177,7 @@ int emulate(const EmulateOptions& options) {
   }
   const Signals signals;
   for (const std::string& lack : enter_realtime(options.realtime)) {
-    fmt::print(stderr, "{}: {}\n", config.name, lack);
+    print_safely(stderr, "{}: {}\n", config.name, lack);
   }
   std::visit(
       [&](const auto& simulation) {

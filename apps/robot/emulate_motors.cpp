@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "robot/typed_lines.hpp"
+#include "shared/output.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/dynamixel/emulator.hpp"
@@ -168,7 +169,7 @@ class Faults {
         bus.motor(*index).fail(*fault.error);
       }
     });
-    fmt::print("{}: fault '{}' {}\n", name_, fault.text, what);
+    print_safely("{}: fault '{}' {}\n", name_, fault.text, what);
     std::fflush(stdout);
   }
 
@@ -203,7 +204,7 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
   FilePlant plant(config.robot, servos);
   // The emulator's thread takes over what this one has been granted.
   for (const std::string& lack : enter_realtime(realtime)) {
-    fmt::print(stderr, "{}: {}\n", config.name, lack);
+    print_safely(stderr, "{}: {}\n", config.name, lack);
   }
   dynamixel::Emulator emulator(servos::emulated_motors(servos), plant, {},
                                servos::emulated_port(config.name).string());
@@ -211,8 +212,8 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
   const Instant begin = std::chrono::steady_clock::now();
   const auto elapsed = [begin] { return std::chrono::steady_clock::now() - begin; };
   for (MotorFault& fault : given) scheduled.add(std::move(fault), Nanoseconds::zero());
-  fmt::print("{}: {} emulated motors are on, at {}; Ctrl-C switches them off.\n", config.name,
-             servos::emulated_motors(servos).size(), emulator.path());
+  print_safely("{}: {} emulated motors are on, at {}; Ctrl-C switches them off.\n", config.name,
+               servos::emulated_motors(servos).size(), emulator.path());
   std::fflush(stdout);
   TypedLines typed;
   while (!signals.wait(kLook)) {
@@ -224,7 +225,7 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
           scheduled.add(parse(line), elapsed());
         }
       } catch (const InvalidArgument& error) {
-        fmt::print(stderr, "{}: {}\n", config.name, error.what());
+        print_safely(stderr, "{}: {}\n", config.name, error.what());
       }
     }
     scheduled.look(elapsed());
@@ -232,7 +233,7 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
     emulator.change([&](EmulatedBus&) { has_diverged = plant.has_diverged(); });
     if (has_diverged) throw Error("the simulation of the robot has diverged");
   }
-  fmt::print("{}: off.\n", config.name);
+  print_safely("{}: off.\n", config.name);
 }
 
 }  // namespace trifinger::apps

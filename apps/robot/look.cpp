@@ -13,6 +13,7 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/output_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/image_file.hpp"
@@ -146,14 +147,14 @@ int look(const LookOptions& options) {
     try {
       pictures[i] = picture_of(images, i, options.raw);
     } catch (const camera::CameraLost& error) {
-      fmt::print(stderr, "{}: {}\n", options.robot, error.what());
+      print_safely(stderr, "{}: {}\n", options.robot, error.what());
       exit_code = kIncomplete;
     }
   }
   const std::string ending = options.target.extension().string();
   if (ending == ".png" || ending == ".jpg" || ending == ".jpeg") {
     save(options.target, joined(pictures, images.cameras(), options.raw));
-    fmt::print("{}\n", options.target.string());
+    print_safely("{}\n", options.target.string());
     return exit_code;
   }
   fs::create_directories(options.target);
@@ -161,7 +162,7 @@ int look(const LookOptions& options) {
     if (!pictures[i]) continue;
     const fs::path path = options.target / (images.cameras()[i].name + ".png");
     save(path, *pictures[i]);
-    fmt::print("{}\n", path.string());
+    print_safely("{}\n", path.string());
   }
   return exit_code;
 }

@@ -12,6 +12,7 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/core/frontend.hpp"
 
@@ -90,19 +91,19 @@ std::vector<std::string> numbers_of(const FieldDescription& field, const std::by
 }
 
 void print_csv_header(const ElementDescription& description) {
-  fmt::print("time_index");
+  print_safely("time_index");
   for (const FieldDescription& field : description.fields()) {
-    for (std::size_t i = 0; i < field.count(); ++i) fmt::print(",{}", number_name(field, i));
+    for (std::size_t i = 0; i < field.count(); ++i) print_safely(",{}", number_name(field, i));
   }
-  fmt::print("\n");
+  print_safely("\n");
 }
 
 void print_csv(TimeIndex t, const ElementDescription& description, const std::byte* element) {
-  fmt::print("{}", t);
+  print_safely("{}", t);
   for (const FieldDescription& field : description.fields()) {
     fmt::print(",{}", fmt::join(numbers_of(field, element, true), ","));
   }
-  fmt::print("\n");
+  print_safely("\n");
 }
 
 void print_for_people(const std::string& title, const ElementDescription& description,
@@ -114,7 +115,7 @@ void print_for_people(const std::string& title, const ElementDescription& descri
   fmt::print("{}\n", terminal.paint(title, Style::kBold));
   for (const FieldDescription& field : description.fields()) {
     const std::string unit = field.unit.empty() ? "" : " " + field.unit;
-    fmt::print("  {}  {}{}\n", pad(field.name, width),
+    fmt::print("  {}  {}{}\n", terminal.paint(pad(field.name, width), Style::kPlain),
                fmt::join(numbers_of(field, element, false), " "),
                terminal.paint(unit, Style::kDim));
   }
@@ -139,7 +140,7 @@ int read(const ReadOptions& options) {
   const UntypedFrontend session(options.name, {.control = false});
   const ElementDescription& description = session.session().element(options.series);
   if (options.fields) {
-    fmt::print("{}", description.text());
+    fmt::print("{}", printable_lines(description.text(), std::string::npos));
     return kDone;
   }
   const auto [first, end] = wanted_range(options, session);

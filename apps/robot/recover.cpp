@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "robot/session_state.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
 
@@ -21,13 +22,13 @@ struct RecoverOptions {
 int recover_session(const RecoverOptions& options) {
   const SessionInfo before = robot_info(options.name);
   if (before.backend_is_alive && !before.fault.needs_recovery()) {
-    fmt::print("{}: there is nothing to recover from, it is {}.\n", before.name,
-               state_text(before));
+    print_safely("{}: there is nothing to recover from, it is {}.\n", before.name,
+                 state_text(before));
     return kDone;
   }
   recover(options.name, options.timeout);
-  fmt::print("{}: recovered; now {}. The fault was: {}.\n", before.name,
-             state_text(Session::open(options.name).info()), before.fault_text);
+  print_safely("{}: recovered; now {}. The fault was: {}.\n", before.name,
+               state_text(Session::open(options.name).info()), before.fault_text);
   return kDone;
 }
 

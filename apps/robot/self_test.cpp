@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "robot/maintenance.hpp"
+#include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::apps {
@@ -26,7 +27,7 @@ std::string cell(const std::optional<Number>& number, const char* format) {
 template <class R>
 int print_reports(const boards::BoardRobot<R>& boards) {
   const double revolution = 2.0 * std::numbers::pi / boards.options().drive.gear_ratio;
-  fmt::print(
+  print_safely(
       "\n  joint  wiring          load [Nm]  weight [Nm]  friction [Nm]  index distance [rad]\n");
   int problems = 0;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
@@ -46,15 +47,15 @@ int print_reports(const boards::BoardRobot<R>& boards) {
     if (report.sweep) load = report.sweep->load;
     if (report.sweep) friction = report.sweep->friction;
     if (report.index_distance > 0.0) distance = report.index_distance;
-    fmt::print("  {:>5}  {:14}  {:>9}  {:>11}  {:>13}  {:>20}\n", i, wiring, cell(load, "{:.3f}"),
-               cell(report.weight, "{:.3f}"), cell(friction, "{:.3f}"), cell(distance, "{:.4f}"));
+    print_safely("  {:>5}  {:14}  {:>9}  {:>11}  {:>13}  {:>20}\n", i, wiring, cell(load, "{:.3f}"),
+                 cell(report.weight, "{:.3f}"), cell(friction, "{:.3f}"), cell(distance, "{:.4f}"));
     if (!problem_of(report, revolution).empty()) ++problems;
   }
-  fmt::print("\n");
+  print_safely("\n");
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const std::string problem = problem_of(boards.report(i), revolution);
     // A joint that was not reached has no problem of its own.
-    if (!problem.empty() && boards.report(i).sweep) fmt::print("joint {} {}.\n", i, problem);
+    if (!problem.empty() && boards.report(i).sweep) print_safely("joint {} {}.\n", i, problem);
   }
   std::fflush(stdout);
   return problems;

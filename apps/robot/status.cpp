@@ -48,7 +48,8 @@ class StatusSheet {
   void add_row(const std::string& label, const std::string& row) {
     const std::string head = clip(pad(label, kLabelWidth), width_);
     const std::size_t room = width_ > kLabelWidth ? width_ - kLabelWidth : 0;
-    lines_.push_back(terminal_.paint(head, Style::kDim) + clip(row, room));
+    lines_.push_back(terminal_.paint(head, Style::kDim) +
+                     terminal_.paint(clip(row, room), Style::kPlain));
   }
   void add_line(const std::string& line) { lines_.push_back(line); }
 
@@ -219,7 +220,8 @@ int status(const StatusOptions& options) {
     } catch (const SessionNotFound&) {
       // If it was seen before, its back-end is being restarted.
       if (!was_seen) throw;
-      lines.push_back(clip(options.name + " is gone; waiting for its next session", width));
+      lines.push_back(terminal.paint(
+          clip(options.name + " is gone; waiting for its next session", width), Style::kPlain));
     }
     was_seen = true;
     lines.push_back(terminal.paint(clip("Ctrl-C leaves", width), Style::kDim));

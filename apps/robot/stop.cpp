@@ -13,6 +13,7 @@
 #include "commands.hpp"
 #include "robot/session_state.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
@@ -46,7 +47,7 @@ std::optional<ipc::ProcessIdentity> backend_of(const std::string& name) {
 
 int stop(const StopOptions& options) {
   const auto already_gone = [&] {
-    fmt::print("{}: its back-end is already gone.\n", options.name);
+    print_safely("{}: its back-end is already gone.\n", options.name);
     return kDone;
   };
   const std::optional<ipc::ProcessIdentity> backend = backend_of(options.name);
@@ -75,7 +76,7 @@ int stop(const StopOptions& options) {
           who, duration_text(options.timeout), pid));
     }
   }
-  fmt::print("{}: stopped {}.\n", options.name, who);
+  print_safely("{}: stopped {}.\n", options.name, who);
   return kDone;
 }
 

@@ -17,6 +17,7 @@
 #include "commands.hpp"
 #include "shared/child_program.hpp"
 #include "shared/options.hpp"
+#include "shared/output.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/images.hpp"
@@ -42,7 +43,7 @@ struct TrackOptions {
 };
 
 void say(const std::string& robot, const std::string& sentence) {
-  fmt::print("{}: {}\n", robot, sentence);
+  print_safely("{}: {}\n", robot, sentence);
   std::fflush(stdout);
 }
 

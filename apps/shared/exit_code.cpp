@@ -9,6 +9,7 @@
 #include <string>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/printable.hpp"
 #include "trifinger/config/node.hpp"
 
 namespace trifinger::apps {
@@ -35,7 +36,7 @@ int run_and_report(std::string_view program, const std::function<int()>& work) {
     problem = error.what();
   }
   std::fflush(stdout);
-  fmt::print(stderr, "{}: {}\n", program, problem);
+  fmt::print(stderr, "{}: {}\n", program, printable_lines(problem));
   return exit_code;
 }
 

@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "trifinger/base/printable.hpp"
+
 namespace trifinger::apps {
 namespace {
 
@@ -61,8 +63,9 @@ std::size_t Terminal::width() const noexcept {
 }
 
 std::string Terminal::paint(std::string_view text, Style style) const {
-  if (!has_colours_ || style == Style::kPlain) return std::string(text);
-  return fmt::format("{}{}\x1b[0m", code_of(style), text);
+  std::string shown = printable(text);
+  if (!has_colours_ || style == Style::kPlain) return shown;
+  return fmt::format("{}{}\x1b[0m", code_of(style), shown);
 }
 
 std::size_t columns_of(std::string_view text) noexcept {
@@ -115,7 +118,7 @@ std::vector<std::string> wrap(std::string_view text, std::size_t width) {
 std::vector<std::string> hang(const std::string& head, std::string_view text, std::size_t width,
                               const Terminal& terminal, Style style) {
   std::vector<std::string> lines;
-  for (const std::string& line : wrap(text, width)) {
+  for (const std::string& line : wrap(printable(text), width)) {
     lines.push_back((lines.empty() ? head : std::string(columns_of(head), ' ')) +
                     terminal.paint(line, style));
   }

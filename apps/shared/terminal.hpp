@@ -27,7 +27,8 @@ class Terminal {
   [[nodiscard]] bool is_live() const noexcept { return is_live_; }
   // Returns the present width of the window; if nobody watches, lines may have any width.
   [[nodiscard]] std::size_t width() const noexcept;
-  // Returns `text` in colour if colours are wanted.
+  // Returns `text`, which may be anybody's, as `printable` shows it, in colour if colours are
+  // wanted.
   [[nodiscard]] std::string paint(std::string_view text, Style style) const;
 
  private:
@@ -45,8 +46,8 @@ class Terminal {
 // Breaks `text` into lines of at most `width` columns, at spaces if possible.
 [[nodiscard]] std::vector<std::string> wrap(std::string_view text, std::size_t width);
 
-// Breaks `text` into lines of at most `width` columns, which are painted. The first one follows
-// `head`, the others begin below it.
+// Breaks `text` into lines of at most `width` columns, which are painted. It may be anybody's. The
+// first one follows `head`, the others begin below it.
 [[nodiscard]] std::vector<std::string> hang(const std::string& head, std::string_view text,
                                             std::size_t width, const Terminal& terminal,
                                             Style style);

@@ -22,7 +22,7 @@ void raise(const char* name, const Error& error, const Data&... data) {
   PyErr_SetObject(type.ptr(), exception.ptr());
 }
 
-void translate(const std::exception_ptr& thrown, void* /*payload*/) {
+void set_error(const std::exception_ptr& thrown) {
   try {
     std::rethrow_exception(thrown);
   } catch (const RobotStopped& error) {
@@ -61,6 +61,15 @@ void translate(const std::exception_ptr& thrown, void* /*payload*/) {
     PyErr_SetObject(exception.type().ptr(), exception.ptr());
   } catch (const Error& error) {
     raise("Error", error);
+  }
+}
+
+void translate(const std::exception_ptr& thrown, void* /*payload*/) {
+  try {
+    set_error(thrown);
+  } catch (nb::python_error& error) {
+    // Ctrl-C came while the exception was made. Out of here, it would end the program.
+    error.restore();
   }
 }
 

@@ -2,6 +2,7 @@
 #include "text.hpp"
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/printable.hpp"
 
 namespace nb = nanobind;
 
@@ -25,7 +26,9 @@ nb::object to_str(std::string_view text) { return decoded(text, "surrogateescape
 
 nb::object to_text(std::string_view text) { return decoded(text, "replace"); }
 
-nb::object to_message(std::string_view text) { return decoded(text, "backslashreplace"); }
+nb::object to_message(std::string_view text) {
+  return decoded(printable_lines(text), "backslashreplace");
+}
 
 std::string text_of(nb::handle object) {
   const nb::object bytes =

@@ -8,14 +8,18 @@ from collections.abc import Iterable
 from typing import Self
 
 from trifinger.session_info import Fault
+from trifinger.text import printable_lines
 
 
 class Error(RuntimeError):
     """Base of everything that this package raises.
 
     The text is a sentence. It names the thing, the value found, and the value allowed or the
-    remedy.
+    remedy. What others wrote is in it as it may be printed, and shortened.
     """
+
+    def __init__(self, text: object = "") -> None:
+        super().__init__(printable_lines(str(text)))
 
 
 class InvalidArgument(Error, ValueError):

@@ -7,6 +7,8 @@ import time
 from collections.abc import Iterable, Iterator
 from typing import Self, TypeVar
 
+from trifinger.text import printable
+
 T = TypeVar("T")
 EVERY = 0.1  # shortest time between two drawings [s]
 
@@ -27,7 +29,8 @@ class Line:
     def clear(self) -> None:
         """Removes the line until it is shown again, so that something else can be printed."""
         if self._is_shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+            sys.stderr.write("\r\033[K")
+            sys.stderr.flush()
             self._drawn = -EVERY
 
     def show(self, text: str) -> None:
@@ -37,7 +40,8 @@ class Line:
             return
         self._drawn = now
         columns = shutil.get_terminal_size().columns
-        print(f"\r\033[K{text[: columns - 1]}", end="", file=sys.stderr, flush=True)
+        sys.stderr.write(f"\r\033[K{printable(text)[: columns - 1]}")
+        sys.stderr.flush()
 
 
 class Progress:

@@ -119,11 +119,7 @@ class _Unhandled:
             loop.default_exception_handler(context)
         elif not self._is_said:
             self._is_said = True
-            print(
-                f"trifinger: a connection could not be taken: {error.strerror}; others can",
-                file=sys.stderr,
-                flush=True,
-            )
+            sys.stderr.write(f"trifinger: a connection could not be taken: {error.strerror}\n")
 
 
 def _quiet_logger() -> logging.Logger:

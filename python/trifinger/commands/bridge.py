@@ -14,7 +14,7 @@ from trifinger.bridges.dds import DdsNode
 from trifinger.bridges.foxglove import LOOPBACK, FoxgloveOptions, FoxgloveServer
 from trifinger.bridges.ros2 import NODE, Node, Ros2Bridge, Ros2Options, namespace_of
 from trifinger.bridges.zenoh_node import ROUTER, ZenohNode
-from trifinger.commands.command_line import run
+from trifinger.commands.command_line import run, say
 from trifinger.errors import InvalidArgument
 
 EXAMPLES = """Examples:
@@ -141,7 +141,7 @@ def until_signal(work: Coroutine[None, None, None]) -> None:
 
 def tell(text: str) -> None:
     """Prints a sentence about robot or clients."""
-    print(text, file=sys.stderr, flush=True)
+    say(text, file=sys.stderr, flush=True)
 
 
 def serve_foxglove(arguments: argparse.Namespace) -> None:
@@ -164,8 +164,8 @@ def serve_foxglove(arguments: argparse.Namespace) -> None:
     )
 
     def ready() -> None:
-        print(f"Serves {arguments.name} at {server.url}", flush=True)
-        print("In Foxglove: Open connection, Foxglove WebSocket, and this address.", flush=True)
+        say(f"Serves {arguments.name} at {server.url}", flush=True)
+        say("In Foxglove: Open connection, Foxglove WebSocket, and this address.", flush=True)
         if arguments.host not in LOOPBACK:
             tell(
                 "Everybody who knows this address sees the robot. The connection is not encrypted: "
@@ -210,7 +210,7 @@ def publish_ros2(arguments: argparse.Namespace) -> None:
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, lambda *_: stop.set())
     where = namespace.rstrip("/")
-    print(f"Publishes {arguments.name} as the node {where}/{NODE}.", flush=True)
+    say(f"Publishes {arguments.name} as the node {where}/{NODE}.", flush=True)
     if arguments.network:
         tell("Everybody in this network sees the robot: DDS has no password.")
     bridge.run(stop)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from trifinger import extras
 from trifinger._trifinger import CameraCalibration
-from trifinger.commands.command_line import run
+from trifinger.commands.command_line import run, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
@@ -191,10 +191,10 @@ def write(calibration: CameraCalibration, path: Path) -> None:
     if path.exists():
         before = path.with_name(path.name + ".before")
         path.replace(before)
-        print(f"the calibration before is now in {before}.")
+        say(f"the calibration before is now in {before}.")
     with whole_file(path) as part:
         part.write_text(calibration.text())
-    print(f"{path} written.")
+    say(f"{path} written.")
 
 
 def calibrate(arguments: argparse.Namespace) -> int:
@@ -213,19 +213,19 @@ def calibrate(arguments: argparse.Namespace) -> int:
     )
     images = ImageSet.of_folder(arguments.images)
     result = calibrate(
-        images, board_of(arguments), options, lambda text: print(f"{text} ...", flush=True)
+        images, board_of(arguments), options, lambda text: say(f"{text} ...", flush=True)
     )
     path = arguments.page or Path(f"{arguments.robot}.cameras.html")
     with whole_file(path) as part:
         part.write_text(page(result, arguments.robot))
     for text in [*result.remarks, *result.advice]:
-        print(f"- {as_sentence(text)}")
-    print(f"corners miss by {result.rms:.3f} pixels (root mean square).")
-    print(f"{path} written: look at it.")
+        say(f"- {as_sentence(text)}")
+    say(f"corners miss by {result.rms:.3f} pixels (root mean square).")
+    say(f"{path} written: look at it.")
     for text in result.problems:
-        print(f"WRONG: {as_sentence(text)}")
+        say(f"WRONG: {as_sentence(text)}")
     if result.problems and not arguments.force:
-        print(f"{file} was not written; --force writes it.")
+        say(f"{file} was not written; --force writes it.")
         return 1
     write(result.calibration, file)
     return 0
@@ -240,11 +240,11 @@ def check(arguments: argparse.Namespace) -> int:
     calibration = present(arguments)
     found = check(ImageSet.of_folder(arguments.images), board_of(arguments), calibration)
     for text in found.lines():
-        print(as_sentence(text))
+        say(as_sentence(text))
     for text in found.problems:
-        print(f"WRONG: {as_sentence(text)}")
+        say(f"WRONG: {as_sentence(text)}")
     if not found.problems:
-        print("the calibration holds.")
+        say("the calibration holds.")
     return 1 if found.problems else 0
 
 
@@ -257,7 +257,7 @@ def work(arguments: argparse.Namespace) -> int:
     if arguments.print_board is not None:
         board = board_of(arguments)
         draw(board, arguments.print_board)
-        print(f"{arguments.print_board} written: {board}. Print it at 100 %, on a flat plate.")
+        say(f"{arguments.print_board} written: {board}. Print it at 100 %, on a flat plate.")
         return 0
     if arguments.check:
         return check(arguments)
@@ -266,8 +266,8 @@ def work(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.to_original is not None:
         for path in original.write(present(arguments), arguments.to_original):
-            print(f"{path} written.")
-        print(
+            say(f"{path} written.")
+        say(
             "Files of half the size have the original's principal point, c / 2; our images of half "
             "the size have (c + 0.5) / 2 - 0.5."
         )

@@ -12,7 +12,7 @@ import numpy as np
 from trifinger import extras
 from trifinger._trifinger import CameraCalibration
 from trifinger.arrays import Array
-from trifinger.commands.command_line import run
+from trifinger.commands.command_line import run, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
@@ -134,7 +134,7 @@ def label(arguments: argparse.Namespace) -> int:
     if not images:
         raise Error(f"{arguments.images[0]} has no image of a camera of {arguments.robot}")
     write_page(arguments.page, images, tracked.colours, "labels.json")
-    print(f"{arguments.page} written: open it in a browser.")
+    say(f"{arguments.page} written: open it in a browser.")
     return 0
 
 
@@ -170,14 +170,14 @@ def learn(arguments: argparse.Namespace) -> int:
         else:
             estimate = tracker.track(images)
             if not estimate.is_sure:
-                print(f"{folder}: the pose is not sure, and nothing is labelled; left out")
+                say(f"{folder}: the pose is not sure, and nothing is labelled; left out")
                 continue
             position, orientation = estimate.position, estimate.orientation
         samples.add(images, text, tracked, position, orientation)
     model = samples.learn(f"{arguments.robot}.")
     with whole_file(arguments.to) as part:
         part.write_text(model)
-    print(f"{arguments.to} written.")
+    say(f"{arguments.to} written.")
     return 0
 
 

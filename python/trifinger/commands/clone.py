@@ -12,6 +12,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger.commands import command_line
+from trifinger.commands.command_line import say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Progress
 
@@ -62,4 +63,4 @@ def clone(arguments: argparse.Namespace) -> None:
             recipe,
             lambda epoch, _: progress.update(epoch / recipe.epochs),
         )
-    print(f"{arguments.output} written: {result}.")
+    say(f"{arguments.output} written: {result}.")

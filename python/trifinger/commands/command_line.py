@@ -7,10 +7,15 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import TextIO
+
 
 from trifinger._trifinger import Guide
 from trifinger.errors import Error, InvalidArgument, TimedOut
 from trifinger.picture import CAMERAS, View
+from trifinger.text import printable_lines
+
+LONGEST = 10_000  # characters that are printed at once
 
 
 def run(work: Callable[[], int | None]) -> int:
@@ -18,14 +23,20 @@ def run(work: Callable[[], int | None]) -> int:
     try:
         return work() or 0
     except Error as error:
-        print(f"trifinger: {error}", file=sys.stderr)
+        say(f"trifinger: {error}", file=sys.stderr)
         return 2 if isinstance(error, InvalidArgument) else 1
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"trifinger: {where}{error.strerror or error}", file=sys.stderr)
+        say(printable_lines(f"trifinger: {where}{error.strerror or error}"), file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
+
+
+def say(*texts: object, file: TextIO | None = None, sep: str = " ", flush: bool = False) -> None:
+    """Prints a line, or several. Whatever others wrote in it, no terminal obeys it."""
+    text = printable_lines(sep.join(map(str, texts)), LONGEST)
+    print(text, file=file or sys.stdout, flush=flush)
 
 
 @contextlib.contextmanager
@@ -49,7 +60,7 @@ def wait_until_measured(guide: Guide, robot: str) -> None:
     try:
         guide.state(timeout=1.0)
     except TimedOut:
-        print(
+        say(
             f"The robot '{robot}' is not ready: it may be homing. Ctrl-C ends the waiting.",
             flush=True,
         )

@@ -22,7 +22,7 @@ import numpy as np
 import trifinger
 from trifinger import extras
 from trifinger.commands import command_line, program
-from trifinger.commands.command_line import add_view_options, view_of
+from trifinger.commands.command_line import add_view_options, say, view_of
 from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.plot import plot
@@ -91,7 +91,7 @@ def back_end(folder: Path, mode: str, robot: str, name: str) -> Iterator[None]:
                 raise trifinger.Error(f"`trifinger run {robot}` ended at once and said:\n{output}")
             time.sleep(0.01)
         if robot == EMULATED:
-            print("The robot finds the zeros of its joints at their end stops.", flush=True)
+            say("The robot finds the zeros of its joints at their end stops.", flush=True)
         trifinger.observe(name).latest_observation()  # once it holds its pose
         yield
 
@@ -172,8 +172,8 @@ def print_what_next(path: Path, folder: Path) -> None:
     lines.append((f"trifinger film {path} --report {folder}", "a film of it"))
     lines.append(("trifinger --help", "what else there is"))
     width = max(len(words) for words, _ in lines)
-    print("\nTo go on:")
-    print(*(f"  {words:<{width}}  # {what}" for words, what in lines), sep="\n")
+    say("\nTo go on:")
+    say(*(f"  {words:<{width}}  # {what}" for words, what in lines), sep="\n")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -186,28 +186,28 @@ def run(arguments: argparse.Namespace) -> int:
         (folder / left).unlink(missing_ok=True)
     try:
         with back_end(folder, arguments.mode, arguments.robot, name):
-            print(f"The robot '{name}' runs in a process of its own; another one moves it.")
-            print(f"To see it meanwhile: trifinger view {name}   # in another terminal")
+            say(f"The robot '{name}' runs in a process of its own; another one moves it.")
+            say(f"To see it meanwhile: trifinger view {name}   # in another terminal")
             sys.stdout.flush()
             status = lift(folder, name)
     except KeyboardInterrupt:
-        print(f"Log:      {newest_log(folder, name)}")
+        say(f"Log:      {newest_log(folder, name)}")
         raise
     path = newest_log(folder, name)
     if not (folder / "report.json").exists():  # the controller has printed why
-        print(f"Log:      {path}")
+        say(f"Log:      {path}")
         return status
     log = trifinger.Log(path)
     # Flushed, because the next lines come from another process.
-    print(f"\n{table(log.session(name), folder)}\n", flush=True)
+    say(f"\n{table(log.session(name), folder)}\n", flush=True)
     subprocess.run([program.path(), "log", "info", path], check=True)
 
-    print(f"\nLog:      {path}", flush=True)
+    say(f"\nLog:      {path}", flush=True)
     try:
         for picture in draw(log, folder, name, view):
-            print(f"Picture:  {picture}", flush=True)
+            say(f"Picture:  {picture}", flush=True)
     except trifinger.Error as error:
-        print(f"Not drawn: {error}", flush=True)
+        say(f"Not drawn: {error}", flush=True)
     print_what_next(path, folder)
     return status
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from trifinger import extras
 from trifinger._trifinger import Policy
 from trifinger.commands import command_line
+from trifinger.commands.command_line import say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Progress
 
@@ -40,11 +41,11 @@ def main(words: Sequence[str] | None = None) -> int:
             raise InvalidArgument(f"{arguments.policy} does not say its task: --task is needed")
         if arguments.episodes < 1:
             raise InvalidArgument(f"--episodes is {arguments.episodes}, must be at least 1")
-        print(f"{task}: {policy.metadata.get('options', 'its own options')}", file=sys.stderr)
+        say(f"{task}: {policy.metadata.get('options', 'its own options')}", file=sys.stderr)
         with Progress("episodes") as progress:
             result = evaluation.evaluate(
                 policy, task, arguments.episodes, arguments.seed, progress.update
             )
-        print(result.summary().to_json() if arguments.json else result.summary())
+        say(result.summary().to_json() if arguments.json else result.summary())
 
     return command_line.run(run)

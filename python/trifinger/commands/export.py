@@ -8,7 +8,7 @@ from pathlib import Path
 
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands import program
-from trifinger.commands.command_line import add_log_options, run
+from trifinger.commands.command_line import add_log_options, run, say
 from trifinger.errors import InvalidArgument
 from trifinger.log import original
 from trifinger.log.images import save_images
@@ -52,13 +52,13 @@ def export(arguments: argparse.Namespace) -> int:
         session = log.session(arguments.robot or "")
         first, last = step_range(session, arguments.from_, arguments.to)
         count = save_images(session, arguments.images, first, last)
-        print(f"{arguments.images} has {count} images and images.csv.")
+        say(f"{arguments.images} has {count} images and images.csv.")
         return 0
     if arguments.format == "original":
         session = log.session(arguments.robot or "")
         first, last = step_range(session, arguments.from_, arguments.to)
         for path in original.export(session, arguments.output or Path(), first, last):
-            print(f"{path} written.")
+            say(f"{path} written.")
         return 0
     output = arguments.output or Path()
     kind = output.suffix.removeprefix(".")
@@ -83,7 +83,7 @@ def _export_session(
     first, last = step_range(session, arguments.from_, arguments.to)
     with whole_file(path) as part:
         write(session, part, first, last, series)
-    print(f"{path} written.", flush=True)
+    say(f"{path} written.", flush=True)
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:

@@ -10,16 +10,16 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log
-from trifinger.commands.command_line import run
+from trifinger.commands.command_line import run, say
 from trifinger.commands.film import recordings
 from trifinger.data_sets.episodes import Episode, find_episodes, find_marks
 from trifinger.data_sets.rows import Choice
 from trifinger.errors import InvalidArgument
 
 
-def say(sentence: str) -> None:
+def tell(sentence: str) -> None:
     """Tells what is special about the logs."""
-    print(f"trifinger export: {sentence}", file=sys.stderr, flush=True)
+    say(f"trifinger export: {sentence}", file=sys.stderr, flush=True)
 
 
 def logs_of(paths: Sequence[Path]) -> list[Log]:
@@ -50,7 +50,7 @@ def episodes_of(arguments: argparse.Namespace) -> list[Episode]:
         marks=marks,
         begin=arguments.from_,
         end=arguments.to,
-        say=say,
+        say=tell,
     )
 
 
@@ -127,9 +127,9 @@ def export_lerobot(arguments: argparse.Namespace) -> None:
         images=arguments.images,
         encoder=arguments.encoder,
         force=arguments.force,
-        say=say,
+        say=tell,
     )
-    print(f"{arguments.output} written: {result}.")
+    say(f"{arguments.output} written: {result}.")
 
 
 def export_minari(arguments: argparse.Namespace) -> None:
@@ -151,9 +151,9 @@ def export_minari(arguments: argparse.Namespace) -> None:
             description=arguments.description,
         ),
         force=arguments.force,
-        say=say,
+        say=tell,
     )
-    print(f"{result.path} written: {result}.")
+    say(f"{result.path} written: {result}.")
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
-from trifinger.commands.command_line import add_view_options, run, view_of
+from trifinger.commands.command_line import add_view_options, run, say, view_of
 from trifinger.errors import Error, InvalidArgument
 from trifinger.log.camera_film import camera_film
 from trifinger.log.film import film
@@ -114,9 +114,9 @@ def main(words: Sequence[str] | None = None) -> int:
         session = find_session(arguments.log, arguments.robot, arguments.session, trace)
         output = arguments.output or arguments.report or Path("film")
         if arguments.cameras:
-            print(f"{camera_film(session, output)} written.", flush=True)
+            say(f"{camera_film(session, output)} written.", flush=True)
             return
         for path in film(session, output, trace, view):
-            print(f"{path} written.", flush=True)
+            say(f"{path} written.", flush=True)
 
     return run(work)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trifinger._trifinger import Log, connect
-from trifinger.commands.command_line import add_log_options, run
+from trifinger.commands.command_line import add_log_options, run, say
 from trifinger.errors import InvalidArgument
 from trifinger.motion import JointFacts, Motion, Plan, play
 from trifinger.motion.plot import plot
@@ -180,7 +180,7 @@ def play_on_robot(arguments: argparse.Namespace) -> int:
     }
 
     def tell(plan: Plan) -> None:
-        print(
+        say(
             f"The robot goes to the start in {plan.way_time:.2f} s; "
             f"all of it takes {plan.duration:.2f} s. Ctrl-C stops it.",
             flush=True,
@@ -205,9 +205,9 @@ def play_on_robot(arguments: argparse.Namespace) -> int:
         for number, handler in old.items():
             signal.signal(number, handler)
     if ending:
-        print("Stopped: the robot has braked and rests.")
+        say("Stopped: the robot has braked and rests.")
         return 128 + ending[0]
-    print("Done: the robot rests.")
+    say("Done: the robot rests.")
     return 0
 
 
@@ -216,7 +216,7 @@ def work(arguments: argparse.Namespace) -> int:
     if arguments.command == "play":
         return play_on_robot(arguments)
     if arguments.command == "info":
-        print(info(Motion.load(arguments.file), facts_of(arguments)))
+        say(info(Motion.load(arguments.file), facts_of(arguments)))
         return 0
     if arguments.command == "plot":
         plot(Motion.load(arguments.file), arguments.output, facts_of(arguments))
@@ -226,8 +226,8 @@ def work(arguments: argparse.Namespace) -> int:
         motion = changed(arguments)
         motion.save(arguments.output, overwrite=arguments.force)
         if motion.history:
-            print(motion.history[-1])
-    print(f"{arguments.output} written.")
+            say(motion.history[-1])
+    say(f"{arguments.output} written.")
     return 0
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trifinger._trifinger import Log
-from trifinger.commands.command_line import add_log_options, run
+from trifinger.commands.command_line import add_log_options, run, say
 from trifinger.log.plot import plot
 
 
@@ -38,6 +38,6 @@ def main(words: Sequence[str] | None = None) -> int:
 
     def work() -> None:
         plot(Log(arguments.log), path, arguments.robot, arguments.from_, arguments.to)
-        print(f"{path} written.")
+        say(f"{path} written.")
 
     return run(work)

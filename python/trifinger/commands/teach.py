@@ -13,6 +13,7 @@ from pathlib import Path
 
 import trifinger
 from trifinger.commands import command_line
+from trifinger.commands.command_line import say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Line
 from trifinger.teaching import LONGEST, Recording, Teaching
@@ -67,7 +68,7 @@ def teach(arguments: argparse.Namespace) -> None:
             # Whatever happened, what a hand has done is not lost.
             if teaching is not None:
                 save(teaching.recording(), output, may_replace=arguments.force)
-    print(
+    say(
         f"The session of '{robot}' has ended, so the robot comes to rest as its configuration "
         "says.\n"
         "To go on:\n"
@@ -79,7 +80,7 @@ def teach(arguments: argparse.Namespace) -> None:
 def record(teaching: Teaching, robot: str, seconds: float | None) -> None:
     """Records until somebody presses Enter or Ctrl-C, or until the time is over."""
     ends = "Enter or Ctrl-C ends the recording" + (f", or {seconds:g} s" if seconds else "")
-    print(f"The robot '{robot}' floats: a hand can move its fingers. {ends}.", flush=True)
+    say(f"The robot '{robot}' floats: a hand can move its fingers. {ends}.", flush=True)
     is_over = threading.Event()
     try:
         with Line() as line, suppress(KeyboardInterrupt):
@@ -90,7 +91,7 @@ def record(teaching: Teaching, robot: str, seconds: float | None) -> None:
             )
     finally:
         is_over.set()
-    print("The robot holds its pose.", flush=True)
+    say("The robot holds its pose.", flush=True)
 
 
 def wait_for_enter(is_over: threading.Event, *, has_other_end: bool) -> None:
@@ -120,7 +121,7 @@ def require_writable(output: Path, *, may_replace: bool) -> None:
 def save(recording: Recording, output: Path, *, may_replace: bool) -> None:
     """Writes what was recorded, and says so."""
     if len(recording.times) < 2:
-        print(f"Nothing was recorded, so {output} is not written.", flush=True)
+        say(f"Nothing was recorded, so {output} is not written.", flush=True)
         return
     recording.motion().save(output, overwrite=may_replace)
-    print(f"{output} written: {recording.duration:.1f} s.", flush=True)
+    say(f"{output} written: {recording.duration:.1f} s.", flush=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 import trifinger
 from trifinger._trifinger import Guide
 from trifinger.commands import command_line
+from trifinger.commands.command_line import say
 from trifinger.errors import Error
 from trifinger.progress import Line
 from trifinger.teleoperation import (
@@ -65,10 +66,10 @@ def run(robot: str, device_name: str) -> None:
         command_line.wait_until_measured(guide, robot)
         if isinstance(device, Keyboard | Gamepad):
             device.num_fingers = guide.num_fingers
-        print(f"The robot '{robot}' holds its pose.\n{how_to}", flush=True)
+        say(f"The robot '{robot}' holds its pose.\n{how_to}", flush=True)
         with Line() as line:
             teleoperate(guide, device, watch=Display(guide, line).show)
-    print(
+    say(
         f"The session of '{robot}' has ended, so the robot comes to rest as its configuration says."
     )
 
@@ -112,4 +113,4 @@ class Display:
 
     def _say(self, sentence: str) -> None:
         self._line.clear()
-        print(sentence, flush=True)
+        say(sentence, flush=True)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from trifinger import extras
 from trifinger._trifinger import task_names
 from trifinger.commands import command_line
-from trifinger.commands.command_line import add_view_options, view_of
+from trifinger.commands.command_line import add_view_options, say, view_of
 from trifinger.errors import Error, InvalidArgument
 
 if TYPE_CHECKING:
@@ -103,21 +103,21 @@ def train(arguments: argparse.Namespace) -> None:
     plan, folder = begin(arguments)
     # On a terminal, a bar shows the progress below all other lines.
     bar = tqdm(total=plan.episodes, unit=" episodes", disable=None, dynamic_ncols=True)
-    say = partial(tqdm.write, file=sys.stderr)
-    begun = Training(plan, folder, say, partial(show, bar), Training.save_curve)
+    tell = partial(tqdm.write, file=sys.stderr)
+    begun = Training(plan, folder, tell, partial(show, bar), Training.save_curve)
     with bar, closing(begun) as training:
         try:
             summary = training.run()
         except KeyboardInterrupt:
-            say(f"--resume {folder} goes on.")
+            tell(f"--resume {folder} goes on.")
             raise
         show(bar, plan.episodes)
         try:
             training.save_figures(view)
         except (Error, ImportError) as error:
-            say(f"no figures or film: {error}")
-    print(summary)
-    print(f"{training.policy_path} written.")
+            tell(f"no figures or film: {error}")
+    say(summary)
+    say(f"{training.policy_path} written.")
 
 
 def show(bar: tqdm[Any], episodes: int) -> None:

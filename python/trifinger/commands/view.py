@@ -15,7 +15,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import observe
-from trifinger.commands.command_line import ended_by_signals, run
+from trifinger.commands.command_line import ended_by_signals, run, say
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
 from trifinger.view.logged import LoggedRun
@@ -79,22 +79,22 @@ def show(
 
 def print_address(gate: Gate, *, controls: bool = False) -> None:
     """Says how to open the page, and what its end does to a robot that it controls or not."""
-    print(f"Open {gate.url}")
+    say(f"Open {gate.url}")
     if not gate.is_local:
         does = "moves" if controls else "sees"
-        print(
+        say(
             f"Who has this address {does} the robot; it crosses the network unencrypted.",
             file=sys.stderr,
         )
     elif os.environ.get("SSH_CONNECTION"):
         words = os.environ["SSH_CONNECTION"].split()
         host = words[2] if len(words) == 4 else socket.gethostname()
-        print(
+        say(
             "From the machine that you came from, first:\n"
             f"  ssh -L {gate.port}:{LOOPBACK}:{gate.port} {getpass.getuser()}@{host}"
         )
     end = "the session of the robot ends with it" if controls else "the robot does not notice"
-    print(f"Ctrl-C ends the page; {end}.", flush=True)
+    say(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
 def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> None:
@@ -179,7 +179,7 @@ def write_log(arguments: argparse.Namespace) -> None:
     written = write_html(
         run, arguments.output, begin=arguments.from_, end=arguments.to, rate=arguments.rate
     )
-    print(written)
+    say(written)
 
 
 def require_no_file_options(arguments: argparse.Namespace, what: str) -> None:

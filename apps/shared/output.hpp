@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <fmt/core.h>
+
+#include <cstdio>
+#include <string_view>
+#include <type_traits>
+
+#include "trifinger/base/printable.hpp"
+
+namespace trifinger::apps {
+
+namespace detail {
+
+template <class T>
+decltype(auto) as_printable(const T& value) {
+  if constexpr (std::is_convertible_v<const T&, std::string_view>) {
+    return printable(value);
+  } else {
+    return (value);
+  }
+}
+
+}  // namespace detail
+
+// Prints as fmt::print does. Texts among the arguments may be anybody's: they are shown as
+// `printable` says. Use fmt::print for texts that are painted already, and for data.
+template <class... Arguments>
+void print_safely(std::FILE* file, fmt::format_string<const Arguments&...> format,
+                  const Arguments&... arguments) {
+  fmt::print(file, fmt::runtime(fmt::string_view(format)), detail::as_printable(arguments)...);
+}
+
+template <class... Arguments>
+void print_safely(fmt::format_string<const Arguments&...> format, const Arguments&... arguments) {
+  print_safely(stdout, format, arguments...);
+}
+
+}  // namespace trifinger::apps
