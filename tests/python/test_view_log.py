@@ -11,6 +11,7 @@ import pytest
 import trifinger
 from conftest import BUILD
 from hypothesis import given, settings, strategies as st
+from strange_log import copy_changed
 from trifinger.errors import InvalidArgument
 from trifinger.view.logged import MARKS, Course, LoggedRun
 from trifinger.view.playing import FASTEST, SLOWEST, TimeLine
@@ -384,3 +385,38 @@ def test_a_log_of_one_moment_can_be_shown_but_not_played() -> None:
         TimeLine(1.0, 0.0)
     with pytest.raises(InvalidArgument, match="not a number"):
         line.move_to(float("nan"))
+
+
+# ---- damaged logs ----
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (file,) = record(tmp_path_factory.mktemp("whole"), steps=100).glob("*.mcap")
+    return file
+
+
+@pytest.mark.parametrize("damaged", [range(5), range(95, 100), range(20, 30)])
+def test_a_log_with_damaged_steps_is_shown_without_them(
+    whole: Path, tmp_path: Path, damaged: range
+) -> None:
+    count = iter(range(1000))
+
+    def cut(topic: str, data: bytes) -> bytes:
+        return data[:-1] if topic == "/sim/step" and next(count) in damaged else data
+
+    copy_changed(whole, tmp_path / "damaged.mcap", {}, cut)
+    run = LoggedRun(tmp_path / "damaged.mcap")
+    frames = run.course(1000.0)
+    assert not {int(step) for step in frames.time_index} & set(damaged)
+    assert run.step_at(0.0) == frames.time_index[0]
+    assert run.step_at(run.end) == frames.time_index[-1]
+
+
+def test_a_log_with_damaged_messages_only_is_refused_with_a_sentence(
+    whole: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    copy_changed(whole, path, {}, lambda _, data: data[: len(data) // 2])
+    with pytest.raises(InvalidArgument, match=r"no step of 'sim' can be read.*log check"):
+        LoggedRun(path)

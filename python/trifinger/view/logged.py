@@ -94,7 +94,7 @@ class LoggedRun:
         `session` is its number in the log, from 1, or its id; without it, the newest one is taken.
 
         Raises:
-            InvalidArgument: if there is no such session, or if it has no steps
+            InvalidArgument: if there is no such session, or if none of its steps can be read
             Error: if it is not a log
         """
         self.log = path if isinstance(path, Log) else Log(path)
@@ -102,13 +102,23 @@ class LoggedRun:
         first, end = self.session.range("applied_action")
         if first >= end:
             raise InvalidArgument(f"there are no steps of '{self.session.name}' to show")
-        self.first: int = first
+        # Steps that are damaged are in the range, too.
+        parts = self.session.chunks(1024, first, end, {"status": ("time",)})
+        start = next((part for part in parts if len(part)), None)
+        if start is None:
+            file = self.log.files[0]
+            raise InvalidArgument(
+                f"no step of '{self.session.name}' can be read, {file} is damaged: "
+                f"'trifinger log check {file}' says where"
+            )
+        self.first: int = int(start.time_index[0])
         """First step in the log."""
         self.last: int = self.session.range("observation")[1] - 1
         """Last observation in the log, mostly the one after the last step."""
-        start = self._rows(first, first + 1, {"status": ("time",)})
         self._start = int(start.times.astype(np.int64)[0])
-        self._last_step = end - 1
+        self._last_step = self._existing(end - 1)
+        if self._last_step < end - 1:
+            self.last = self._last_step
         self._last_step_time = self._time_of_step(self._last_step)
         self.end: float = self._end()
         """Time of the last observation [s]."""
