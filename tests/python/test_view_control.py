@@ -20,6 +20,7 @@ from trifinger.view.control_panel import short_names
 from trifinger.view.gate import Gate
 from trifinger.view.pilot import PATIENCE, WISH_PERIOD, Pilot
 from trifinger.view.stop import Stop
+from viewing import StartView
 
 pytestmark = pytest.mark.release  # sanitizers have nothing to find here
 
@@ -411,3 +412,15 @@ def test_control_is_refused_with_the_name_of_the_holder(start_program: StartProg
 def test_steering_needs_a_name(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert view.main(words) == 2
     assert "needs the name of a robot" in capsys.readouterr().err
+
+
+def test_the_terminal_says_that_the_page_waits_and_what_runs(
+    start_view: StartView, start_program: StartProgram
+) -> None:
+    assert "No robot runs. The page waits for it" in start_view().said
+    start_program("run", "sim", *PATIENT).wait_for("waits for a user")
+    said = start_view("typo").said
+    assert "No robot 'typo' runs; there is sim. The page waits for it" in said
+    assert "'trifinger run typo' starts it." in said
+    assert said.index("waits for it") < said.index("Ctrl-C ends the page")
+    assert "waits" not in start_view("sim").said + start_view().said

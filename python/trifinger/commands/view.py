@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trifinger import extras
-from trifinger._trifinger import observe
+from trifinger._trifinger import list_sessions, observe
 from trifinger.commands.command_line import ended_by_signals, run, say
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
@@ -46,8 +46,12 @@ def show(
     options: PageOptions,
     begin: Callable[..., Callable[[bool], None]],
     pilot: Pilot | None = None,
+    note: str = "",
 ) -> None:
-    """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it."""
+    """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it.
+
+    `note` is a sentence for the terminal.
+    """
     from trifinger.view.live import be_modest
     from trifinger.view.page import Page, help_slow_browsers
 
@@ -59,7 +63,7 @@ def show(
         server = page_server(gate, page_title, None if pilot is None else CONTROL_MESSAGES)
         page = Page(server, page_title, is_plain=options.is_plain)
         renew = begin(page)
-        print_address(gate, controls=pilot is not None and pilot.with_guide)
+        print_address(gate, controls=pilot is not None and pilot.with_guide, note=note)
         if options.opens_browser:
             webbrowser.open(gate.url)
         following = time.monotonic()
@@ -77,7 +81,7 @@ def show(
             page.server.stop()
 
 
-def print_address(gate: Gate, *, controls: bool = False) -> None:
+def print_address(gate: Gate, *, controls: bool = False, note: str = "") -> None:
     """Says how to open the page, and what its end does to a robot that it controls or not."""
     say(f"Open {gate.url}")
     if not gate.is_local:
@@ -93,6 +97,8 @@ def print_address(gate: Gate, *, controls: bool = False) -> None:
             "From the machine that you came from, first:\n"
             f"  ssh -L {gate.port}:{LOOPBACK}:{gate.port} {getpass.getuser()}@{host}"
         )
+    if note:
+        say(note)
     end = "the session of the robot ends with it" if controls else "the robot does not notice"
     say(f"Ctrl-C ends the page; {end}.", flush=True)
 
@@ -132,7 +138,17 @@ def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> N
 
         return renew
 
-    show(name or "TriFinger", options, begin, pilot)
+    show(name or "TriFinger", options, begin, pilot, note_of_missing(name))
+
+
+def note_of_missing(name: str) -> str:
+    """Says that the page waits for the robot `name`, or for any, if none runs; otherwise empty."""
+    running = [one.name for one in list_sessions() if one.backend_is_alive and not one.is_companion]
+    if name in running or (running and not name):
+        return ""
+    others = f"; there is {' and '.join(running)}" if running else ""
+    start = f"'trifinger run {name or 'sim'}' starts it"
+    return f"No robot{f' {name!r}' if name else ''} runs{others}. The page waits for it; {start}."
 
 
 def steer_robot(name: str, options: PageOptions, *, with_guide: bool) -> None:
