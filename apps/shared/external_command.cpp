@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <set>
@@ -28,6 +29,14 @@ std::string search_path() {
   std::error_code ignored;
   const auto self = std::filesystem::canonical("/proc/self/exe", ignored);
   return (path == nullptr ? "" : std::string(path) + ":") + self.parent_path().string();
+}
+
+// Blocks Ctrl-C in this thread, or lets it come again.
+void set_interrupt(int how) {
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  ::sigaddset(&signals, SIGINT);
+  ::pthread_sigmask(how, &signals, nullptr);
 }
 
 }  // namespace
@@ -81,9 +90,14 @@ void run_declared_external(const CLI::App& program, const std::vector<std::strin
 
   std::string verb = path;
   std::ranges::replace(verb, ' ', '-');
+  const bool is_python = command->get_group() == kPythonHeading;
+  // While Python itself starts, Ctrl-C would end it with a traceback. The package
+  // trifinger_launcher lets the signal come.
+  if (is_python) set_interrupt(SIG_BLOCK);
   run_external(verb, {word, words.end()});
+  if (is_python) set_interrupt(SIG_UNBLOCK);
   throw UsageError("'trifinger " + path + "' is " +
-                   (command->get_group() == kPythonHeading
+                   (is_python
                         ? "part of the Python package, which is not installed here, or not on the "
                           "PATH: 'pip install .' in the sources of TriFinger installs it"
                         : "a program of its own, trifinger-" + verb +

@@ -17,7 +17,7 @@ def lint(count: Count) -> bool:
     """
     configure("lint")
     steps = Steps("lint")
-    typed = ["python/trifinger", "packages", "tools", "evaluation"]
+    typed = ["python/trifinger", "python/trifinger_launcher", "packages", "tools", "evaluation"]
     mypy = steps.begin("mypy", [PYTHON, "-m", "mypy", *typed])
     clang_format = [f"{PROGRAMS}/clang-format", "--dry-run", "-Werror"]
     checks = [

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import TextIO
 
+import trifinger_launcher
 
 from trifinger._trifinger import Guide
 from trifinger.errors import Error, InvalidArgument, TimedOut
@@ -21,7 +22,8 @@ LONGEST = 10_000  # characters that are printed at once
 def run(work: Callable[[], int | None]) -> int:
     """Does the work of a command and returns its exit status; prints an error as one sentence."""
     try:
-        return work() or 0
+        with trifinger_launcher.interruptible():
+            return work() or 0
     except Error as error:
         say(f"trifinger: {error}", file=sys.stderr)
         return 2 if isinstance(error, InvalidArgument) else 1

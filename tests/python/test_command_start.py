@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Ctrl-C ends a command that is written in Python at any moment of its start."""
+
+import os
+import random
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from conftest import PROGRAM
+from link_into_venv import ENTRY_POINT, ROOT
+
+pytestmark = pytest.mark.release  # these tests need the program
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+COMMANDS: dict[str, str] = PROJECT["scripts"]
+# Python imports this module while it starts. It sends the signal at once, or at an import.
+CUSTOMIZE = """
+import os, signal, sys
+
+class Interrupt:
+    count = {count}
+
+    def find_spec(self, *_):
+        Interrupt.count -= 1
+        if Interrupt.count == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+if not Interrupt.count:
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+Start = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Start:
+    """Runs a program, which gets SIGINT at an import; 0: while Python itself starts."""
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for name, target in COMMANDS.items():
+        module, _, function = target.partition(":")
+        program = programs / name
+        program.write_text(
+            ENTRY_POINT.format(python=sys.executable, module=module, function=function)
+        )
+        program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+
+    def run(at_import: int, *words: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "sitecustomize.py").write_text(CUSTOMIZE.format(count=at_import))
+        return subprocess.run(words, capture_output=True, text=True, check=False)
+
+    return run
+
+
+def assert_interrupted(done: subprocess.CompletedProcess[str]) -> None:
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_ctrl_c_ends_a_command_while_it_starts(start: Start, name: str) -> None:
+    words = (
+        name.removeprefix("trifinger-").replace("log-", "log ").replace("calibrate-", "calibrate ")
+    )
+    chance = random.Random(name)  # noqa: S311 (not for secrets)
+    for at_import in (0, chance.randrange(1, 150)):
+        assert_interrupted(start(at_import, PROGRAM, *words.split(), "--help"))
+
+
+def test_ctrl_c_ends_a_command_that_is_started_without_the_program(start: Start) -> None:
+    for at_import in (30, 150):  # after its own launcher
+        assert_interrupted(start(at_import, "trifinger-view", "--help"))
+
+
+def test_ctrl_c_ends_the_launcher_of_the_program(start: Start) -> None:
+    launcher = str(ROOT / "python/scripts/trifinger")
+    assert_interrupted(start(1, sys.executable, launcher, "list"))
+
+
+def test_a_command_that_was_started_with_the_signal_ignored_goes_on(start: Start) -> None:
+    shell = f"trap '' INT; exec {PROGRAM} view --help"
+    done = start(20, "sh", "-c", shell)
+    assert (done.returncode, done.stderr) == (0, "")
