@@ -64,6 +64,19 @@ class Count:
         self.failed += failed
 
 
+def slowest_tests(number: int = 20) -> list[str]:
+    """Returns a line for each of the slowest tests of the last run, the slowest one first."""
+    tests = [
+        (
+            float(case.attrib["time"]),
+            f"{file.parent.name}: {case.attrib['classname']}.{case.attrib['name']}",
+        )
+        for file in RESULTS.glob("*/*.xml")
+        for case in ET.parse(file).getroot().iter("testcase")  # noqa: S314, our own files
+    ]
+    return [f"  {seconds:6.1f} s  {name}" for seconds, name in sorted(tests, reverse=True)[:number]]
+
+
 def _suites(folder: Path) -> list[ET.Element]:
     """Returns what programs with GoogleTest have left in a folder; pytest's files differ."""
     roots = [ET.parse(file).getroot() for file in folder.glob("*.xml")]  # noqa: S314, our own files

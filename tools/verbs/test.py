@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .build import build, jobs, uses
-from .counting import RESULTS, Count
+from .counting import RESULTS, Count, slowest_tests
 from .docs import build_site, look_at_site
 from .lint import lint
 from .machine import NotRun, test_in_machine
@@ -55,6 +55,7 @@ def test() -> int:
                 count.failed += 1  # for example, when something does not compile
         all_passed &= passed
         summary.append(f"  {title:40} {verdict:7} {duration(time.monotonic() - stage_begin)}")
+    print("\nslowest tests", *slowest_tests(), sep="\n")
     print("\nsummary", *summary, sep="\n")
     if Steps.failures:
         print("", *Steps.failures, sep="\n")
