@@ -4,10 +4,14 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
+
+_LONGEST = 255  # bytes of a name
 
 
 @contextlib.contextmanager
@@ -15,8 +19,8 @@ def whole_file(path: str | os.PathLike[str], *, replace: bool = True) -> Iterato
     """Yields a path beside `path`; the file that the block makes there becomes `path` at its end.
 
     Both have the same ending, by which many writers choose their format. After an error or Ctrl-C
-    nothing is left of it, and an older `path` is as it was. A kill leaves a file whose name begins
-    with a dot. A device, such as /dev/stdout, is written as it is.
+    nothing is left of it, and an older `path` is as it was; it keeps its mode. A kill leaves a file
+    whose name begins with a dot. A device, such as /dev/stdout, is written as it is.
 
     Without `replace` an older file stays, and FileExistsError is raised.
     """
@@ -24,17 +28,43 @@ def whole_file(path: str | os.PathLike[str], *, replace: bool = True) -> Iterato
     if replace and target.exists() and not target.is_file():
         yield target
         return
-    part = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.part{target.suffix}")
+    part = _part_of(target)
     try:
+        mode = target.stat().st_mode & 0o777 if replace and target.exists() else None
+        if mode is not None:  # whoever may not read the file may not read the part, either
+            part.touch(0o600, exist_ok=False)
         yield part
         synchronise(part)
+        if mode is not None:
+            with contextlib.suppress(OSError):  # a file system without modes
+                part.chmod(mode)
         if replace:
-            part.replace(target)
+            _replace(part, target)
         else:
             _put(part, target)
         synchronise(target.parent)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _part_of(target: Path) -> Path:
+    """A name beside a file that nothing has."""
+    ending = target.suffix if len(os.fsencode(target.suffix)) < 32 else ""  # of no format
+    after = f".{secrets.token_hex(4)}.part{ending}"
+    before = os.fsencode(f".{target.stem}")[: _LONGEST - len(os.fsencode(after))]
+    return target.with_name(before.decode(errors="ignore") + after)
+
+
+def _replace(part: Path, target: Path) -> None:
+    """Puts a file in the place of another one."""
+    try:
+        part.replace(target)
+    except OSError as error:
+        if error.errno != errno.EBUSY:
+            raise
+        # The file alone is mounted there, as containers do it: no other can take its place.
+        shutil.copyfile(part, target)
+        synchronise(target)
 
 
 def _put(part: Path, target: Path) -> None:
@@ -51,9 +81,10 @@ def _put(part: Path, target: Path) -> None:
 
 def synchronise(path: Path) -> None:
     """Waits until a file or folder is on the disk."""
-    number = os.open(path, os.O_RDONLY)
-    try:
-        with contextlib.suppress(OSError):  # some file systems cannot do this for folders
+    # Some file systems cannot do this for folders, and some folders may not be read.
+    with contextlib.suppress(OSError):
+        number = os.open(path, os.O_RDONLY)
+        try:
             os.fsync(number)
-    finally:
-        os.close(number)
+        finally:
+            os.close(number)

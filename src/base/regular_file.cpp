@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <climits>
+#include <string_view>
 #include <vector>
 
 #include "trifinger/base/error.hpp"
@@ -161,10 +163,13 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_size) {
 
 namespace {
 
-// Creates the file `path` with these bytes; `sync` makes them survive a loss of power.
-void write_new(const std::filesystem::path& path, std::span<const std::byte> bytes, bool sync) {
-  constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH | S_IWOTH;  // and umask
-  const int file = open_regular_file(path, O_WRONLY | O_CREAT | O_EXCL, NamedBy::kProgram, kMode);
+// What a file gets unless it has a mode already, less the umask.
+constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH | S_IWOTH;
+constexpr mode_t kPrivate = S_IRUSR | S_IWUSR;
+
+// Writes these bytes to `file`, which it closes; `sync` makes them survive a loss of power. Returns
+// the number of an error, or 0.
+int write_and_close(int file, std::span<const std::byte> bytes, bool sync) {
   int error = 0;
   while (!bytes.empty() && error == 0) {
     const ssize_t count = ::write(file, bytes.data(), bytes.size());
@@ -176,9 +181,26 @@ void write_new(const std::filesystem::path& path, std::span<const std::byte> byt
   }
   if (sync && error == 0 && ::fsync(file) != 0) error = errno;
   if (::close(file) != 0 && error == 0) error = errno;
+  return error;
+}
+
+// Creates the file `path` with these bytes. `mode` is less the umask.
+void write_new(const std::filesystem::path& path, std::span<const std::byte> bytes, bool sync,
+               mode_t mode = kMode) {
+  const int file = open_regular_file(path, O_WRONLY | O_CREAT | O_EXCL, NamedBy::kProgram, mode);
+  const int error = write_and_close(file, bytes, sync);
   if (error == 0) return;
   ::unlink(path.c_str());
   throw SystemError("write " + path.string(), error);
+}
+
+// The name under which a file is written until it is whole.
+std::filesystem::path draft_of(const std::filesystem::path& path) {
+  constexpr std::string_view kEnding = ".new";
+  std::string name = path.filename().string();
+  // A shortened name is shorter than all that are shortened, so it is never `path` itself.
+  if (name.size() + kEnding.size() > NAME_MAX) name.resize(NAME_MAX - 2 * kEnding.size());
+  return path.parent_path() / name.append(kEnding);
 }
 
 }  // namespace
@@ -188,16 +210,28 @@ void write_new_file(const std::filesystem::path& path, std::span<const std::byte
 }
 
 void replace_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
-  const std::filesystem::path draft = path.string() + ".new";
+  const std::filesystem::path draft = draft_of(path);
   // A kill may have left it.
   if (::unlink(draft.c_str()) != 0 && errno != ENOENT) {
     throw SystemError("remove " + draft.string(), errno);
   }
-  write_new(draft, bytes, /*sync=*/true);
+  struct stat before{};
+  const bool is_new = ::lstat(path.c_str(), &before) != 0 || !S_ISREG(before.st_mode);
+  // Whoever may not read the file may not read its draft, either.
+  write_new(draft, bytes, /*sync=*/true, is_new ? kMode : kPrivate);
+  // A file system without modes refuses this.
+  if (!is_new) ::chmod(draft.c_str(), before.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO));
   if (::rename(draft.c_str(), path.c_str()) != 0) {
     const int error = errno;
     ::unlink(draft.c_str());
-    throw SystemError("rename " + draft.string() + " to " + path.string(), error);
+    if (error != EBUSY) {
+      throw SystemError("rename " + draft.string() + " to " + path.string(), error);
+    }
+    // The file alone is mounted there, as containers do it: no other can take its place.
+    const int file = open_regular_file(path, O_WRONLY | O_TRUNC, NamedBy::kProgram);
+    const int failure = write_and_close(file, bytes, /*sync=*/true);
+    if (failure != 0) throw SystemError("write " + path.string(), failure);
+    return;
   }
   // Otherwise a loss of power could bring the old file back. Some file systems cannot do this.
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";

@@ -4,16 +4,20 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mount.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <iterator>
 #include <span>
 #include <string>
 #include <vector>
@@ -163,6 +167,55 @@ TEST_F(RegularFile, IsMadeAnewAndReplacesNothing) {
   EXPECT_THROW(write_new_file(fifo(), bytes), SystemError);
   EXPECT_THROW(write_new_file(link_to(folder_.path() / "elsewhere"), bytes), SystemError);
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "elsewhere"));
+}
+
+TEST_F(RegularFile, IsReplacedAsAWholeAndKeepsItsMode) {
+  const std::string text = "after";
+  for (const mode_t mode : {0600U, 0640U, 0666U}) {
+    const std::filesystem::path path = file("before");
+    ASSERT_EQ(::chmod(path.c_str(), mode), 0);
+    replace_file(path, std::as_bytes(std::span(text)));
+    EXPECT_EQ(read_file(path, 100), text);
+    struct stat status{};
+    ASSERT_EQ(::stat(path.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777U, mode);
+  }
+}
+
+TEST_F(RegularFile, IsReplacedHoweverLongItsNameIs) {
+  for (std::size_t size = NAME_MAX - 10; size <= NAME_MAX; ++size) {
+    const std::filesystem::path folder = folder_.path() / std::to_string(size);
+    std::filesystem::create_directory(folder);
+    const std::filesystem::path path = folder / (std::string(size - 4, 'n') + ".new");
+    for (const std::string text : {"before", "after"}) {
+      replace_file(path, std::as_bytes(std::span(text)));
+      EXPECT_EQ(read_file(path, 100), text);
+    }
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1);
+  }
+}
+
+TEST_F(RegularFile, IsReplacedWhereTheFileAloneIsMounted) {
+  const std::filesystem::path path = file("before");
+  const std::filesystem::path source = folder_.path() / "source";
+  std::ofstream(source) << "longer than before";
+  constexpr int kNotPermitted = 77;
+  test::ChildProcess container([&] {
+    if (::unshare(CLONE_NEWNS) != 0 ||
+        ::mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+        ::mount(source.c_str(), path.c_str(), nullptr, MS_BIND, nullptr) != 0) {
+      return kNotPermitted;
+    }
+    const std::string text = "after";
+    replace_file(path, std::as_bytes(std::span(text)));
+    return 0;
+  });
+  const int status = container.wait();
+  if (status == kNotPermitted) GTEST_SKIP() << "only an administrator may mount a file";
+  EXPECT_EQ(status, 0);
+  EXPECT_EQ(read_file(source, 100), "after");
+  EXPECT_EQ(read_file(path, 100), "before");
+  EXPECT_FALSE(std::filesystem::exists(path.string() + ".new"));
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 """Files of results appear whole or not at all, whatever ends the program that writes them."""
 
 import ast
+import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -96,6 +98,61 @@ def test_a_file_that_must_not_be_replaced_stays(tmp_path: Path) -> None:
     assert [file.read_bytes() for file in path.parent.iterdir()] == [b"before"]
 
 
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o666, 0o400])
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"before")
+    path.chmod(mode)
+    with whole_file(path) as part:
+        assert part.stat().st_mode & 0o077 == 0
+        part.write_bytes(b"after")
+    assert path.read_bytes() == b"after"
+    assert path.stat().st_mode & 0o777 == mode
+
+
+def test_a_folder_may_be_unreadable() -> None:
+    """As a mailbox of others: it may be written and searched, but not listed."""
+    is_administrator = os.geteuid() == 0  # who may read all
+    with tempfile.TemporaryDirectory() as outer:  # others do not reach pytest's folders
+        Path(outer).chmod(0o711)
+        folder = Path(outer) / "folder"
+        folder.mkdir()
+        folder.chmod(0o733 if is_administrator else 0o300)
+        try:
+            if is_administrator:
+                os.seteuid(65534)
+            with whole_file(folder / "file") as part:
+                part.write_bytes(b"after")
+        finally:
+            if is_administrator:
+                os.seteuid(0)
+            folder.chmod(0o700)
+        assert [file.read_bytes() for file in folder.iterdir()] == [b"after"]
+
+
+@pytest.mark.parametrize("name", ["n" * 255, "n" * 251 + ".png", "ä" * 127, "n." + "x" * 253])
+def test_a_name_may_have_any_length(tmp_path: Path, name: str) -> None:
+    for text in (b"before", b"after"):
+        with whole_file(tmp_path / name) as part:
+            part.write_bytes(text)
+        assert (tmp_path / name).read_bytes() == text
+
+
+def test_a_file_that_is_mounted_alone_is_written(tmp_path: Path) -> None:
+    """As containers do it: no other file can take its place."""
+    inside, source = tmp_path / "folder" / "inside", tmp_path / "source"
+    inside.parent.mkdir()
+    inside.write_bytes(b"before")
+    source.write_bytes(b"longer than before")
+    mount = ["unshare", "--mount", "sh", "-c", 'mount --bind "$1" "$2" || exit 77; shift 2; "$@"']
+    files = [source, inside]
+    if subprocess.run([*mount, "sh", *files, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("only an administrator may mount a file")
+    subprocess.run([*mount, "sh", *files, sys.executable, "-c", WRITE, inside], check=True)
+    assert source.read_bytes() == b"after"
+    assert [file.read_bytes() for file in inside.parent.iterdir()] == [b"before"]
+
+
 def test_a_link_and_a_device_stay(tmp_path: Path) -> None:
     target = tmp_path / "target"
     link = tmp_path / "link"
@@ -107,6 +164,14 @@ def test_a_link_and_a_device_stay(tmp_path: Path) -> None:
     with whole_file("/dev/null") as part:
         assert part == Path("/dev/null")
 
+
+WRITE = """
+import sys
+from trifinger.whole_file import whole_file
+
+with whole_file(sys.argv[1]) as part:
+    part.write_bytes(b"after")
+"""
 
 # Draws a film, of which some images are written, and waits.
 FILM = """

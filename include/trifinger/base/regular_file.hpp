@@ -64,8 +64,10 @@ class FileReader {
 /// @throws SystemError; its error_number() is EEXIST if `path` exists already
 void write_new_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
-/// Gives the file `path` these bytes; it is made if it does not exist. Whatever kills the program
-/// or the machine, the file then has the old bytes or the new ones. Its folder must exist.
+/// Gives the file `path` these bytes; it is made if it does not exist, and keeps its mode if it
+/// does. Whatever kills the program or the machine, the file then has the old bytes or the new
+/// ones; a file that alone is mounted, as in containers, is written in place. Its folder must
+/// exist.
 /// @throws SystemError
 void replace_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
