@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Every command works as it is typed first: without an option.
 
-The commands are those that the programs list in their help, so a new one is tested without an edit
-here. Where none is missing, a command does what it says; otherwise a sentence says what is missing.
+The commands are those that the programs list in their help, and the scripts of the packages, so a
+new one is tested without an edit here. Where none is missing, a command does what it says;
+otherwise a sentence says what is missing.
 """
 
 import contextlib
@@ -12,7 +13,9 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,14 +25,26 @@ pytestmark = pytest.mark.release  # these tests need the programs
 
 LISTED = re.compile(r"^ {2,4}([a-z][a-z-]*) {2,}\S", re.MULTILINE)
 SKILL = re.compile(r"^  (\w+) +.*\(trifinger run (\w+)\)$", re.MULTILINE)
-LONG_ENOUGH = 4.0
-"""Time after which a command that has not ended does what it says [s]."""
+GOES_ON = {
+    "demo": "shall lift the cube",
+    "view": "Open http://",
+    "bridge foxglove": "waits for it",
+    "pybullet_backend": "The robot is ready.",
+    "trifinger_data_backend": "The robot is ready.",
+}
+"""Commands that do not end by themselves, or not soon, and what they print when they run."""
 
-
+PACKAGES = sorted((Path(__file__).parents[2] / "packages").glob("*/pyproject.toml"))
 # The programs of the Python package are beside the interpreter.
-ENVIRONMENT = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+ENVIRONMENT = {
+    **os.environ,
+    "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+    "PYTHONPATH": os.pathsep.join(str(path.parent) for path in PACKAGES),
+    "PYTHONUNBUFFERED": "1",
+}
 
 
+@cache
 def help_of(*words: str) -> str:
     """What a command says about itself."""
     return subprocess.run(
@@ -39,12 +54,16 @@ def help_of(*words: str) -> str:
 
 def commands(*above: str) -> Iterator[tuple[str, ...]]:
     """Yields all commands below one that list no others."""
-    found = list(dict.fromkeys(LISTED.findall(help_of(*above))))
-    below = [verb for verb in found if is_command(*above, verb)]
-    if above and not below:
+    below = [verb for verb in listed(*above) if is_command(*above, verb)]
+    if not below:
         yield above
     for verb in below:
         yield from commands(*above, verb)
+
+
+def listed(*above: str) -> list[str]:
+    """The words that begin a line of a command's help."""
+    return list(dict.fromkeys(LISTED.findall(help_of(*above))))
 
 
 def is_command(*words: str) -> bool:
@@ -53,57 +72,127 @@ def is_command(*words: str) -> bool:
     return usage is not None and usage[1].split()[: len(words) + 1] == ["trifinger", *words]
 
 
-def skills() -> list[tuple[str, str]]:
-    """Each task of `trifinger manipulate` and a robot for it."""
-    return SKILL.findall(help_of("manipulate"))
+def scripts() -> dict[str, list[str]]:
+    """The programs of the packages, by their names, as an installation makes them."""
+    made = {}
+    for path in PACKAGES:
+        project = tomllib.loads(path.read_text())["project"]
+        for name, entry in project.get("scripts", {}).items():
+            module, function = entry.split(":")
+            text = f"import sys; sys.argv[0] = {name!r}; from {module} import {function} as main; "
+            made[name] = [sys.executable, "-c", f"{text}sys.exit(main())"]
+    return made
 
 
-SKILLS = skills() if Path(PROGRAM).exists() else []
+def modules() -> list[str]:
+    """What `python -m` runs of the packages."""
+    return [
+        ".".join(path.relative_to(project.parent).with_suffix("").parts).removesuffix(".__main__")
+        for project in PACKAGES
+        for path in sorted(project.parent.rglob("*.py"))
+        if '__name__ == "__main__"' in path.read_text()
+    ]
 
 
-def output_of_bare(words: tuple[str, ...], folder: Path) -> tuple[int, str]:
-    """Runs a command in an empty folder, in which no robot runs. What goes on is killed."""
+# Only the help of programs in C++ is asked for while the tests are collected: it comes at once.
+IS_BUILT = Path(PROGRAM).exists()
+VERBS = listed() if IS_BUILT else []
+SKILLS = SKILL.findall(help_of("manipulate")) if IS_BUILT else []
+"""Each task of `trifinger manipulate` and a robot for it."""
+SCRIPTS = scripts()
+MODULES = modules()
+EXAMPLES = {
+    "list": ("list",),
+    "log": ("log", "info"),
+    "manipulate": ("manipulate",),
+    "export": ("export", "lerobot"),
+}
+
+
+def run_bare(command: Sequence[str], folder: Path, ready: str | None) -> tuple[int | None, str]:
+    """Runs a command in an empty folder, in which no robot runs.
+
+    Returns its exit status, None if it said that it is ready and was ended, and what it printed.
+    """
     folder.mkdir()
     with subprocess.Popen(
-        [PROGRAM, *words],
+        command,
         cwd=folder,
-        env={**ENVIRONMENT, "HOME": str(folder), "BROWSER": "true"},
+        env={
+            **ENVIRONMENT,
+            "HOME": str(folder),
+            "BROWSER": "true",
+            "TRIFINGER_SESSION_DIR": os.environ["TRIFINGER_SESSION_DIR"],
+            "TRIFINGER_LOG_DIR": os.environ["TRIFINGER_LOG_DIR"],
+        },
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
     ) as process:
+        assert process.stdout is not None
+        text, is_ready = "", False
         try:
-            return process.wait(LONG_ENOUGH), process.communicate()[0]
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            return 0, process.communicate()[0]
+            for line in process.stdout:
+                text += line
+                if ready is not None and ready in line:
+                    is_ready = True
+                    process.terminate()
+                    process.wait()
+                    break
+            return None if is_ready else process.wait(), text
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-def test_every_bare_command_works_or_says_what_it_needs(tmp_path: Path) -> None:
-    found = list(commands())
-    assert {("list",), ("log", "info"), ("manipulate",), ("export", "lerobot")} <= set(found)
-    wrong = []
+def require_good(name: str, command: Sequence[str], folder: Path) -> None:
+    """Runs a bare command, which works or says what it needs."""
+    status, text = run_bare(command, folder, GOES_ON.get(name))
+    said = f"{name}: status {status}\n{text}"
+    assert status in (None, 0, 1, 2, 3), said
+    assert "Traceback" not in text, said
+    if status:
+        # A sentence; a wrong use comes with the way to the usage.
+        assert re.search(r"\w+ \w+ \w+", text), said
+        if re.search(r"required|usage", text):
+            assert re.search(r"--help|^usage: ", text, re.MULTILINE), said
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_bare_command_works_or_says_what_it_needs(tmp_path: Path, verb: str) -> None:
+    found = list(commands(verb))
+    assert is_command(verb)
+    if verb in EXAMPLES:
+        assert EXAMPLES[verb] in found
     for words in found:
-        status, text = output_of_bare(words, tmp_path / "-".join(words))
-        is_good = status in (0, 1, 2, 3) and "Traceback" not in text
-        if status != 0:
-            # A sentence; a wrong use comes with the way to the usage.
-            is_good = is_good and re.search(r"\w+ \w+ \w+", text) is not None
-            if re.search(r"required|usage", text):
-                is_good = is_good and re.search(r"--help|^usage: ", text, re.MULTILINE) is not None
-        if not is_good:
-            wrong.append(f"trifinger {' '.join(words)}: status {status}\n{text}")
-    assert not wrong, "\n\n".join(wrong)
+        require_good(" ".join(words), [PROGRAM, *words], tmp_path / "-".join(words))
+
+
+def test_the_commands_are_found() -> None:
+    assert EXAMPLES.keys() <= set(VERBS)
+    assert {"trifinger-compat-check", "trifinger_robot_backend"} <= SCRIPTS.keys()
+    assert {"trifinger_simulation.tasks", "robot_fingers.programs"} <= set(MODULES)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_every_bare_program_of_the_packages_works_or_says_what_it_needs(
+    tmp_path: Path, name: str
+) -> None:
+    require_good(name, SCRIPTS[name], tmp_path / name)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_bare_module_of_the_packages_works_or_says_what_it_needs(
+    tmp_path: Path, name: str
+) -> None:
+    require_good(name, [sys.executable, "-m", name], tmp_path / name)
 
 
 def test_every_task_names_its_robot() -> None:
-    listed = help_of("manipulate").partition("Tasks:\n")[2].partition("\n\n")[0]
-    assert [task for task, _ in SKILLS] == re.findall(r"^  (\w+) ", listed, re.MULTILINE)
+    tasks = help_of("manipulate").partition("Tasks:\n")[2].partition("\n\n")[0]
+    assert [task for task, _ in SKILLS] == re.findall(r"^  (\w+) ", tasks, re.MULTILINE)
 
 
 @pytest.mark.parametrize(("task", "robot"), SKILLS, ids=[task for task, _ in SKILLS])
@@ -116,6 +205,9 @@ def test_every_bare_skill_does_what_it_says(
         [PROGRAM, "manipulate", task], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    report = json.loads((tmp_path / "manipulate_output/report.json").read_text())
+    output = tmp_path / "manipulate_output"
+    report = json.loads((output / "report.json").read_text())
     assert report["is_done"]
+    assert report["task"] == task
+    assert (output / "trace.csv").read_text().count("\n") > 100
     assert "fault" not in running.end()[1]

@@ -80,15 +80,12 @@ def test_puts_the_cube_down_when_it_is_interrupted(
     robot.wait_for("finished")
 
 
-# The commands of docs/skills.md. A cube that is brought far away would take the test long.
+# The commands of docs/skills.md with options; test_bare_commands.py runs those without. A cube that
+# is brought far away would take the test long.
 SKILLS = [
-    ("sim", "turn"),
     ("sim", "turn --taught"),
-    ("sim_cuboid", "stand"),
     ("sim_balance", "balance --set duration=60"),
-    ("throw", "throw"),
     ("throw_far", "throw --set stroke=far"),
-    ("catch", "catch"),
     ("sim_pen", "draw --set word=HELLO"),
     ("pushing", "flip --set face=+y"),
     ("pushing", "place --set 'goals=[{place: [0.005, 0.005], face: \"+z\", turn: 0.1}]'"),
