@@ -6,12 +6,12 @@ whatever folder; else mathematics and calls of the view work, and the others rai
 NotImplementedError, which says what to use instead. Constants are PyBullet's.
 """
 
-from typing import Any
+from typing import Any as _Any
 
-from trifinger_compat import bullet
+from trifinger_compat import bullet as _bullet
 
-globals().update(bullet.names(bullet.installed()))
+globals().update(_bullet.names(_bullet.installed()))
 
 
-def __getattr__(name: str) -> Any:  # also says to type checkers that names come as it runs
+def __getattr__(name: str) -> _Any:  # also says to type checkers that names come as it runs
     raise AttributeError(f"module 'pybullet' has no attribute '{name}'", name=name, obj=__name__)

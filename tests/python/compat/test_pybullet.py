@@ -72,6 +72,13 @@ def test_no_call_hands_our_ids_to_pybullet(name: str, both: Any, theirs: PyBulle
     assert theirs._calls == []
 
 
+def test_all_names_are_those_of_pybullet() -> None:
+    space: dict[str, Any] = {}
+    exec("from pybullet import *", space)  # noqa: S102 (no function may do so)
+    del space["__builtins__"]
+    assert space.keys() == {name for name in bullet.names(bullet.installed()) if name[0] != "_"}
+
+
 def test_a_planner_moves_a_world_of_its_own_beside_the_simulation(
     both: Any, theirs: PyBullet
 ) -> None:
