@@ -101,3 +101,10 @@ def test_fault_80_the_demo_finds_a_name_that_nobody_has(
     assert free_name() == "demo3"
     robot.kill()
     assert free_name() == "demo2"
+
+
+def test_the_robot_of_another_user_may_end_while_a_name_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Path, "glob", lambda folder, _: iter([folder / "gone"]))
+    assert free_name() == "demo"

@@ -47,10 +47,17 @@ def free_name() -> str:
     folder = Path(os.environ.get("TRIFINGER_SESSION_DIR") or "/dev/shm")  # noqa: S108 (where sessions are)
     for number in itertools.count(1):
         name = "demo" if number == 1 else f"demo{number}"
-        files = [path.lstat() for path in folder.glob(f"trifinger*.{name}.*")]
-        if not is_running(name) and all(file.st_uid == os.geteuid() for file in files):
+        files = folder.glob(f"trifinger*.{name}.*")
+        if not is_running(name) and not any(is_of_another(file) for file in files):
             return name
     raise AssertionError
+
+
+def is_of_another(path: Path) -> bool:
+    """True if a file belongs to another user; it may have gone, as that user's robot ends."""
+    with contextlib.suppress(FileNotFoundError):
+        return path.lstat().st_uid != os.geteuid()
+    return False
 
 
 @contextlib.contextmanager
