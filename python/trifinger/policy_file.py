@@ -16,6 +16,7 @@ import numpy as np
 
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
+from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -62,7 +63,8 @@ def write(
         bounding=bounding,
         metadata=dict(metadata or {}),
     )
-    policy.save(path)
+    with whole_file(path) as part:
+        policy.save(part)
     return policy
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from trifinger.errors import Error
 from trifinger.log.original import CameraEntry
+from trifinger.whole_file import whole_file
 
 MAGIC, VERSION, MINOR_VERSION = 0x3CDA7A00, 2, 1
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -28,7 +29,7 @@ def write(path: str | Path, entries: list[CameraEntry], names: tuple[str, ...]) 
     if not entries:
         raise Error(f"there are no images to write to {path}")
     images = np.array([entry.images for entry in entries])
-    with h5py.File(path, "w") as file:
+    with whole_file(path) as part, h5py.File(part, "w") as file:
         file.attrs["magic"] = np.uint32(MAGIC)
         file.attrs["format_version"] = np.uint32(VERSION)
         file.attrs["format_version_minor"] = np.uint32(MINOR_VERSION)

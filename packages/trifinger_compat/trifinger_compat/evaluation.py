@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from trifinger.errors import Error
+from trifinger.whole_file import whole_file
 from trifinger_simulation.trifinger_platform import TriFingerPlatform
 
 
@@ -67,7 +68,7 @@ def read_pickle(path: str | Path) -> Any:
 
 def write_pickle(path: Path, content: Any) -> None:
     """Writes a file for read_pickle()."""
-    with path.open("wb") as file:
+    with whole_file(path) as part, part.open("wb") as file:
         pickle.dump(content, file)
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import trifinger
 from scipy.spatial.transform import Rotation
+from trifinger.whole_file import whole_file
 
 from trifinger_compat.types import Array, Numbers
 from trifinger_compat.world import CONFIGURATIONS
@@ -61,10 +62,8 @@ def write_text(path: Path, text: str) -> None:
     if path.is_file() and path.read_text() == text:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    # Other processes may do the same now.
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    part.write_text(text)
-    part.replace(path)
+    with whole_file(path) as part:  # other processes may do the same now
+        part.write_text(text)
 
 
 def _numbered(text: str, finger_type: str) -> str:

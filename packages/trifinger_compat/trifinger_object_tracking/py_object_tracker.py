@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trifinger.whole_file import whole_file
 from trifinger_compat.camera_backends import SingleProcessCameras
 from trifinger_simulation.trifinger_platform import ObjectPose as ObjectPose
 
@@ -75,7 +76,8 @@ class _Backend:
             [stamp, *map(float, pose.position), *map(float, pose.orientation), pose.confidence]
             for stamp, pose in self._kept
         ]
-        Path(filename).write_text(json.dumps(rows))
+        with whole_file(filename) as part:
+            part.write_text(json.dumps(rows))
 
 
 class SimulationBackend(_Backend):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trifinger.whole_file import whole_file
 from trifinger_compat.generation import chosen
 from trifinger_compat.physics import MESH_MARGIN
 from trifinger_compat.spaces import Range
@@ -341,7 +342,7 @@ class TriFingerPlatform:
         }
         if has_object:
             log["final_object_pose"] = {"t": t, "pose": self._get_current_object_pose()}
-        with Path(filename).open("wb") as file:
+        with whole_file(filename) as part, part.open("wb") as file:
             pickle.dump(log, file)
 
     def _actions(self, has_object: bool) -> list[dict[str, Any]]:

@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from trifinger.whole_file import whole_file
+
 
 @dataclass
 class EpisodeData:
@@ -45,5 +47,5 @@ class DataLogger:
 
     def store(self, filename: str | Path) -> None:
         """Writes the whole episodes: a list of dicts."""
-        with Path(filename).open("wb") as file:
+        with whole_file(filename) as part, part.open("wb") as file:
             pickle.dump(self.episodes, file)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from trifinger.whole_file import whole_file
 from trifinger_compat.commands import print_result
 from trifinger_compat.evaluation import read_pickle, replay, run_policy, write_pickle
 
@@ -76,7 +77,8 @@ def replay_all(folder: Path) -> str:
         lines.append(f"Level {level}: {np.mean(values):.3f} ({np.std(values):.3f})")
         total += level * float(np.mean(values))
     text = "\n".join([*lines, f"Total: {total:.3f}", ""])
-    (folder / "reward.txt").write_text(text)
+    with whole_file(folder / "reward.txt") as part:
+        part.write_text(text)
     return text
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trifinger.whole_file import whole_file
 from trifinger_compat.commands import print_result
 from trifinger_compat.evaluation import read_pickle, replay, run_policy, write_pickle
 
@@ -53,7 +54,8 @@ def replay_all(folder: Path) -> str:
         "std": float(np.std(rewards)),
     }
     text = json.dumps(summary)
-    (folder / "reward.json").write_text(text)
+    with whole_file(folder / "reward.json") as part:
+        part.write_text(text)
     return text
 
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
+from trifinger.whole_file import whole_file
+
 from trifinger_simulation.tasks import rearrange_dice as _task
 from trifinger_simulation.tasks.rearrange_dice import (
     N_CELLS_PER_ROW as N_CELLS_PER_ROW,
@@ -27,7 +29,8 @@ def create_empty_pattern() -> str:
 def create_pattern_template_file(filename: str | Path) -> None:
     """Writes the pattern without dice to a file, with a note on what may come after it."""
     note = "\nWhat comes after the empty line is not read.\n"
-    Path(filename).write_text(f"{create_empty_pattern()}\n{note}")
+    with whole_file(filename) as part:
+        part.write_text(f"{create_empty_pattern()}\n{note}")
 
 
 def parse_pattern(goal_pattern: str | Iterable[str]) -> list[tuple[float, float, float]]:
