@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "policy_file.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <bit>
-#include <cerrno>
 #include <cstdint>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
@@ -300,20 +297,12 @@ void write_policy_file(const Network& network, const std::filesystem::path& path
                           " bytes, more than " + std::to_string(kMaxHeader) +
                           ": shorten its metadata");
   }
-  std::filesystem::path part = path;
-  part += "." + std::to_string(::getpid()) + ".part";
   std::string bytes = std::string(kFirstLine) + header;
   for (const Layer& layer : network.layers) {
     append(bytes, layer.weights);
     append(bytes, layer.bias.transpose());
   }
-  // A killed process with the same id may have left this file.
-  ::unlink(part.c_str());
-  write_new_file(part, std::as_bytes(std::span(bytes)));
-  if (::rename(part.c_str(), path.c_str()) == 0) return;
-  const int error = errno;
-  ::unlink(part.c_str());
-  throw SystemError("write " + path.string(), error);
+  replace_file(path, std::as_bytes(std::span(bytes)));
 }
 
 }  // namespace trifinger::learning::detail

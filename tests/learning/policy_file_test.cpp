@@ -259,12 +259,14 @@ TEST_F(PolicyFile, IsReplacedAsAWholeOrNotAtAll) {
   first.save(path());
   const std::string before = read(path());
   // A folder occupies the path of the new file.
-  const fs::path part = path().string() + "." + std::to_string(::getpid()) + ".part";
+  const fs::path part = path().string() + ".new";
   fs::create_directory(part);
   EXPECT_THROW(second.save(path()), SystemError);
   EXPECT_EQ(read(path()), before);
   fs::remove(part);
+  fs::permissions(path(), fs::perms::owner_read | fs::perms::owner_write);
   second.save(path());
+  EXPECT_EQ(fs::status(path()).permissions(), fs::perms::owner_read | fs::perms::owner_write);
   expect_same(Policy::load(path()).network(), second.network());
   EXPECT_EQ(std::distance(fs::directory_iterator(folder()), {}), 1);
   EXPECT_THROW(second.save(folder() / "nowhere" / "a.policy"), SystemError);
