@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import json
+import re
 import shlex
 import signal
 import subprocess
@@ -16,6 +17,7 @@ pytestmark = pytest.mark.release  # these tests need the program
 PROGRAM = BUILD / "apps/trifinger-manipulate"
 # A short lift with a plan that is made at once, by a robot that waits.
 ROBOT = ("--non-real-time", "--set", "fingers.height=0.3")
+FIGURE = re.compile(r"^  (\w+) +([-+.\de]+) ?(\S*) +\w", re.MULTILINE)
 SHORT = {
     "lift.height": "0.05",
     "lift.time": "0.8",
@@ -96,6 +98,15 @@ SKILLS = [
 ]
 
 
+# `flip` leaves free where the cube lies.
+ERRORS = {
+    "flip": {"orientation_error"},
+    "place": {"position_error", "orientation_error"},
+    "carry": {"position_error", "orientation_error"},
+}
+"""What a skill with a goal reports of its last pose."""
+
+
 @pytest.mark.parametrize(("config", "words"), SKILLS, ids=[words for _, words in SKILLS])
 def test_carries_out_a_skill(
     start_program: StartProgram, tmp_path: Path, config: str, words: str
@@ -108,7 +119,17 @@ def test_carries_out_a_skill(
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((output / "report.json").read_text())
     assert report["is_done"]
-    assert report["task"] == words.split()[0]
+    task = words.split()[0]
+    assert report["task"] == task
+    assert {name for name in report if name.endswith("_error")} == ERRORS.get(task, set())
+    assert ("carries" in report) == (task == "place")
+    printed = {row[0]: row[1:] for row in FIGURE.findall(done.stdout)}
+    assert printed
+    assert printed.keys() <= report.keys()
+    assert {unit for _, unit in printed.values()} <= {"", "%", "N", "Hz", "m", "m/s", "rad", "s"}
+    for name, (number, unit) in printed.items():
+        factor = 100 if unit == "%" else 1
+        assert float(number) == pytest.approx(factor * report[name], rel=1e-3), name
     assert (output / "trace.csv").read_text().count("\n") > 100
     assert "fault" not in robot.end()[1]
 
