@@ -87,6 +87,14 @@ def read_faults(text: str, tests: Iterable[FaultTest]) -> list[Fault]:
     return [rows[number] for number in sorted(rows)]
 
 
+def order_problems(text: str) -> Iterator[str]:
+    """Yields one sentence if the rows of the list are not 1, 2, 3 and so on, in this order."""
+    for expected, number in enumerate(tomllib.loads(text), 1):
+        if int(number) != expected:
+            yield f"{LIST}: row {expected:02} should be where row {number} is."
+            return
+
+
 def find_tests(file: Path, text: str) -> Iterator[FaultTest]:
     """Yields the tests of faults in a source file."""
     for match in TEST.finditer(text):
@@ -167,8 +175,9 @@ def main() -> int:
         test: [result for *names, result in cases if test.is_result(*names)] for test in tests
     }
     result_of = {test: worst(results) for test, results in results_of.items()}
-    faults = read_faults((ROOT / LIST).read_text(), tests)
-    found = list(problems(faults, result_of))
+    rows = (ROOT / LIST).read_text()
+    faults = read_faults(rows, tests)
+    found = [*order_problems(rows), *problems(faults, result_of)]
     # A skipped test has a result. A test without one was never built, or its suite has crashed.
     found += [
         f"{test.file}: {test.suite}.{test.name} has no result in {arguments.results}."

@@ -208,14 +208,14 @@ def scan(port: int) -> None:
                 pass
 
 
-def test_fault_84_scans_of_a_page_print_nothing(start_view: StartView) -> None:
+def test_fault_81_scans_of_a_page_print_nothing(start_view: StartView) -> None:
     page = start_view("sim")
     scan(page.port)
     assert "<html" in ask(page, "/")[1].lower()
     assert page.end()[1] == ""
 
 
-def test_fault_84_scans_of_the_bridge_print_no_traceback_and_no_escape_sequence() -> None:
+def test_fault_81_scans_of_the_bridge_print_no_traceback_and_no_escape_sequence() -> None:
     with bridging("--token", "t" * 16) as (bridge, port):
         scan(port)
         bridge.terminate()
@@ -228,7 +228,7 @@ def test_fault_84_scans_of_the_bridge_print_no_traceback_and_no_escape_sequence(
 
 
 @pytest.mark.parametrize("path", ["/?" + "a=1&" * 9, "//[", "/?token=x&" + "b=&c" * 20])
-def test_fault_84_a_query_with_too_many_fields_is_refused_with_a_sentence(
+def test_fault_81_a_query_with_too_many_fields_is_refused_with_a_sentence(
     gate: Gate, path: str
 ) -> None:
     for cookie in ("", f"{gate.cookie}={gate.token}"):

@@ -2,7 +2,16 @@
 from pathlib import Path
 
 import pytest
-from fault_matrix import FaultTest, find_tests, page, problems, read_faults, results_in, worst
+from fault_matrix import (
+    FaultTest,
+    find_tests,
+    order_problems,
+    page,
+    problems,
+    read_faults,
+    results_in,
+    worst,
+)
 
 # Another word stands for "fault" here; otherwise this file would seem to contain tests of faults.
 CPP = """
@@ -85,6 +94,23 @@ def test_a_row_without_a_test_is_a_problem() -> None:
     assert list(problems(read_faults(LIST, [RING]), {RING: "passed"})) == []
     (sentence,) = problems(read_faults(LIST, []), {})
     assert "row 34 has no test: A slow reader" in sentence
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        (["01", "02", "03"], ""),
+        (["01", "03"], "row 02 should be where row 03 is"),
+        (["01", "03", "02"], "row 02 should be where row 03 is"),
+        (["02"], "row 01 should be where row 02 is"),
+    ],
+)
+def test_rows_that_are_missing_or_out_of_order_are_a_problem(
+    rows: list[str], sentence: str
+) -> None:
+    found = list(order_problems("".join(f'[{row}]\nfault = "A slow reader"\n' for row in rows)))
+    assert len(found) == bool(sentence)
+    assert all(sentence in each for each in found)
 
 
 def test_a_test_that_failed_is_a_problem() -> None:
