@@ -18,10 +18,19 @@ from trifinger.errors import InvalidArgument
 
 _CORE = "tag:yaml.org,2002:"
 _MOST_NUMBERS = 10_000  # of a matrix; those of cameras have 16
+_LONGEST = 40  # of a value in an error
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
     """The safe reader, with numbers as in YAML 1.2 and tags of OpenCV and of tuples."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        # PyYAML's functions for single values let Python's own errors through.
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            text = f"{str(node.value)[:_LONGEST]!r} is no {node.tag.removeprefix(_CORE)}"
+            raise yaml.constructor.ConstructorError(None, None, text, node.start_mark) from error
 
 
 # YAML 1.1 takes 1e-05 for a word, and OpenCV writes .Nan and .Inf.

@@ -56,6 +56,12 @@ def test_spellings_of_others(text: str, value: Any) -> None:
         ("a: !!python/object/apply:os.getcwd []", "line 1: could not determine a constructor"),
         ("[" * 5000, "it is not YAML"),
         ("a: 1\0", "it is not YAML"),
+        ("b: 1\na: 2024-13-45", "line 2: '2024-13-45' is no timestamp"),
+        ("a: 0x_", "line 1: '0x_' is no int"),
+        ("a: !!int x", "line 1: 'x' is no int"),
+        ("a: [\n!!float x]", "line 2: 'x' is no float"),
+        ("a: !!bool x", "line 1: 'x' is no bool"),
+        ("a: !!timestamp x", "line 1: 'x' is no timestamp"),
     ],
 )
 def test_what_is_no_such_file_is_refused_with_its_place(text: str, sentence: str) -> None:
