@@ -20,8 +20,10 @@ import trifinger
 from conftest import BUILD
 from gymnasium import wrappers
 from lerobot_reader import Reader
+from trifinger._trifinger import limits_of_file_robot, robot_configuration
+from trifinger.commands import clone as clone_command
 from trifinger.commands.export_data_set import logs_of, main
-from trifinger.data_sets import lerobot, minari as minari_format, rows
+from trifinger.data_sets import cloning, lerobot, minari as minari_format, rows
 from trifinger.data_sets.episodes import find_episodes
 from trifinger.data_sets.marks import Decisions, EpisodeMarks, Mark, read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
@@ -355,8 +357,9 @@ def test_an_export_that_fails_leaves_nothing(
 def test_a_killed_export_leaves_no_data_set(blind: Recorded, tmp_path: Path) -> None:
     program = f"""
 import sys
+from trifinger.commands import clone as clone_command
 from trifinger.commands.export_data_set import main
-from trifinger.data_sets import lerobot, minari as minari_format, rows
+from trifinger.data_sets import cloning, lerobot, minari as minari_format, rows
 describe = lerobot._Writer._describe
 def wait(*arguments):
     describe(*arguments)
@@ -574,6 +577,15 @@ def check_recovered(
     return environment
 
 
+def test_limits_without_end_keep_their_sign() -> None:
+    assert [minari_format._number(value) for value in (-np.inf, np.inf, -1e-7, 2.5)] == [
+        "-.inf",
+        ".inf",
+        "-1e-07",
+        "2.5",
+    ]
+
+
 # Gymnasium tells that it makes single numbers of double ones.
 @pytest.mark.filterwarnings("ignore:.*precision lowered")
 @pytest.mark.usefixtures("minari_root")
@@ -621,7 +633,7 @@ def test_a_wrapper_that_a_data_set_cannot_name_is_refused(
 
 @pytest.mark.usefixtures("minari_root")
 def test_an_environment_is_recovered_where_the_file_of_its_robot_is_not(
-    arm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arm: str, tmp_path: Path, minari_root: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     monkeypatch.chdir(Path(arm).parent)
     options = Options.of("reach", frames=("hand",), duration=0.5)
@@ -631,9 +643,74 @@ def test_an_environment_is_recovered_where_the_file_of_its_robot_is_not(
     monkeypatch.chdir(tmp_path / "elsewhere")
     for name in ("arm.yml", "arm.xml"):
         (Path(arm).parent / name).unlink()
+    Path("arm.yml").write_text("name: another\n")
     export("minari", tmp_path / "logs", "--episodes", "marks", "-o", "arm-v0")
     # MuJoCo writes masses into the model of a log with seven digits.
     check_recovered("arm-v0", actions, rewards, digits=1e-5)
+    metadata = json.loads((minari_root / "arm-v0/data/metadata.json").read_text())
+    assert metadata["recorded_with"]["config"] == arm
+    # A policy names the robot's own file, and no other of that name.
+    examples = cloning.read("arm-v0")
+    assert not examples.environment
+    assert examples.note == f"{arm}, the file of its robot, is not here"
+    assert clone_command.main(["arm-v0", "-o", "arm.policy", "--epochs", "1"]) == 0
+    assert f"not for trifinger run-policy: {examples.note}." in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("minari_root")
+@pytest.mark.parametrize(
+    ("extended", "options"),
+    [("trifinger_edu_can", {}), ("dclaw_dynamixel", {"frames": ("FFtip",)})],
+)
+def test_an_environment_is_recovered_whatever_drives_the_robot(
+    extended: str, options: dict[str, Any], tmp_path: Path
+) -> None:
+    config = tmp_path / "own.yml"
+    config.write_text(f"extends: {extended}\nname: own\n")
+    environment = Environment("reach", config=str(config), duration=0.5, **options)
+    actions, rewards = play(environment, tmp_path / "logs", 10)
+    config.unlink()
+    export("minari", tmp_path / "logs", "--episodes", "marks", "-o", "driven-v0")
+    check_recovered("driven-v0", actions, rewards, digits=1e-5)
+
+
+@pytest.mark.usefixtures("minari_root")
+def test_a_simulation_of_a_connected_robot_is_recovered(tmp_path: Path) -> None:
+    config = tmp_path / "own.yml"
+    config.write_text("extends: trifinger_edu\n")
+    robot = trifinger.Simulation(str(config))
+    recorder = robot.record(tmp_path / "logs")
+    environment = Environment("reach", config=str(config), connect=robot.connect, duration=0.5)
+    expected = robot_configuration(*environment.scene)
+    play(environment, tmp_path / "logs", 10)
+    recorder.stop()
+    config.unlink()
+    export("minari", tmp_path / "logs", "--episodes", "marks", "-o", "connected-v0")
+    recovered = minari.load_dataset("connected-v0").recover_environment().unwrapped
+    assert recovered.simulation is not None
+    assert robot_configuration(*recovered.scene) == expected
+    recovered.close()
+
+
+@pytest.mark.usefixtures("minari_root")
+def test_a_joint_without_stops_has_none_where_its_environment_is_recovered(
+    arm: str, tmp_path: Path
+) -> None:
+    for path, old, new in (
+        (Path(arm).with_suffix(".xml"), ' range="-2 2"', ""),
+        (Path(arm), "soft_lower: -1.8, soft_upper: 1.8", "soft_lower: -.inf, soft_upper: .inf"),
+    ):
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new))
+    environment = Environment("reach", config=arm, frames=("hand",), duration=0.5)
+    limits = limits_of_file_robot(*environment.scene)
+    assert limits["shoulder"]["soft_lower"] == limits["shoulder"]["hard_lower"] < -1e5
+    actions, rewards = play(environment, tmp_path / "logs", 10)
+    export("minari", tmp_path / "logs", "--episodes", "marks", "-o", "endless-v0")
+    recovered = check_recovered("endless-v0", actions, rewards, digits=1e-5)
+    assert recovered.unwrapped.scene[0] != arm
+    assert limits_of_file_robot(*recovered.unwrapped.scene) == limits
 
 
 @pytest.mark.usefixtures("minari_root")

@@ -64,3 +64,5 @@ def clone(arguments: argparse.Namespace) -> None:
             lambda epoch, _: progress.update(epoch / recipe.epochs),
         )
     say(f"{arguments.output} written: {result}.")
+    if examples.note:
+        say(f"it is a policy for your own program, not for trifinger run-policy: {examples.note}.")

@@ -46,6 +46,8 @@ class Examples:
     outputs: Sequence[str] = ()
     environment: dict[str, Any] = field(default_factory=dict)
     """What made the environment of the episodes: task, options, config and config_overrides."""
+    note: str = ""
+    """Why the policy cannot be run in the environment of the episodes, if it cannot."""
     low: NDArray[np.float32] | None = None
     """Bounds of actions; None for those of the data set."""
     high: NDArray[np.float32] | None = None
@@ -298,6 +300,8 @@ def _read_minari(name: str) -> Examples:
     import minari
     from gymnasium import spaces
 
+    from trifinger.data_sets.recorded_environment import is_path
+
     data = minari.load_dataset(name)
     for what, space in (("observation", data.observation_space), ("action", data.action_space)):
         if not isinstance(space, spaces.Box) or len(space.shape) != 1:
@@ -320,14 +324,16 @@ def _read_minari(name: str) -> Examples:
         outputs=names.get(ACTION, ()),
     )
     spec = json.loads(metadata["env_spec"]) if "env_spec" in metadata else {}
-    # `trifinger run-policy` has no wrappers.
-    if spec.get("entry_point") != MAKE or spec.get("additional_wrappers"):
+    if spec.get("entry_point") != MAKE:
         return examples
+    if spec.get("additional_wrappers"):
+        return dataclasses.replace(examples, note="its environment has wrappers")
     made = spec["kwargs"]
     if made.pop("files", None) is not None:
         made |= metadata["recorded_with"]
-        if not Path(made["config"]).is_file():
-            return examples
+    config = made["config"]
+    if is_path(config) and not Path(config).is_file():
+        return dataclasses.replace(examples, note=f"{config}, the file of its robot, is not here")
     return dataclasses.replace(
         examples,
         environment=made,

@@ -90,7 +90,7 @@ class Decisions:
 
     environment: str
     """How the environment is made, JSON: task, options, config and config_overrides of
-    `Environment`, and the wrappers around it, if there are any."""
+    `Environment`, the wrappers around it, and the limits of a robot from a file."""
     seed: int
     episode: int
     """The number of the episode among those of the seed."""

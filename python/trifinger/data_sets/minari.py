@@ -185,11 +185,15 @@ def _environment_source(decisions: Decisions | None, session: LoggedSession) -> 
         raise InvalidArgument("no environment has made the episodes")
     arguments = environment_of(decisions)
     wrappers = tuple(WrapperSpec(**one) for one in arguments.pop("wrappers", ()))
-    limits = arguments.pop("limits", {})
+    origin = {name: arguments[name] for name in ("config", "config_overrides")}
+    files = _files(arguments, session)
+    if files:
+        config = Path(origin["config"]).name
+        arguments |= {"config": config, "config_overrides": {}, "files": files}
     spec = EnvSpec(
         id=f"TriFinger/{_camel(arguments['task'])}-v0",
         entry_point=f"{make.__module__}:{make.__name__}",
-        kwargs=_portable(arguments, limits, session),
+        kwargs=arguments,
         additional_wrappers=wrappers,
     )
     # As everybody will do it who recovers the environment.
@@ -199,31 +203,26 @@ def _environment_source(decisions: Decisions | None, session: LoggedSession) -> 
             environment.action_space,
             spec.to_json(),
             arguments["task"],
-            origin=None if spec.kwargs is arguments else _origin(arguments),
+            origin=origin if files else None,
         )
 
 
-def _portable(
-    arguments: dict[str, Any], limits: dict[str, dict[str, float]], session: LoggedSession
-) -> dict[str, Any]:
-    # A robot of the user's own file: its configuration and its model travel in the data set.
-    config = Path(arguments["config"])
+def _files(arguments: dict[str, Any], session: LoggedSession) -> dict[str, str]:
+    # A robot of the user's own file: its configuration and its model travel in the data set. Takes
+    # out of the arguments what is for them alone.
+    from trifinger.data_sets.recorded_environment import is_path
+
     documents = session.documents
+    limits = arguments.pop("limits", {})
     text = documents.get(CONFIGURATION)
-    if (config.name == str(config) and config.suffix == "") or text is None:
-        return arguments
-    if not re.search(r"^driver: simulation$", text, re.MULTILINE):
-        return arguments
-    files = {config.name: text}
-    if limits and MODEL in documents:
-        files = {config.name: _with_model(text, limits), MODEL: documents[MODEL]}
-    return arguments | {"config": config.name, "config_overrides": {}, "files": files}
-
-
-def _origin(arguments: dict[str, Any]) -> dict[str, Any]:
-    # The user's own files, for whoever still has them.
-    config = str(Path(arguments["config"]).absolute())
-    return {"config": config, "config_overrides": arguments["config_overrides"]}
+    if not is_path(arguments["config"]) or text is None:
+        return {}
+    name = Path(arguments["config"]).name
+    if not limits:
+        return {name: text}
+    # A robot on hardware has no model in its log.
+    model = documents.get(MODEL)
+    return {name: _with_model(text, limits), MODEL: model} if model is not None else {}
 
 
 def _with_model(configuration: str, limits: dict[str, dict[str, float]]) -> str:
@@ -258,7 +257,7 @@ def _with_model(configuration: str, limits: dict[str, dict[str, float]]) -> str:
 
 
 def _number(value: float) -> str:
-    return repr(value) if np.isfinite(value) else ".inf"
+    return repr(value).replace("inf", ".inf")
 
 
 def _camel(task: str) -> str:

@@ -66,6 +66,11 @@ def make(
     return environment
 
 
+def is_path(config: str) -> bool:
+    """Whether a configuration is a file, not one of those that are found by their names."""
+    return "/" in config or config.endswith(".yml")
+
+
 def wrappers_around(environment: gymnasium.Env[Any, Any]) -> list[WrapperSpec]:
     """What makes the wrappers of an environment again, from the inside to the outside.
 
@@ -174,6 +179,8 @@ class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
         self._bounds = (environment.action_space.low, environment.action_space.high)
         self._sentence = sentence
         config, overrides = base.scene
+        if is_path(config):
+            config = str(Path(config).absolute())  # an export may be made in another folder
         self._made = json.dumps(
             {
                 "task": base.task,
