@@ -3,7 +3,9 @@
 
 import dataclasses
 import json
-from typing import Any, Self
+import math
+from collections.abc import Mapping
+from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 
 from trifinger import _trifinger
 from trifinger.environment_options import OptionFields
@@ -35,12 +37,9 @@ class Options(OptionFields):
     def to_json(self) -> str:
         """The options as JSON, as files of policies hold them."""
         values = dataclasses.asdict(self)
-        for name, value in values.items():
-            try:
-                json.dumps(value)
-            except (TypeError, ValueError):
-                usual = getattr(OptionFields(), name)
-                raise InvalidArgument(f"{name} is {value!r}, must be like {usual!r}") from None
+        for name, kind in get_type_hints(OptionFields).items():
+            if not _is_a(kind, values[name]):
+                raise InvalidArgument(f"{name} is {values[name]!r}, must be {_allowed(name, kind)}")
         return json.dumps(values)
 
     @classmethod
@@ -55,9 +54,54 @@ class Options(OptionFields):
         return cls(**of(json.loads(text)))
 
 
+def _is_a(kind: Any, value: Any) -> bool:
+    """Whether a value of an option is of its type; numbers are finite, as JSON has no others."""
+    parts = get_args(kind)
+    origin = get_origin(kind)
+    if origin is Literal:
+        return value in parts
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            return False
+        kinds = parts[:1] * len(value) if parts[-1] is ... else parts
+        return len(value) == len(kinds) and all(map(_is_a, kinds, value))
+    if origin is Mapping:
+        return isinstance(value, dict) and all(
+            _is_a(parts[0], name) and _is_a(parts[1], part) for name, part in value.items()
+        )
+    if kind in (int, float):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return is_number and math.isfinite(value) and (kind is float or value == int(value))
+    return isinstance(value, kind)
+
+
+def _allowed(name: str, kind: Any) -> str:
+    if get_origin(kind) is Literal:
+        *words, last = map(repr, get_args(kind))
+        return f"{', '.join(words)} or {last}"
+    usual = getattr(OptionFields(), name)
+    return f"like {usual!r}" if usual not in ((), {}) else f"a {kind}"
+
+
+def options_of(task: str | Task, options: Options | None, **changes: Any) -> Options:
+    """The options of an environment: those that were given, or those of the task, with changes."""
+    if options is None:
+        return default_options(task, **changes)
+    if not isinstance(options, Options):
+        raise InvalidArgument(
+            f"options is {options!r}, must be Options: Options.of({task!r}, duration=1.0), or "
+            "without `options`, duration=1.0"
+        )
+    return options.changed(**changes)
+
+
 def robot_of(task: str | Task, config: str | None) -> str:
     """The configuration of a robot; None: the one that the task is usually for."""
     if config is not None:
+        if not isinstance(config, str):
+            raise InvalidArgument(
+                f"config is {config!r}, must be the name of a configuration or the path of a file"
+            )
         return config
     return _trifinger.robot_of_task(task) if isinstance(task, str) else "trifinger_edu"
 
@@ -67,6 +111,10 @@ def overrides_of(
 ) -> dict[str, object]:
     """What a task and its options need of the robot's configuration, and the user's overrides."""
     own = config_overrides or {}
+    if not isinstance(own, dict):
+        raise InvalidArgument(
+            f'config_overrides is {own!r}, must be keys and values: {{"backend.period": 0.001}}'
+        )
     is_from_file = _trifinger.is_from_file(config, own)
     # A session with a short history begins faster.
     needed: dict[str, object] = {} if is_from_file else {"backend.history": 1024}
@@ -81,6 +129,8 @@ def default_options(task: str | Task, **changes: Any) -> Options:
     """The options that a task has by default, with some changes."""
     if isinstance(task, str):
         return Options.of(task, **changes)
+    if not isinstance(task, Task):
+        raise InvalidArgument(f"task is {task!r}, must be the name of a task or a Task")
     return Options(**dataclasses.asdict(task.options)).changed(**changes)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 
 from trifinger._trifinger import task_names
-from trifinger.environments.options import Options
+from trifinger.environments.options import options_of
 from trifinger.environments.single import Environment, GoalEnvironment
 from trifinger.environments.vector import VectorEnvironment
 
@@ -19,7 +19,7 @@ def _gymnasium_id(task: str) -> str:
 
 
 def _make(task: str, render_mode: Any = None, **arguments: Any) -> Environment:
-    options = arguments.get("options") or Options.of(task)
+    options = options_of(task, arguments.get("options"))
     observation = arguments.get("observation", options.observation)
     kind = GoalEnvironment if observation == "goal" else Environment
     return kind(task, render_mode=render_mode, **arguments)

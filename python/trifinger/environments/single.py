@@ -14,7 +14,13 @@ from trifinger import _trifinger, mappings
 from trifinger._trifinger import Frontend, Observation as Observed, Simulation
 from trifinger.arrays import Array
 from trifinger.cameras import Cameras
-from trifinger.environments.options import Options, default_options, overrides_of, robot_of
+from trifinger.environments.options import (
+    Options,
+    default_options,
+    options_of,
+    overrides_of,
+    robot_of,
+)
 from trifinger.environments.task_environment import (
     AGE,
     Info,
@@ -78,7 +84,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
-        options = (options or default_options(task)).changed(**changes)
+        options = options_of(task, options, **changes)
         if (options.observation == "goal") != isinstance(self, GoalEnvironment):
             raise InvalidArgument(
                 f'observation is "{options.observation}"; GoalEnvironment needs "goal", '

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from trifinger import _trifinger
 from trifinger.arrays import Array
-from trifinger.environments.options import Options, overrides_of, robot_of
+from trifinger.environments.options import Options, options_of, overrides_of, robot_of
 from trifinger.environments.task_environment import (
     AGE,
     Info,
@@ -53,7 +53,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             raise InvalidArgument(
                 "the task is in Python, must be the name of one in C++: docs/environments.md"
             )
-        options = (options or Options.of(task)).changed(**changes)
+        options = options_of(task, options, **changes)
         config = robot_of(task, config)
         overrides = overrides_of(task, options, config, config_overrides)
         core = _trifinger.EnvironmentBatch(
