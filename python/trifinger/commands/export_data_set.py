@@ -17,8 +17,8 @@ from trifinger.data_sets.rows import Choice
 from trifinger.errors import InvalidArgument
 
 
-def tell(sentence: str) -> None:
-    """Tells what is special about the logs."""
+def report(sentence: str) -> None:
+    """Reports what is special about the logs."""
     say(f"trifinger export: {sentence}", file=sys.stderr, flush=True)
 
 
@@ -50,7 +50,7 @@ def episodes_of(arguments: argparse.Namespace) -> list[Episode]:
         marks=marks,
         begin=arguments.from_,
         end=arguments.to,
-        say=tell,
+        say=report,
     )
 
 
@@ -127,7 +127,7 @@ def export_lerobot(arguments: argparse.Namespace) -> None:
         images=arguments.images,
         encoder=arguments.encoder,
         force=arguments.force,
-        say=tell,
+        say=report,
     )
     say(f"{arguments.output} written: {result}.")
 
@@ -151,7 +151,7 @@ def export_minari(arguments: argparse.Namespace) -> None:
             description=arguments.description,
         ),
         force=arguments.force,
-        say=tell,
+        say=report,
     )
     say(f"{result.path} written: {result}.")
 

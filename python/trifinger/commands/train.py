@@ -103,19 +103,19 @@ def train(arguments: argparse.Namespace) -> None:
     plan, folder = begin(arguments)
     # On a terminal, a bar shows the progress below all other lines.
     bar = tqdm(total=plan.episodes, unit=" episodes", disable=None, dynamic_ncols=True)
-    tell = partial(tqdm.write, file=sys.stderr)
-    begun = Training(plan, folder, tell, partial(show, bar), Training.save_curve)
+    report = partial(tqdm.write, file=sys.stderr)
+    begun = Training(plan, folder, report, partial(show, bar), Training.save_curve)
     with bar, closing(begun) as training:
         try:
             summary = training.run()
         except KeyboardInterrupt:
-            tell(f"--resume {folder} goes on.")
+            report(f"--resume {folder} goes on.")
             raise
         show(bar, plan.episodes)
         try:
             training.save_figures(view)
         except (Error, ImportError) as error:
-            tell(f"no figures or film: {error}")
+            report(f"no figures or film: {error}")
     say(summary)
     say(f"{training.policy_path} written.")
 
