@@ -162,6 +162,39 @@ TEST(Log, fault_82_HasNothingAtTheEndsOfTheIndices) {
   EXPECT_THROW(static_cast<void>(moved.read(1, {})), InvalidArgument);
 }
 
+TEST(Log, fault_82_SaysThatItWasMovedAwayAndSoDoItsSessions) {
+  const Folder folder;
+  test::write_log(folder / "a.mcap", {random_session(3, 50)});
+  Log log(folder / "a.mcap");
+  LoggedSession session = log.session("odd");
+  const Log other(std::move(log));
+  const LoggedSession another(std::move(session));
+  EXPECT_EQ(other.sessions().front().name(), another.name());
+  constexpr const char* kSentence = "after it had been moved";
+  std::vector<OddObservation> two(2);
+  // NOLINTBEGIN(bugprone-use-after-move): this is what the test is about
+  EXPECT_THROW(static_cast<void>(log.sessions()), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(log.session("odd")), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(log.events()), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(log.damage()), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(log.lost_bytes()), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.element(Series::kStatus)), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.range(Series::kStatus)), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.gaps()), InvalidArgument);
+  EXPECT_THROW(session.get(Series::kObservation, 0, 2, two.data()), InvalidArgument);
+  EXPECT_THROW(
+      session.get(Series::kObservation, std::numeric_limits<TimeIndex>::max(), 2, two.data()),
+      InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.read({}, 0, 5)), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.find(0)), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.between(Nanoseconds(0), Nanoseconds(1))), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(session.companions()), InvalidArgument);
+  EXPECT_DEATH(static_cast<void>(log.size()), kSentence);
+  EXPECT_DEATH(static_cast<void>(session.name()), kSentence);
+  EXPECT_DEATH(static_cast<void>(session.get_latest_at(0, two.data(), nullptr)), kSentence);
+  // NOLINTEND(bugprone-use-after-move)
+}
+
 TEST(Log, ReadsSomeFieldsOnly) {
   const Folder folder;
   const OddSession written = random_session(3, 50);

@@ -14,6 +14,7 @@
 #include "read/series_reader.hpp"
 #include "read/session_table.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 
 namespace trifinger::log {
 
@@ -50,13 +51,17 @@ Log::Log(const std::vector<std::filesystem::path>& parts) {
   data_ = std::make_shared<LogData>(parts, Several::kRefuse);
 }
 
-const std::vector<std::filesystem::path>& Log::files() const noexcept { return data_->paths(); }
-std::uint64_t Log::size() const noexcept { return data_->size(); }
-bool Log::is_finished() const noexcept { return data_->is_finished(); }
-const std::map<std::string, std::string>& Log::origin() const noexcept { return data_->origin(); }
+const std::vector<std::filesystem::path>& Log::files() const noexcept {
+  return checked(data_)->paths();
+}
+std::uint64_t Log::size() const noexcept { return checked(data_)->size(); }
+bool Log::is_finished() const noexcept { return checked(data_)->is_finished(); }
+const std::map<std::string, std::string>& Log::origin() const noexcept {
+  return checked(data_)->origin();
+}
 
 std::vector<LoggedSession> Log::sessions() const {
-  const std::scoped_lock lock(data_->mutex);
+  const std::scoped_lock lock(checked(data_)->mutex);
   std::vector<LoggedSession> sessions;
   for (const SessionRecord& session : data_->sessions()) {
     sessions.emplace_back(data_, session.robot);
@@ -101,15 +106,15 @@ LoggedSession Log::session(const std::string& name) const {
 }
 
 std::vector<Event> Log::events() const {
-  const std::scoped_lock lock(data_->mutex);
+  const std::scoped_lock lock(checked(data_)->mutex);
   return data_->events();
 }
 std::vector<Damage> Log::damage() const {
-  const std::scoped_lock lock(data_->mutex);
+  const std::scoped_lock lock(checked(data_)->mutex);
   return data_->damage();
 }
 std::uint64_t Log::lost_bytes() const {
-  const std::scoped_lock lock(data_->mutex);
+  const std::scoped_lock lock(checked(data_)->mutex);
   return data_->lost_bytes();
 }
 

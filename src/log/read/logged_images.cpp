@@ -9,6 +9,7 @@
 #include "format/image_messages.hpp"
 #include "read/log_data.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/pixels.hpp"
 #include "trifinger/config/file.hpp"
@@ -39,6 +40,7 @@ camera::Calibration calibration_of(const LoggedSession& robot) {
 bool LoggedImages::has(std::size_t camera) const { return size(camera) > 0; }
 
 std::size_t LoggedImages::size(std::size_t camera) const {
+  (void)checked(log_);
   if (infos_.at(camera).frame().state != Frame::State::kGood) return 0;
   const std::scoped_lock lock(log_->mutex);
   const auto found = log_->find_image(robot_, (*cameras_)[camera].name, times_[camera], index_);
@@ -48,6 +50,7 @@ std::size_t LoggedImages::size(std::size_t camera) const {
 }
 
 RecordedImage LoggedImages::recorded(std::size_t camera) const {
+  (void)checked(log_);
   const Frame::State state = infos_.at(camera).frame().state;
   const std::string& name = (*cameras_)[camera].name;
   if (state != Frame::State::kGood) throw camera::CameraLost(name, state);
@@ -80,7 +83,7 @@ std::vector<std::byte> LoggedImages::pixels(std::size_t camera) const {
 }
 
 std::vector<std::byte> LoggedImages::rgb(std::size_t camera) const {
-  const camera::ImageFormat& format = cameras_->at(camera).format;
+  const camera::ImageFormat& format = checked(cameras_)->at(camera).format;
   const camera::ImageFormat colour{
       .width = format.width, .height = format.height, .pixels = camera::PixelFormat::kRgb8};
   const RecordedImage image = recorded(camera);

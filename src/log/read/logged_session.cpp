@@ -17,6 +17,7 @@
 #include "read/series_reader.hpp"
 #include "read/session_table.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/moved.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/forkable_mutex.hpp"
 #include "trifinger/log/log.hpp"
@@ -115,18 +116,31 @@ void require_same(const std::string& what, const ElementDescription& found,
                             found.text() + "Program:\n" + expected.text());
 }
 
+// The stream of a session that reads `log`. One that was moved from has no log any more, but still
+// points to a stream.
+const Stream& stream_of(const std::shared_ptr<LogData>& log, const Stream* stream) {
+  (void)checked(log);
+  return *stream;
+}
+
 }  // namespace
 
 LoggedSession::LoggedSession(std::shared_ptr<LogData> log, const Stream& stream)
     : log_(std::move(log)), stream_(&stream) {}
 
-const std::string& LoggedSession::name() const noexcept { return stream_->name; }
-bool LoggedSession::is_companion() const noexcept { return stream_->is_companion; }
-const SessionHeader& LoggedSession::header() const noexcept { return stream_->session->header; }
-std::optional<TimeIndex> LoggedSession::steps() const noexcept { return stream_->session->steps; }
-const Fault& LoggedSession::fault() const noexcept { return stream_->session->fault; }
+const std::string& LoggedSession::name() const noexcept { return stream_of(log_, stream_).name; }
+bool LoggedSession::is_companion() const noexcept { return stream_of(log_, stream_).is_companion; }
+const SessionHeader& LoggedSession::header() const noexcept {
+  return stream_of(log_, stream_).session->header;
+}
+std::optional<TimeIndex> LoggedSession::steps() const noexcept {
+  return stream_of(log_, stream_).session->steps;
+}
+const Fault& LoggedSession::fault() const noexcept {
+  return stream_of(log_, stream_).session->fault;
+}
 const std::string& LoggedSession::fault_text() const noexcept {
-  return stream_->session->fault_text;
+  return stream_of(log_, stream_).session->fault_text;
 }
 
 const std::string& LoggedSession::type() const noexcept {
@@ -135,20 +149,22 @@ const std::string& LoggedSession::type() const noexcept {
   return stream_->channel == nullptr ? unknown : stream_->channel->types.type;
 }
 
-bool LoggedSession::has_elements() const noexcept { return stream_->channel != nullptr; }
+bool LoggedSession::has_elements() const noexcept {
+  return stream_of(log_, stream_).channel != nullptr;
+}
 
 const ElementDescription& LoggedSession::element(Series series) const {
-  return element_of(*stream_, series);
+  return element_of(stream_of(log_, stream_), series);
 }
 
 std::pair<TimeIndex, TimeIndex> LoggedSession::range(Series series) const {
-  const Lock lock(log_->mutex);
+  const Lock lock(checked(log_)->mutex);
   (void)element(series);  // throws if there is no such series
   return range_of(*log_, *stream_, series);
 }
 
 std::vector<Gap> LoggedSession::gaps() const {
-  const Lock lock(log_->mutex);
+  const Lock lock(checked(log_)->mutex);
   return log_->gaps(*stream_);
 }
 
@@ -160,7 +176,7 @@ void LoggedSession::get(const Column& column, TimeIndex first, std::size_t count
                         void* elements) const {
   constexpr TimeIndex kLargest = std::numeric_limits<TimeIndex>::max();
   if (first > kLargest - static_cast<TimeIndex>(count)) {
-    const Lock lock(log_->mutex);
+    const Lock lock(checked(log_)->mutex);
     throw_not_in_log(*log_, *stream_, column.series, first, kLargest);
   }
   const TimeIndex last = first + static_cast<TimeIndex>(count);
@@ -224,7 +240,7 @@ bool LoggedSession::get_latest_at(TimeIndex t, void* element, TimeIndex* index) 
 
 SeriesReader LoggedSession::read(const std::vector<Column>& columns, TimeIndex first,
                                  TimeIndex last) const {
-  return {log_, *stream_, columns, first, last};
+  return {log_, stream_of(log_, stream_), columns, first, last};
 }
 
 std::optional<std::pair<TimeIndex, Status>> LoggedSession::end_status() const {
@@ -264,7 +280,7 @@ std::optional<TimingRecord> LoggedSession::timing(TimeIndex first, TimeIndex las
 }
 
 TimeIndex LoggedSession::find(std::int64_t time) const {
-  const Lock lock(log_->mutex);
+  const Lock lock(checked(log_)->mutex);
   const std::size_t n =
       log_->find_chunk(*stream_, [time](const Run& run) { return run.last_time >= time; });
   const std::optional<TimeIndex> index = find_from(
@@ -284,7 +300,7 @@ std::pair<TimeIndex, TimeIndex> LoggedSession::between(Nanoseconds begin, Nanose
 }
 
 std::vector<LoggedSession> LoggedSession::companions() const {
-  const Lock lock(log_->mutex);
+  const Lock lock(checked(log_)->mutex);
   std::vector<LoggedSession> companions;
   if (is_companion()) return companions;
   for (const Stream& stream : stream_->session->companions) companions.emplace_back(log_, stream);
