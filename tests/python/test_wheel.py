@@ -95,7 +95,7 @@ def test_holds_the_package_alone(installation: Installation) -> None:
         if file.suffix != ".pyc":
             assert (installation.packages / "trifinger" / file.relative_to(sources)).is_file()
     assert {path.name for path in installation.packages.iterdir()} == {
-        *("trifinger", "trifinger.libs", f"trifinger-{VERSION}.dist-info"),
+        *("trifinger", "trifinger_launcher", "trifinger.libs", f"trifinger-{VERSION}.dist-info"),
         *("mujoco", "numpy", "numpy.libs"),
     }
     assert not (installation.folder / "share").exists()
