@@ -96,9 +96,10 @@ PickledSession state_of(const PythonLoggedSession& session) {
 }
 
 void restore(PythonLoggedSession& place, const PickledSession& state) {
-  const auto& [paths, name, session_id] = state;
+  const auto& [paths, state_name, state_id] = state;
   const Files files = to_paths(paths);
-  const auto find = [&]() -> LoggedSession {
+  // clang 14 lets no lambda use the names of a structured binding.
+  const auto find = [&files, &name = state_name, session_id = state_id]() -> LoggedSession {
     const GilRelease release;
     for (const LoggedSession& robot : Log(files).sessions()) {
       if (robot.header().session_id != session_id) continue;

@@ -34,7 +34,7 @@ def whole_file(path: str | os.PathLike[str], *, replace: bool = True) -> Iterato
         if mode is not None:  # whoever may not read the file may not read the part, either
             part.touch(0o600, exist_ok=False)
         yield part
-        synchronise(part)
+        synchronise_file(part)
         if mode is not None:
             with contextlib.suppress(OSError):  # a file system without modes
                 part.chmod(mode)
@@ -42,7 +42,7 @@ def whole_file(path: str | os.PathLike[str], *, replace: bool = True) -> Iterato
             _replace(part, target)
         else:
             _put(part, target)
-        synchronise(target.parent)
+        synchronise_folder(target.parent)
     finally:
         part.unlink(missing_ok=True)
 
@@ -64,7 +64,7 @@ def _replace(part: Path, target: Path) -> None:
             raise
         # The file alone is mounted there, as containers do it: no other can take its place.
         shutil.copyfile(part, target)
-        synchronise(target)
+        synchronise_file(target)
 
 
 def _put(part: Path, target: Path) -> None:
@@ -79,11 +79,17 @@ def _put(part: Path, target: Path) -> None:
         part.replace(target)
 
 
-def synchronise(path: Path) -> None:
-    """Waits until a file or folder is on the disk."""
-    # Some file systems cannot do this for folders, and some folders may not be read.
+def synchronise_file(path: Path) -> None:
+    """Waits until a file is on the disk; raises OSError if it cannot be there."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def synchronise_folder(folder: Path) -> None:
+    """Waits until the names in a folder are on the disk, where that can be asked for."""
+    # Some file systems cannot do this, and some folders may not be read.
     with contextlib.suppress(OSError):
-        number = os.open(path, os.O_RDONLY)
+        number = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(number)
         finally:

@@ -218,7 +218,11 @@ void replace_file(const std::filesystem::path& path, std::span<const std::byte> 
   struct stat before{};
   const bool is_new = ::lstat(path.c_str(), &before) != 0 || !S_ISREG(before.st_mode);
   // Whoever may not read the file may not read its draft, either.
-  write_new(draft, bytes, /*sync=*/true, is_new ? kMode : kPrivate);
+  try {
+    write_new(draft, bytes, /*sync=*/true, is_new ? kMode : kPrivate);
+  } catch (const SystemError& error) {
+    throw SystemError("write " + path.string(), error.error_number());  // nobody knows the draft
+  }
   // A file system without modes refuses this.
   if (!is_new) ::chmod(draft.c_str(), before.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO));
   if (::rename(draft.c_str(), path.c_str()) != 0) {

@@ -464,7 +464,7 @@ def test_an_error_leaves_no_file_and_keeps_the_one_that_was_there(
     def fails(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("trifinger.view.html_file.os.fsync", fails)
+    monkeypatch.setattr("trifinger.whole_file.os.fsync", fails)
     with pytest.raises(OSError, match="No space left"):
         write_html(run, path)
     assert files_in(tmp_path) == []

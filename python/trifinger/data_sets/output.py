@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from trifinger.errors import InvalidArgument
-from trifinger.whole_file import synchronise
+from trifinger.whole_file import synchronise_file, synchronise_folder
 
 
 @contextlib.contextmanager
@@ -31,13 +31,13 @@ def whole_folder(path: Path, *, force: bool = False) -> Iterator[Path]:
         part.chmod(0o777 & ~_mask())
         for file in part.rglob("*"):
             if file.is_file():
-                synchronise(file)
+                synchronise_file(file)
         old = None
         if path.exists():
             old = part.with_suffix(".old")
             path.rename(old)
         part.rename(path)
-        synchronise(path.parent)
+        synchronise_folder(path.parent)
         if old is not None:
             shutil.rmtree(old)
     finally:
