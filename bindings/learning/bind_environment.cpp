@@ -99,6 +99,34 @@ TimeIndex oldest_sure_age_of(const AnyRobotConfig& config, bool is_elsewhere) {
                       : rendering::oldest_sure_age(robot);
 }
 
+// What a configuration names as the files of its robot, none of which is opened.
+std::vector<std::string> files_of(const config::File& file) {
+  std::vector<std::string> files;
+  if (!is_from_file(file)) return files;
+  const config::Node robot = file.root().section("robot");
+  for (const char* key : {"mjcf", "urdf", "mesh_folder"}) {
+    const auto node = robot.find(key);
+    files.push_back(node ? node->as<std::string>() : "");
+  }
+  return files;
+}
+
+// Reads the configuration of a robot that anybody may have started: only files that `expected`
+// names too are opened.
+AnyRobotConfig read_foreign_config(const std::string& text, const AnyRobotConfig& expected) {
+  const auto file = config::File::parse(text, "configuration.yml");
+  const auto& session = std::visit(
+      [](const auto& robot) -> const SessionOptions& { return robot.session; }, expected);
+  const auto own = config::File::parse(session.documents.at(0).text, "configuration.yml");
+  const std::vector<std::string> files = files_of(file);
+  if (!files.empty() && files != files_of(own)) {
+    throw InvalidArgument("the robot is a '" + file.root().required<std::string>("name") +
+                          "' made of " + files[0] + files[1] +
+                          ", which is not the file that `config` names");
+  }
+  return read_any_robot_config(file);
+}
+
 // Throws InvalidArgument if `actual` is another robot than `expected`.
 void check_same_robot(const AnyRobotConfig& actual, const AnyRobotConfig& expected) {
   const auto is_same = [&] {
@@ -348,9 +376,8 @@ the series of random numbers, and positions of the first hinges and slides of a 
       .def(
           "check_robot",
           [](Episodes& self, const std::optional<std::string>& configuration) {
-            const AnyRobotConfig actual = configuration ? read_any_robot_config(config::File::parse(
-                                                              *configuration, "configuration.yml"))
-                                                        : self.config;
+            const AnyRobotConfig actual =
+                configuration ? read_foreign_config(*configuration, self.config) : self.config;
             check_same_robot(actual, self.config);
             self.oldest_sure_age = oldest_sure_age_of(actual, /*is_elsewhere=*/true);
           },

@@ -3,11 +3,13 @@
 
 import ast
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
+from trifinger.environments import Environment, Options
 from trifinger.foreign_models import model_of
 from trifinger.picture import Painter
 from trifinger.view.scene import Scene
@@ -68,6 +70,21 @@ def test_fault_77_warnings_of_mujoco_leave_no_file(tmp_path, monkeypatch):
     mujoco.mj_step(model, data)
     assert data.warning[mujoco.mjtWarning.mjWARN_BADQVEL].number == 1
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
+@pytest.mark.parametrize("is_same", [True, False])
+def test_fault_77_a_connected_robot_names_no_other_files(arm, is_same, tmp_path):
+    shutil.copy(tmp_path / "arm.xml", tmp_path / "other.xml")
+    model = "arm.xml" if is_same else "other.xml"
+    robot = trifinger.Simulation(arm, {"robot.mjcf": str(tmp_path / model)})
+    options = Options(frames=("hand",))
+    environment = Environment("reach", options=options, config=arm, connect=robot.connect)
+    (tmp_path / "other.xml").write_text("whoever opens this fails in another way")
+    if is_same:
+        environment.reset(seed=0)
+        return
+    with pytest.raises(trifinger.InvalidArgument, match=r"other\.xml, which is not the file that"):
+        environment.reset(seed=0)
 
 
 def test_fault_77_python_gives_mujoco_texts_in_one_place():
