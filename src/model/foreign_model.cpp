@@ -31,6 +31,8 @@ namespace fs = std::filesystem;
 // ask for anything else, because every path of the text begins with it.
 constexpr std::string_view kMount = "/trifinger-model";
 
+constexpr std::string_view kGmsh = "$MeshFormat";  // begins a file of Gmsh
+
 constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 29U;  // of one file
 
 std::string virtual_name(const fs::path& path) {
@@ -73,6 +75,35 @@ double unpacked_size(std::string_view head, std::uint64_t size) {
   return static_cast<double>(size) + kChannels * number(0) * number(4);
 }
 
+// Throws Error if a file of Gmsh, which is a text or not, says that it has more nodes or elements
+// than fit into it.
+void require_honest_gmsh(std::string_view bytes) {
+  constexpr double kLeast = 4;  // bytes of a node or an element
+  const auto promised = [&](double number) {
+    if (number >= 0 && kLeast * number <= static_cast<double>(bytes.size())) return;
+    throw Error(text_of("it has ", bytes.size(), " bytes, but its first numbers say ", number,
+                        " nodes or elements"));
+  };
+  // "4.1 1 8": of a binary file
+  const std::vector<double> format = numbers_of(bytes.substr(kGmsh.size()));
+  const bool is_new = !format.empty() && format[0] >= 4;
+  const bool is_binary = format.size() > 1 && format[1] != 0;
+  for (const std::string_view section : {"$Nodes", "$Elements"}) {
+    for (std::size_t at = bytes.find(section); at != bytes.npos; at = bytes.find(section, at + 1)) {
+      const std::string_view rest = bytes.substr(at + section.size());
+      if (is_new && is_binary) {
+        for (const std::uint64_t number : integers_at<std::uint64_t, 4>(rest, 1)) {
+          promised(static_cast<double>(number));
+        }
+        continue;
+      }
+      std::vector<double> numbers = numbers_of(rest);
+      numbers.resize(is_new ? 4 : 1);
+      std::ranges::for_each(numbers, promised);
+    }
+  }
+}
+
 // Throws Error if the numbers at the beginning of a binary file promise more than there is:
 // MuJoCo believes them.
 void require_honest(const std::string& format, std::string_view bytes) {
@@ -81,7 +112,11 @@ void require_honest(const std::string& format, std::string_view bytes) {
     throw Error(text_of("it has ", bytes.size(), " bytes, but its first numbers say ", size));
   };
   constexpr double kSize = 4;  // of a number
-  if (format.find("msh") != format.npos && !bytes.starts_with("$MeshFormat")) {
+  const std::size_t gmsh = bytes.starts_with(kGmsh)                 ? 0
+                           : format.find("flexcomp") != format.npos ? bytes.find(kGmsh)
+                                                                    : bytes.npos;
+  if (gmsh != bytes.npos) require_honest_gmsh(bytes.substr(gmsh));
+  if (format.find("msh") != format.npos && gmsh == bytes.npos) {
     const auto n = integers_at<std::int32_t, 4>(bytes, 0);
     if (std::ranges::min(n) < 0) throw Error("its first numbers are negative");
     promised(kSize * (4 + 3.0 * n[0] + 3.0 * n[1] + 2.0 * n[2] + 3.0 * n[3]));
@@ -148,6 +183,20 @@ std::string read_whole(const File& file) {
     throw Error("it has changed while it was read");
   }
   return bytes;
+}
+
+// Points that MuJoCo may find in the mesh of a flexible thing, at most.
+double points_in(File& file) {
+  constexpr double kLeast = 8;  // bytes of "0 0 0 0\n"
+  if (file.format.find("obj") == file.format.npos) return static_cast<double>(file.size) / kLeast;
+  if (file.size == 0) return 0;
+  std::string text = read_whole(file);
+  double points = 0;
+  for (std::size_t at = text.find('v'); at != text.npos; at = text.find('v', at + 1)) {
+    if (at + 1 < text.size() && is_space(text[at + 1])) ++points;
+  }
+  set_text(file, std::move(text));
+  return points;
 }
 
 }  // namespace
@@ -252,11 +301,13 @@ class ForeignModel::Files {
     Folders folders{.model = folder};
     find_folders(root, folders);
     forget_settings(root);
-    std::map<std::string, Amount> models;
+    Outside outside;
     double bytes = 0;
-    find_files(root, folders, models, bytes);
-    Amount amount = Counter(root, path.string(), models).count();
+    find_files(root, folders, outside, bytes);
+    Amount amount = Counter(root, path.string(), outside).count();
     amount.bytes += bytes;
+    const std::string* const own_name = root.find(root.name == "robot" ? "name" : "model");
+    names_[name] = own_name != nullptr ? *own_name : "MuJoCo Model";
     File& file = files_[name];
     file.path = path;
     set_text(file, write_xml(root));
@@ -335,8 +386,7 @@ class ForeignModel::Files {
   }
 
   // Makes all paths whole, and adds their files. `bytes` are what the files take.
-  void find_files(XmlElement& element, const Folders& folders,
-                  std::map<std::string, Amount>& models, double& bytes) {
+  void find_files(XmlElement& element, const Folders& folders, Outside& outside, double& bytes) {
     const std::string* const content = element.find("content_type");
     const std::string type = content != nullptr ? lower(*content) : "";
     for (auto& [attribute, value] : element.attributes) {
@@ -346,14 +396,17 @@ class ForeignModel::Files {
         path = folders.model / path;
         const Amount amount = add_model(path);
         const std::string* const name = element.find("name");
-        models[name != nullptr ? *name : ""] += amount;
+        outside.models[name != nullptr ? *name : names_[virtual_name(path)]] += amount;
       } else {
         path = place_of(element, path, folders);
         bytes += add_file(path, lower(path.extension().string()) + " " + type + " " + element.name);
+        if (element.name == "flexcomp") {
+          outside.points[virtual_name(path)] = points_in(files_[virtual_name(path)]);
+        }
       }
       value = virtual_name(path);
     }
-    for (XmlElement& child : element.children) find_files(child, folders, models, bytes);
+    for (XmlElement& child : element.children) find_files(child, folders, outside, bytes);
   }
 
   [[nodiscard]] fs::path place_of(const XmlElement& element, fs::path path,
@@ -391,8 +444,9 @@ class ForeignModel::Files {
   std::string main_;
   std::optional<fs::path> mesh_folder_;
   std::map<std::string, File> files_;
-  std::map<std::string, Amount> amounts_;
-  std::vector<std::string> open_;  // models that are being read
+  std::map<std::string, Amount> amounts_;     // of models
+  std::map<std::string, std::string> names_;  // that models give themselves
+  std::vector<std::string> open_;             // models that are being read
   std::size_t text_size_{0};
   std::size_t elements_left_{kMostElements};
   mjVFS vfs_{};

@@ -71,28 +71,8 @@ constexpr auto kBounds = std::to_array<Bound>({
     {"", "num", kMostSamples},
 });
 
-bool is_space(char letter) noexcept { return letter == ' ' || (letter >= '\t' && letter <= '\r'); }
-
-// The numbers of an attribute, up to the first thing that is none. MuJoCo refuses what is none.
-std::vector<double> numbers_of(const std::string& value) {
-  constexpr std::size_t kMost = 8;
-  std::vector<double> numbers;
-  const char* at = value.data();
-  const char* const last = at + value.size();
-  while (numbers.size() < kMost) {
-    while (at != last && (is_space(*at) || *at == '+')) ++at;
-    const bool is_hex = last - at > 2 && at[0] == '0' && (at[1] == 'x' || at[1] == 'X');
-    if (is_hex) at += 2;
-    double number = 0;
-    const auto [end, problem] = std::from_chars(
-        at, last, number, is_hex ? std::chars_format::hex : std::chars_format::general);
-    if (problem == std::errc::invalid_argument) break;
-    if (problem == std::errc::result_out_of_range) number = std::numeric_limits<double>::infinity();
-    numbers.push_back(number);
-    at = end;
-  }
-  return numbers;
-}
+// What elements have only in `<default>`, or for themselves.
+constexpr std::array<std::string_view, 5> kOfDefaults{"nsample", "dim", "num", "width", "height"};
 
 double number_of(const XmlElement& element, std::string_view attribute, double missing) {
   const std::string* const value = element.find(attribute);
@@ -126,29 +106,28 @@ double length_of(const std::string& value) {
   return words;
 }
 
-double freedoms_of(const XmlElement& element) {
+// `missing`: of a joint that does not say its type.
+double freedoms_of(const XmlElement& element, double missing) {
   if (element.name == "freejoint" || element.name == "floating_base") return 6;
   if (element.name != "joint") return 0;
+  if (element.find("type") == nullptr) return missing;
   if (has_value(element, "type", "free") || has_value(element, "type", "floating")) return 6;
   return has_value(element, "type", "ball") ? 3 : 1;
 }
 
-double bytes_of_texture(const XmlElement& element) {
+// Bytes of the sides of a texture.
+double bytes_of_texture(const XmlElement& element, double width, double height) {
   constexpr double kSides = 6;
   constexpr double kChannels = 4;
-  const double width = std::max(0.0, number_of(element, "width", 0));
-  const double height = std::max(0.0, number_of(element, "height", 0));
   // MuJoCo makes all sides of a cube, whatever its height is said to be.
   return kChannels * width *
          (has_value(element, "type", "2d") ? height : std::max(height, kSides * width));
 }
 
-double bytes_of(const XmlElement& element) {
+// Bytes of an element that `<default>` says nothing of.
+double own_bytes_of(const XmlElement& element) {
   constexpr double kNumber = sizeof(double);
-  // Buffers of delayed actuators and sensors, and what sensors of users measure.
-  double bytes = kNumber * product_of(element, "nsample") * product_of(element, "dim") *
-                 product_of(element, "num");
-  if (element.name == "texture") bytes += bytes_of_texture(element);
+  double bytes = 0;
   if (element.name == "hfield") {
     // Trees of boxes take more than the heights.
     bytes += 8 * kNumber * product_of(element, "nrow") * product_of(element, "ncol");
@@ -159,6 +138,36 @@ double bytes_of(const XmlElement& element) {
     bytes += 100 * kNumber * points * points;
   }
   return bytes;
+}
+
+// Points of a flexible thing.
+double points_of(const XmlElement& element, const std::map<std::string, double>& of_files) {
+  constexpr double kUsual = 10 * 10 * 10;  // MuJoCo's
+  double points = 0;
+  if (element.find("count") != nullptr) {
+    points = product_of(element, "count");
+  } else if (!has_value(element, "type", "direct") && !has_value(element, "type", "mesh") &&
+             !has_value(element, "type", "gmsh")) {
+    points = kUsual;
+  }
+  if (const std::string* const given = element.find("point")) points += length_of(*given) / 3;
+  if (const std::string* const file = element.find("file")) {
+    const auto found = of_files.find(*file);
+    if (found != of_files.end()) points += found->second;
+  }
+  return points;
+}
+
+double freedoms_of_flexcomp(const XmlElement& element, double points) {
+  if (has_value(element, "rigid", "true")) return 0;
+  // Only the corners of cells move, and what is half way between them.
+  constexpr double kLinear = 2 * 2 * 2;
+  constexpr double kQuadratic = 3 * 3 * 3;
+  const double cells = product_of(element, "cellcount");
+  if (has_value(element, "dof", "trilinear")) return 3 * kLinear * cells;
+  if (has_value(element, "dof", "quadratic")) return 3 * kQuadratic * cells;
+  if (has_value(element, "dof", "radial")) return points;
+  return (has_value(element, "dof", "2d") ? 2 : 3) * points;
 }
 
 // MuJoCo simulates muscles to find how long they get.
@@ -173,6 +182,26 @@ void require_short_simulation(const XmlElement& element, const std::string& sour
 
 }  // namespace
 
+std::vector<double> numbers_of(std::string_view text) {
+  constexpr std::size_t kMost = 8;
+  std::vector<double> numbers;
+  const char* at = text.data();
+  const char* const last = at + text.size();
+  while (numbers.size() < kMost) {
+    while (at != last && (is_space(*at) || *at == '+')) ++at;
+    const bool is_hex = last - at > 2 && at[0] == '0' && (at[1] == 'x' || at[1] == 'X');
+    if (is_hex) at += 2;
+    double number = 0;
+    const auto [end, problem] = std::from_chars(
+        at, last, number, is_hex ? std::chars_format::hex : std::chars_format::general);
+    if (problem == std::errc::invalid_argument) break;
+    if (problem == std::errc::result_out_of_range) number = std::numeric_limits<double>::infinity();
+    numbers.push_back(number);
+    at = end;
+  }
+  return numbers;
+}
+
 Amount& Amount::operator+=(const Amount& other) {
   elements += other.elements;
   copies += other.copies;
@@ -186,19 +215,42 @@ Amount& Amount::operator+=(const Amount& other) {
   return *this;
 }
 
-Counter::Counter(const XmlElement& root, std::string source,
-                 const std::map<std::string, Amount>& models)
-    : root_(root), source_(std::move(source)), models_(models) {
-  std::vector<const XmlElement*> left{&root_};
+Counter::Counter(const XmlElement& root, std::string source, const Outside& outside)
+    : root_(root), source_(std::move(source)), outside_(outside) {
+  std::vector<std::pair<const XmlElement*, bool>> left{{&root_, false}};
   while (!left.empty()) {
-    const XmlElement* const element = left.back();
+    const auto [element, is_in_default] = left.back();
     left.pop_back();
-    const std::string* const name = element->find("name");
-    if (name != nullptr && (element->name == "body" || element->name == "frame")) {
-      named_.emplace(*name, element);
-    }
-    for (const XmlElement& child : element->children) left.push_back(&child);
+    if (is_in_default) add_default(*element);
+    const bool is_default = is_in_default || element->name == "default";
+    for (const XmlElement& child : element->children) left.emplace_back(&child, is_default);
   }
+}
+
+void Counter::add_default(const XmlElement& element) {
+  default_freedoms_ = std::max(default_freedoms_, freedoms_of(element, 1));
+  for (const std::string_view attribute : kOfDefaults) {
+    if (element.find(attribute) == nullptr) continue;
+    double& largest = defaults_.try_emplace(attribute, 0).first->second;
+    largest = std::max(largest, product_of(element, attribute));
+  }
+}
+
+double Counter::size_of(const XmlElement& element, std::string_view attribute,
+                        double missing) const {
+  if (element.find(attribute) != nullptr) return product_of(element, attribute);
+  const auto found = defaults_.find(attribute);
+  return found == defaults_.end() ? missing : found->second;
+}
+
+double Counter::bytes_of(const XmlElement& element) const {
+  // Buffers of delayed actuators and sensors, and what sensors of users measure.
+  double bytes = sizeof(double) * size_of(element, "nsample", 1) * size_of(element, "dim", 1) *
+                 size_of(element, "num", 1);
+  if (element.name == "texture") {
+    bytes += bytes_of_texture(element, size_of(element, "width", 0), size_of(element, "height", 0));
+  }
+  return bytes + own_bytes_of(element);
 }
 
 Amount Counter::count() { return count(root_); }
@@ -220,7 +272,16 @@ void Counter::require_bounds(const XmlElement& element) const {
 
 Amount Counter::count(const XmlElement& element) {
   require_bounds(element);
-  Amount amount{.elements = 1, .freedoms = freedoms_of(element), .bytes = bytes_of(element)};
+  add_name(element);
+  if (element.name == "replicate") ++replicates_;
+  // What is attached counts as a level too, and each of them takes some of our stack.
+  ++levels_;
+  require(levels_ <= kMostDepth,
+          text_of(source_, ":", element.line, ": elements are inside each other more than ",
+                  kMostDepth, " deep, with what is attached"));
+  Amount amount{.elements = 1,
+                .freedoms = freedoms_of(element, default_freedoms_),
+                .bytes = bytes_of(element)};
   for (const XmlElement& child : element.children) amount += count(child);
   if (element.name == "attach") amount += count_attached(element);
   if (element.name == "key") amount.keys += 1;
@@ -240,11 +301,13 @@ Amount Counter::count(const XmlElement& element) {
   }
   if (element.name == "rangefinder" && element.find("camera") != nullptr) amount.rays += 1;
   if (element.name == "flexcomp") {
-    const double points = product_of(element, "count") + product_of(element, "cellcount");
-    amount.copies += points;
+    const double points = points_of(element, outside_.points);
+    amount.freedoms += freedoms_of_flexcomp(element, points);
+    amount.copies += points + product_of(element, "cellcount");
     amount.bytes += 1'000 * points;
   }
   if (element.name == "replicate") {
+    --replicates_;
     const double times = product_of(element, "count");
     amount.copies = times * amount.copies + (times - 1) * amount.elements;
     amount.elements *= times;
@@ -254,25 +317,44 @@ Amount Counter::count(const XmlElement& element) {
     amount.rays *= times;
   }
   amount.depth += 1;
+  --levels_;
   return amount;
 }
 
-// A subtree of another model, or of this one.
+// In <replicate>, names become others.
+void Counter::add_name(const XmlElement& element) {
+  const std::string* const name = element.find("name");
+  const bool is_named =
+      name != nullptr && !name->empty() && (element.name == "body" || element.name == "frame");
+  if (!is_named || replicates_ > 0) return;
+  const auto [known, is_new] = named_.try_emplace({element.name, *name}, &element);
+  require(is_new || known->second == &element,
+          text_of(source_, ":", element.line, ": a second <", element.name, "> has the name '",
+                  *name, "'"));
+}
+
+// A subtree of another model, or of this one. Names that attaching and <replicate> make cannot be
+// counted, nor can "world". MuJoCo finds only what it has read, so an element further down must not
+// stand for one that was made.
 Amount Counter::count_attached(const XmlElement& element) {
+  const auto place = [&] { return text_of(source_, ":", element.line, ": "); };
   Amount amount;
   if (const std::string* const model = element.find("model")) {
-    const auto found = models_.find(*model);
-    if (found != models_.end()) amount = found->second;
+    const auto found = outside_.models.find(*model);
+    require(found != outside_.models.end(),
+            place() + "<attach> names the model '" + *model + "', which no <model> has");
+    amount = found->second;
   } else {
-    for (const std::string_view attribute : {"body", "frame"}) {
+    for (const std::string attribute : {"body", "frame"}) {
       const std::string* const name = element.find(attribute);
-      const auto found = name == nullptr ? named_.end() : named_.find(*name);
-      if (found == named_.end()) continue;
+      if (name == nullptr) continue;
+      const auto found = named_.find({attribute, *name});
+      require(found != named_.end(), place() + "<attach> names the " + attribute + " '" + *name +
+                                         "', which is not above it in this file");
       const auto [counted, is_new] = counted_.try_emplace(found->second);
       // Texts that attach doubles of doubles are counted once each.
       if (is_new) counted->second = count(*found->second);
-      require(counted->second.elements > 0,
-              text_of(source_, ":", element.line, ": '", *name, "' is attached to itself"));
+      require(counted->second.elements > 0, place() + "'" + *name + "' is attached to itself");
       amount += counted->second;
     }
   }

@@ -4,6 +4,9 @@
 #include <cstddef>
 #include <map>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "xml.hpp"
 
@@ -16,6 +19,9 @@ inline constexpr double kMostCopies = 10'000;         // by <replicate>, <attach
 inline constexpr double kMostFreedoms = 4'000;        // of all joints
 inline constexpr double kMostBytes = 2.0 * (1U << 30U);
 inline constexpr std::size_t kMostText = std::size_t{1} << 27U;  // of all XML files [bytes]
+
+// The first numbers of a text, up to the first thing that is none; at most 8.
+[[nodiscard]] std::vector<double> numbers_of(std::string_view text);
 
 // What MuJoCo makes of an element and all that is in it.
 struct Amount {
@@ -32,11 +38,17 @@ struct Amount {
   Amount& operator+=(const Amount& other);
 };
 
+// What a text names and others have, as far as it could be read.
+struct Outside {
+  std::map<std::string, Amount> models;  // by the names for which <attach> asks
+  std::map<std::string, double> points;  // at most, by the file of a <flexcomp>
+};
+
 // Counts what a model asks for.
 class Counter {
  public:
-  // `source` is named in errors. `models` are those that can be attached, by name.
-  Counter(const XmlElement& root, std::string source, const std::map<std::string, Amount>& models);
+  // `source` is named in errors.
+  Counter(const XmlElement& root, std::string source, const Outside& outside);
 
   // Throws InvalidArgument if a number is too large.
   [[nodiscard]] Amount count();
@@ -44,13 +56,25 @@ class Counter {
  private:
   Amount count(const XmlElement& element);
   Amount count_attached(const XmlElement& element);
+  void add_default(const XmlElement& element);
+  void add_name(const XmlElement& element);
+  // Product of the numbers of an attribute that a default may have.
+  [[nodiscard]] double size_of(const XmlElement& element, std::string_view attribute,
+                               double missing) const;
+  [[nodiscard]] double bytes_of(const XmlElement& element) const;
   void require_bounds(const XmlElement& element) const;
 
   const XmlElement& root_;
   std::string source_;
-  const std::map<std::string, Amount>& models_;
-  std::map<std::string, const XmlElement*> named_;  // bodies and frames
-  std::map<const XmlElement*, Amount> counted_;     // null amounts while they are counted
+  const Outside& outside_;
+  // Bodies and frames above, by the names of their elements and their own.
+  std::map<std::pair<std::string, std::string>, const XmlElement*> named_;
+  std::map<const XmlElement*, Amount> counted_;  // null amounts while they are counted
+  // The largest values in any <default>, whichever class an element may have.
+  std::map<std::string_view, double> defaults_;
+  double default_freedoms_{1};
+  int levels_{0};      // that are being counted
+  int replicates_{0};  // among them
 };
 
 // Throws InvalidArgument if a model is too large.

@@ -12,8 +12,6 @@
 namespace trifinger::detail {
 namespace {
 
-bool is_space(char letter) noexcept { return letter == ' ' || (letter >= '\t' && letter <= '\r'); }
-
 bool begins_name(char letter) noexcept {
   return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') || letter == '_' ||
          letter == ':' || (static_cast<unsigned char>(letter) & 0x80U) != 0;
@@ -207,6 +205,9 @@ class Parser {
 
   void read_attribute(XmlElement& element) {
     const std::string_view name = read_name();
+    if (element.attributes.size() >= kMostAttributes) {
+      fail(text_of("<", element.name, "> has more than ", kMostAttributes, " attributes"));
+    }
     if (element.find(name) != nullptr) {
       fail(text_of("<", element.name, "> has two attributes '", name, "'"));
     }

@@ -22,6 +22,12 @@ struct XmlElement {
 
 // Elements may be inside each other up to this depth, as in MuJoCo's own reader.
 inline constexpr int kMostDepth = 500;
+// Attributes of one element. MuJoCo knows no element with half as many.
+inline constexpr std::size_t kMostAttributes = 100;
+
+[[nodiscard]] constexpr bool is_space(char letter) noexcept {
+  return letter == ' ' || (letter >= '\t' && letter <= '\r');
+}
 
 // Reads the first element of a text with all that is in it. Each element takes one of
 // `elements_left`. Throws InvalidArgument that names `source` and the line; also if none is left.

@@ -203,6 +203,150 @@ TEST_F(ForeignModels, fault_77_HaveFilesWhoseFirstNumbersAreNotBelieved) {
               HasSubstr("bytes of memory"));
 }
 
+TEST_F(ForeignModels, fault_77_NestNoDeeperByAttaching) {
+  const auto body = [](int number, int attached) {
+    return "<body name=\"b" + std::to_string(number) + "\"><attach body=\"b" +
+           std::to_string(attached) + "\" prefix=\"x\"/></body>";
+  };
+  std::string down;
+  std::string up = R"(<body name="b0"/>)";
+  for (int i = 0; i < 16'000; ++i) down += body(i, i + 1);
+  for (int i = 1; i < 16'000; ++i) up += body(i, i - 1);
+  EXPECT_THAT(refusal(joint_and("", down + R"(<body name="b16000"/>)")), HasSubstr("'b1'"));
+  EXPECT_THAT(refusal(joint_and("", up)), HasSubstr("copies of elements"));
+  // Half of the levels are in what is attached.
+  const std::string deep =
+      R"(<body name="d">)" + repeated("<body>", 300) + repeated("</body>", 301);
+  EXPECT_THAT(
+      refusal(joint_and("", deep + repeated("<body>", 300) + R"(<attach body="d" prefix="x"/>)" +
+                                repeated("</body>", 300))),
+      HasSubstr("inside each other more than 500 deep, with what is attached"));
+}
+
+TEST_F(ForeignModels, fault_77_HaveNoMoreAttributesThanMuJoCoKnows) {
+  std::string many = "<geom";
+  for (int i = 0; i < 40'000; ++i) many += " a" + std::to_string(i) + "=\"\"";
+  EXPECT_THAT(refusal(joint_and("", many + "/>")),
+              HasSubstr("<geom> has more than 100 attributes"));
+}
+
+TEST_F(ForeignModels, fault_77_HideNoNumbersInDefaults) {
+  const std::string free_joints = repeated(R"(<body><joint/><geom size="1"/></body>)", 3'900);
+  EXPECT_THAT(refusal(joint_and(R"(<default><joint type="free"/></default>)", free_joints)),
+              HasSubstr("degrees of freedom"));
+  EXPECT_THAT(refusal(joint_and(R"(<default><default class="x"><joint type="ball"/></default>)"
+                                "</default>",
+                                free_joints)),
+              HasSubstr("degrees of freedom"));
+  EXPECT_THAT(refusal(joint_and(R"(<default><motor nsample="100000"/></default><actuator>)" +
+                                repeated(R"(<position joint="a"/>)", 40'000) + "</actuator>")),
+              HasSubstr("bytes of memory"));
+  EXPECT_THAT(refusal(joint_and(
+                  R"(<default><texture type="2d" width="5000" height="5000"/></default><asset>)" +
+                  repeated(R"(<texture type="2d" builtin="flat"/>)", 30) + "</asset>")),
+              HasSubstr("bytes of memory"));
+  // An element's own values count, not those of the defaults.
+  const ModelFile model(
+      {.path = file(
+           joint_and(R"(<default><joint type="free"/></default>)",
+                     repeated(R"(<body><joint type="hinge"/><geom size="1"/></body>)", 700)))});
+  EXPECT_EQ(model.mujoco()->njnt, 701);
+}
+
+TEST_F(ForeignModels, fault_77_CountThePointsOfFlexibleThings) {
+  const std::string many = "degrees of freedom";
+  const std::string points = repeated("1 2 3 ", 1'400);
+  EXPECT_THAT(refusal(joint_and("", R"(<flexcomp name="f" type="direct" point=")" + points +
+                                        R"(" element="0 1" dim="1"/>)")),
+              HasSubstr(many));
+  EXPECT_THAT(refusal(joint_and("", repeated(R"(<flexcomp type="grid"/>)", 2))), HasSubstr(many));
+  EXPECT_THAT(refusal(joint_and("", R"(<flexcomp name="f" type="grid" count="10 10 10"
+                                         dof="quadratic" cellcount="10 10 10"/>)")),
+              HasSubstr(many));
+  write(folder_ / "f.obj", repeated("v 1 2 3\n", 1'400));
+  EXPECT_THAT(refusal(joint_and("", R"(<flexcomp name="f" type="mesh" file="f.obj" dim="2"/>)")),
+              HasSubstr(many));
+  write(folder_ / "f.msh", std::string(100'000, ' '));
+  EXPECT_THAT(refusal(joint_and("", R"(<flexcomp name="f" type="gmsh" file="f.msh" dim="2"/>)")),
+              HasSubstr("copies of elements"));
+  // What is rigid, or moves by a few corners only, is small.
+  for (const std::string more : {R"(rigid="true")", R"(dof="trilinear")"}) {
+    const ModelFile model(
+        {.path = file(joint_and(R"(<worldbody><flexcomp name="f" type="grid" count="14 14 14"
+                                   dim="3" mass="1" )" +
+                                more + "/></worldbody>"))});
+    EXPECT_EQ(model.mujoco()->nflex, 1);
+  }
+}
+
+TEST_F(ForeignModels, fault_77_AttachOnlyWhatCanBeCounted) {
+  write(folder_ / "big.xml", R"(<mujoco model="bb"><worldbody><body name="b">)" +
+                                 repeated(R"(<geom size="1"/>)", 6'000) +
+                                 "</body></worldbody></mujoco>");
+  const std::string twice = R"(<attach model="bb" body="b" prefix="x"/>
+                               <attach model="bb" body="b" prefix="y"/>)";
+  const std::string nameless = R"(<asset><model file="big.xml"/></asset>)";
+  EXPECT_THAT(refusal(joint_and(nameless, twice)), HasSubstr("copies of elements"));
+  EXPECT_THAT(refusal(joint_and("", "\n" + twice)),
+              HasSubstr("arm.xml:3: <attach> names the model 'bb', which no <model> has"));
+  // Only some bodies have names in the text, and MuJoCo does not look further down.
+  for (const std::string name : {"world", "xb0", "later", "copy"}) {
+    EXPECT_THAT(
+        refusal(joint_and("", R"(<body name="b0"/><body><attach body="b0" prefix="x"/></body>
+                                         <replicate count="2"><body name="copy"/></replicate>
+                                         <body><attach body=")" +
+                                  name + R"(" prefix="y"/></body><body name="later"/>)")),
+        HasSubstr("<attach> names the body '" + name + "', which is not above it in this file"));
+  }
+  // A frame and a body may have the same name.
+  EXPECT_THAT(refusal(joint_and("", R"(<body name="x">)" + repeated(R"(<geom size="1"/>)", 6'000) +
+                                        R"(</body><body><attach body="x" prefix="y"/></body>
+                                        <body><attach body="x" prefix="z"/></body>
+                                        <frame name="x"/>)")),
+              HasSubstr("copies of elements"));
+  // Models without names are known by those that they give themselves, if they do.
+  write(folder_ / "nobody.xml", joint_and(""));
+  write(folder_ / "link.urdf", R"(<robot name="rr"><link name="b"/></robot>)");
+  const ModelFile model({.path = file(joint_and(
+                             R"(<asset><model file="big.xml"/><model file="nobody.xml"/>
+                                <model file="link.urdf"/></asset>)",
+                             R"(<attach model="bb" body="b" prefix="x"/>
+                                <attach model="MuJoCo Model" body="b" prefix="y"/>
+                                <attach model="rr" body="b" prefix="z"/>)"))});
+  EXPECT_EQ(model.mujoco()->ngeom, 6'002);
+}
+
+TEST_F(ForeignModels, fault_77_HaveFilesOfGmshThatAreAsLargeAsTheySay) {
+  const auto with = [](const std::string& format, const std::string& nodes,
+                       const std::string& elements) {
+    return "$MeshFormat\n" + format + "\n$EndMeshFormat\n$Nodes\n" + nodes +
+           "\n$EndNodes\n$Elements\n" + elements + "\n$EndElements\n";
+  };
+  const std::string new_nodes = "\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n1 0 0\n0 1 0\n0 0 1";
+  const std::string new_elements = "\n3 1 4 1\n1 1 2 3 4";
+  const std::string old_nodes = "\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1";
+  const std::string old_elements = "\n1 4 0 1 2 3 4";
+  const std::string flexible = joint_and(R"(<worldbody><flexcomp name="f" type="gmsh" file="f.msh"
+                                            dim="3" mass="1"/></worldbody>)");
+  for (const std::string& honest :
+       {with("4.1 0 8", "1 4 1 4" + new_nodes, "1 1 1 1" + new_elements),
+        with("2.2 0 8", "4" + old_nodes, "1" + old_elements)}) {
+    write(folder_ / "f.msh", honest);
+    EXPECT_EQ(ModelFile({.path = file(flexible)}).mujoco()->nflexvert, 4);
+  }
+  std::string binary_nodes(32, '\0');
+  binary_nodes[12] = '\1';  // 2^32 of them
+  for (const std::string& lie :
+       {with("4.1 0 8", "1 100000000 1 100000000" + new_nodes, "1 1 1 1" + new_elements),
+        with("4.1 0 8", "1 4 1 4" + new_nodes, "1 100000000 1 1" + new_elements),
+        with("2.2 0 8", "100000000" + old_nodes, "1" + old_elements),
+        with("2.2 0 8", "-1" + old_nodes, "1" + old_elements), with("4.1 1 8", binary_nodes, ""),
+        "\n" + with("2.2 0 8", "100000000" + old_nodes, "1" + old_elements)}) {
+    write(folder_ / "f.msh", lie);
+    EXPECT_THAT(refusal(flexible), HasSubstr("but its first numbers say")) << lie;
+  }
+}
+
 TEST_F(ForeignModels, fault_77_AreXmlOrAnErrorWithALine) {
   const std::vector<std::pair<std::string, std::string>> texts{
       {"", "it has no element"},
