@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <cstdio>
+#include <string>
 #include <string_view>
 #include <type_traits>
 
@@ -14,11 +15,14 @@ namespace trifinger::apps {
 namespace detail {
 
 template <class T>
-decltype(auto) as_printable(const T& value) {
-  if constexpr (std::is_convertible_v<const T&, std::string_view>) {
+constexpr bool kIsText = std::is_convertible_v<const T&, std::string_view>;
+
+template <class T>
+std::conditional_t<kIsText<T>, std::string, const T&> as_printable(const T& value) {
+  if constexpr (kIsText<T>) {
     return printable(value);
   } else {
-    return (value);
+    return value;
   }
 }
 
