@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trifinger
-from conftest import PATIENT, StartProgram
+from conftest import PATIENT, StartChild, StartProgram
 from hypothesis import given, strategies as st
 from trifinger.commands import view
 from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped, SessionNotFound
@@ -387,6 +387,37 @@ def test_the_stop_ends_a_back_end_whoever_controls_it(start_program: StartProgra
     )
     with pytest.raises(RobotStopped, match="was asked to stop"):
         guide.finish()
+    stop.close()
+
+
+SLOW_STOP = """
+import signal, sys
+STOP = {signal.SIGTERM}
+signal.pthread_sigmask(signal.SIG_BLOCK, STOP)  # in all threads that begin
+import trifinger
+with trifinger.run_fake("sim"):
+    print("ready", flush=True)
+    signal.sigwait(STOP)
+    print("told", flush=True)
+    sys.stdin.readline()
+print("told again" if signal.sigpending() & STOP else "told once", flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_a_back_end_that_stops_slowly_is_told_once(start_child: StartChild) -> None:
+    # `trifinger run` would end at a second signal, before the robot is at rest.
+    child = start_child(sys.executable, "-c", SLOW_STOP)
+    stop = Stop("sim")
+    assert stop.order()[0] == 202
+    assert child.read_line() == "told"
+    assert stop.order()[0] == stop.outcome()[0] == 202
+    child.write_line()
+    assert child.read_line() == "told once"
+    assert stop.order()[0] == 202  # there is no session any more, but there is the process
+    assert child.finish() == (0, "")
+    assert stop.order() == stop.outcome()
+    assert stop.outcome()[0] == 200
     stop.close()
 
 

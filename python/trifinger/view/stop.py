@@ -29,13 +29,15 @@ class Stop:
     def __init__(self, name: str) -> None:
         """`name` is that of the robot, which need not run yet."""
         self._name = name
-        self._process = -1  # a descriptor of the back-end that was told to end
+        self._backend = 0  # the number of the process that was told to end
+        self._process = -1  # its descriptor
         self._reserved: list[int] = []
         self._reserve()
 
     def order(self) -> Answer:
         """Tells the back-end to bring the robot to rest and to end.
 
+        It is told once, since `trifinger run` ends at a second signal without doing that.
         The status is 202 when it was told, 200 when there is nothing left to end, and 4xx or 5xx
         with the reason when it cannot be told.
         """
@@ -46,8 +48,12 @@ class Stop:
         remedy = f"run in a terminal: trifinger stop {self._name}"
         try:
             backend = _trifinger.observe(self._name).session_info().backend_pid
+            if backend == self._backend and self.outcome()[0] == HTTPStatus.ACCEPTED:
+                return self.outcome()
             process = os.pidfd_open(backend)
         except SessionNotFound:
+            if self._process >= 0:
+                return self.outcome()
             return HTTPStatus.NOT_FOUND, f"No robot '{self._name}' runs: there is nothing to stop."
         except ProcessLookupError:
             return HTTPStatus.OK, "The back-end is already gone."
@@ -63,7 +69,7 @@ class Stop:
             os.close(process)
             return HTTPStatus.INTERNAL_SERVER_ERROR, f"NOT stopped: {error}; {remedy}."
         self._forget()
-        self._process = process
+        self._backend, self._process = backend, process
         return HTTPStatus.ACCEPTED, f"Stopping: process {backend} brings the robot to rest."
 
     def outcome(self) -> Answer:
