@@ -50,7 +50,7 @@ async def serve(
 ) -> AsyncIterator[Server]:
     """Runs a server of the package websockets at `listener` as long as the context lasts.
 
-    A request that `check` answers with a status below 400, or with None, is no stranger's.
+    Who gets a websocket, or an answer with a status below 400, is no stranger.
     `options` are those of websockets, and `listen` is its function if its name is another one's
     now. What strangers send, however malformed, is answered and never printed.
     """
@@ -73,20 +73,26 @@ async def serve(
 
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
         try:
-            answer = check(connection, request)
+            return check(connection, request)
         except InvalidArgument as error:
-            answer = connection.respond(HTTPStatus.BAD_REQUEST, f"{error}\n")
-        if answer is None or answer.status_code < HTTPStatus.BAD_REQUEST:
-            strangers.pop(connection, None)
-        return answer
+            return connection.respond(HTTPStatus.BAD_REQUEST, f"{error}\n")
 
-    asyncio.get_running_loop().set_exception_handler(_Unhandled())
+    def process_response(
+        connection: ServerConnection,
+        request: Request,  # noqa: ARG001 (websockets calls it so)
+        response: Response,
+    ) -> None:
+        if response.status_code < HTTPStatus.BAD_REQUEST:
+            strangers.pop(connection, None)
+
+    asyncio.get_running_loop().set_exception_handler(_Unhandled(listener))
     async with (listen or websockets.asyncio.server.serve)(
         handler,
         sock=listener,
         backlog=BATCH,
         create_connection=Connection,
         process_request=process_request,
+        process_response=process_response,
         open_timeout=HANDSHAKE_TIMEOUT,
         server_header=None,
         logger=_quiet_logger(),
@@ -110,16 +116,20 @@ def query_of(path: str) -> dict[str, list[str]]:
 class _Unhandled:
     """Says once that no connection can be taken, which asyncio says with a traceback each time."""
 
-    def __init__(self) -> None:
+    def __init__(self, listener: socket.socket) -> None:
+        self._listener = listener
         self._is_said = False
 
     def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        error = context.get("exception")
-        if not isinstance(error, OSError):
+        message = context["message"]
+        if message == "socket.accept() out of system resource":
+            if not self._is_said:
+                self._is_said = True
+                reason = context["exception"].strerror
+                sys.stderr.write(f"trifinger: a connection could not be taken: {reason}\n")
+        # asyncio then tries again a second later, even if the server has ended.
+        elif self._listener.fileno() >= 0 or "_start_serving" not in message:
             loop.default_exception_handler(context)
-        elif not self._is_said:
-            self._is_said = True
-            sys.stderr.write(f"trifinger: a connection could not be taken: {error.strerror}\n")
 
 
 def _quiet_logger() -> logging.Logger:

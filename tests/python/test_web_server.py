@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What strangers can do at a server, and what they cannot: its users get in, and its stop works."""
 
+import asyncio
 import contextlib
+import gc
 import http.client
 import json
 import random
@@ -10,6 +12,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from conftest import PATIENT, StartProgram
@@ -41,12 +44,18 @@ def many_files() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def strangers(port: int, count: int = STRANGERS) -> Iterator[list[socket.socket]]:
-    """Connections of somebody who says nothing."""
+def strangers(
+    port: int, count: int = STRANGERS, says: bytes = b""
+) -> Iterator[list[socket.socket]]:
+    """Connections of somebody who says this and then nothing."""
     with contextlib.ExitStack() as stack:
-        yield [
-            stack.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(count)
-        ]
+        connections = []
+        for _ in range(count):
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+            with contextlib.suppress(ConnectionError):  # it may have lost its place already
+                connection.sendall(says)
+            connections.append(connection)
+        yield connections
 
 
 def wait_for_end(connection: socket.socket) -> None:
@@ -157,17 +166,82 @@ def bridging(*words: str, before: str = "") -> Iterator[tuple[subprocess.Popen[s
         text=True,
     )
     with bridge:
-        assert bridge.stdout is not None
-        yield bridge, int(bridge.stdout.readline().rpartition(":")[2].partition("/")[0])
-        bridge.kill()
+        try:
+            assert bridge.stdout is not None
+            yield bridge, int(bridge.stdout.readline().rpartition(":")[2].partition("/")[0])
+        finally:
+            bridge.kill()
 
 
 @pytest.mark.usefixtures("many_files")
-def test_fault_76_the_bridge_serves_its_clients_while_strangers_connect() -> None:
-    with bridging(before=FEW_FILES) as (_, port), strangers(port):
-        address = f"ws://127.0.0.1:{port}"
-        with connect(address, subprotocols=["foxglove.sdk.v1"]) as viewer:  # type: ignore[list-item]
-            assert json.loads(viewer.recv())["op"] == "serverInfo"
+@pytest.mark.parametrize(
+    "says", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"], ids=["nothing", "a request"]
+)
+def test_fault_76_the_bridge_serves_its_clients_while_strangers_connect(says: bytes) -> None:
+    with bridging(before=FEW_FILES) as (bridge, port):
+        with strangers(port, says=says):
+            address = f"ws://127.0.0.1:{port}"
+            with connect(address, subprotocols=["foxglove.sdk.v1"]) as viewer:  # type: ignore[list-item]
+                assert json.loads(viewer.recv())["op"] == "serverInfo"
+        bridge.terminate()
+        assert "files" not in bridge.communicate()[0]  # there were always enough
+
+
+# ---- a server that cannot open files ----
+
+
+@contextlib.contextmanager
+def no_files() -> Iterator[None]:
+    """Lets this process open no file."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_fault_76_a_server_says_once_that_files_are_missing_and_ends_in_order(
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    delay = 0.01  # until asyncio tries again [s]
+    monkeypatch.setattr(asyncio.constants, "ACCEPT_RETRY_DELAY", delay)
+
+    async def fail() -> None:
+        raise FileNotFoundError("another mistake")
+
+    async def main() -> None:
+        listener = socket.create_server(("127.0.0.1", 0))
+        loop = asyncio.get_running_loop()
+        failed = asyncio.Event()
+        with socket.socket() as stranger:
+            async with web_server.serve(lambda _: None, listener, lambda *_: None):
+                handler = loop.get_exception_handler()
+                assert handler is not None
+
+                def note(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+                    handler(loop, context)
+                    failed.set()
+
+                loop.set_exception_handler(note)
+                with no_files():
+                    stranger.connect(listener.getsockname())
+                    for _ in range(2):
+                        await failed.wait()
+                        failed.clear()
+            await asyncio.sleep(delay)  # asyncio's plan to try again is older
+            assert caplog.text == ""
+            task = asyncio.ensure_future(fail())
+            await asyncio.wait([task])
+            del task
+            gc.collect()
+
+    asyncio.run(main())
+    said = capsys.readouterr().err
+    assert said == "trifinger: a connection could not be taken: Too many open files\n"
+    assert "another mistake" in caplog.text
 
 
 # ---- port scans and requests that are none ----
