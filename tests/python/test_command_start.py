@@ -23,10 +23,12 @@ import os, signal, sys
 
 class Interrupt:
     count = {count}
+    begins = not "{since}"
 
-    def find_spec(self, *_):
-        Interrupt.count -= 1
-        if Interrupt.count == 0:
+    def find_spec(self, name, *_):
+        self.begins = self.begins or name == "{since}"
+        Interrupt.count -= self.begins
+        if Interrupt.count == 0 and self.begins:
             os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupt())
@@ -38,7 +40,10 @@ Start = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Start:
-    """Runs a program, which gets SIGINT at an import; 0: while Python itself starts."""
+    """Runs a program, which gets SIGINT at an import; 0: while Python itself starts.
+
+    `since` is the name of the import that is the first to be counted.
+    """
     programs = tmp_path / "bin"
     programs.mkdir()
     for name, target in COMMANDS.items():
@@ -51,8 +56,9 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Start:
     monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
 
-    def run(at_import: int, *words: str) -> subprocess.CompletedProcess[str]:
-        (tmp_path / "sitecustomize.py").write_text(CUSTOMIZE.format(count=at_import))
+    def run(at_import: int, *words: str, since: str = "") -> subprocess.CompletedProcess[str]:
+        text = CUSTOMIZE.format(count=at_import, since=since)
+        (tmp_path / "sitecustomize.py").write_text(text)
         return subprocess.run(words, capture_output=True, text=True, check=False)
 
     return run
@@ -73,8 +79,27 @@ def test_ctrl_c_ends_a_command_while_it_starts(start: Start, name: str) -> None:
 
 
 def test_ctrl_c_ends_a_command_that_is_started_without_the_program(start: Start) -> None:
-    for at_import in (30, 150):  # after its own launcher
-        assert_interrupted(start(at_import, "trifinger-view", "--help"))
+    for at_import in (1, 100):
+        assert_interrupted(start(at_import, "trifinger-view", "--help", since="trifinger"))
+
+
+AT_THE_END = """
+import os, signal
+from trifinger_launcher import view
+from trifinger.commands.command_line import run, say
+run(lambda: say("done"))
+os.kill(os.getpid(), signal.SIGINT)
+"""
+
+
+def test_ctrl_c_at_the_end_of_a_command_loses_nothing_of_its_output(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
+    done = subprocess.run(
+        [sys.executable, "-c", AT_THE_END], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "done\n", "")
 
 
 def test_ctrl_c_ends_the_launcher_of_the_program(start: Start) -> None:

@@ -23,7 +23,10 @@ def run(work: Callable[[], int | None]) -> int:
     """Does the work of a command and returns its exit status; prints an error as one sentence."""
     try:
         with trifinger_launcher.interruptible():
-            return work() or 0
+            try:
+                return work() or 0
+            finally:
+                sys.stdout.flush()  # after this block Ctrl-C would lose it
     except Error as error:
         say(f"trifinger: {error}", file=sys.stderr)
         return 2 if isinstance(error, InvalidArgument) else 1
