@@ -1,21 +1,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What others wrote is printed so that no terminal obeys it, and never at length."""
 
+import argparse
 import os
 import struct
 import subprocess
 import sys
+import tomllib
 import unicodedata
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 import trifinger
 from conftest import PROGRAM
 from hypothesis import given, strategies
+from link_into_venv import ROOT
 from mcap.writer import Writer
 from strange_log import copy_changed
 from trifinger.commands.command_line import say
 from trifinger.text import MOST_PRINTED, printable, printable_lines
+from trifinger_compat import check
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -181,3 +186,66 @@ def test_fault_78_names_of_files_are_shown_harmlessly(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="evil") as raised:
         trifinger.Log(folder / "x.mcap")
     assert_harmless(str(raised.value))
+
+
+# ---- words of the command line, such as the files of a folder for `*` ----
+
+PACKAGES = [ROOT / "pyproject.toml", *sorted(ROOT.glob("packages/*/pyproject.toml"))]
+COMMANDS = [
+    target.replace("trifinger_launcher:", "trifinger.commands.").removesuffix(":main")
+    for package in PACKAGES
+    for target in tomllib.loads(package.read_text())["project"].get("scripts", {}).values()
+]
+TASKS = [
+    "trifinger_simulation.tasks.__main__",
+    *(
+        f"trifinger_simulation.tasks.{task}.__main__"
+        for task in ("move_cube", "move_cube_on_trajectory", "rearrange_dice")
+    ),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS + TASKS)
+def test_fault_78_every_command_shows_its_words_harmlessly(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        argparse.ArgumentParser, "parse_args", lambda parser, *_: parser.error(f"{HUGE}{HOSTILE}")
+    )
+    module, _, function = command.partition(":")
+    with pytest.raises(SystemExit):
+        getattr(import_module(module), function or "main")()
+    output = capsys.readouterr().err
+    assert "error: \\x1b]0;evil\\x07" in output
+    assert_harmless(output)
+
+
+def test_fault_78_words_that_a_command_does_not_know_are_shown_harmlessly() -> None:
+    assert_harmless(python_of("film", "log", HOSTILE, f"--{HOSTILE}"))
+    assert_harmless(python_of("bridge", "foxglove", "robot", HOSTILE))  # a command of a command
+
+
+# ---- programs of strangers ----
+
+
+def test_fault_78_compat_check_shows_programs_harmlessly(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / HOSTILE
+    folder.mkdir()
+    path = f"{HOSTILE}\n{'x' * 5000}"
+    (folder / f"{TITLE}.py").write_text(
+        "import os, trifinger_simulation\n"
+        f"os.path.join(os.path.dirname(trifinger_simulation.__file__), {path!r})"
+    )
+    (folder / "broken.py").write_text("import trifinger_simulation \u202e")
+    assert check.main([str(folder), "--all"]) == 1
+    output = capsys.readouterr().out
+    assert_harmless(output)
+    assert "does not work" in output
+    assert "cannot be read" in output
+    for missing in (folder / "empty", folder / "missing"):
+        if missing.name == "empty":
+            missing.mkdir()
+        assert check.main([str(missing)]) == 2
+        assert_harmless(capsys.readouterr().err)

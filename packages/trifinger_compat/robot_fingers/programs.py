@@ -19,6 +19,7 @@ import trifinger
 from robot_interfaces.py_generic import RobotBackendTerminationReason
 from robot_interfaces.py_trifinger_types import MultiProcessData
 from trifinger.commands import program
+from trifinger.commands.command_line import ArgumentParser
 from trifinger.errors import Error
 from trifinger.log import original
 from trifinger_compat.robot_data import RobotBackend
@@ -240,7 +241,7 @@ def _run(
 
 def pybullet_backend(words: Sequence[str] | None = None) -> int:
     """Runs a simulated TriFingerPro for programs of users; it needs no PyBullet."""
-    parser = argparse.ArgumentParser(prog="pybullet_backend", description=pybullet_backend.__doc__)
+    parser = ArgumentParser(prog="pybullet_backend", description=pybullet_backend.__doc__)
     _add_common(parser)
     parser.add_argument("-r", "--real-time-mode", action="store_true")
     parser.add_argument("--object", choices=("cube", "dice", "none"), default="cube")
@@ -256,9 +257,7 @@ def pybullet_backend(words: Sequence[str] | None = None) -> int:
 
 def trifinger_backend(words: Sequence[str] | None = None) -> int:
     """Runs the robot of a configuration of this project for programs of users."""
-    parser = argparse.ArgumentParser(
-        prog="trifinger_backend", description=trifinger_backend.__doc__
-    )
+    parser = ArgumentParser(prog="trifinger_backend", description=trifinger_backend.__doc__)
     _add_common(parser)
     parser.add_argument("--config", required=True, help="a configuration: its name or its file")
     _add_ignored(parser)
@@ -268,7 +267,7 @@ def trifinger_backend(words: Sequence[str] | None = None) -> int:
 
 def trifinger_robot_backend(words: Sequence[str] | None = None) -> int:
     """Runs the robot of a configuration; trifinger_data_backend, if it runs, writes the logs."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger_robot_backend", description=trifinger_robot_backend.__doc__
     )
     _add_limits(parser)
@@ -293,7 +292,7 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
 
     Start it before the robot. Here it is not needed for the robot or for front-ends.
     """
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger_data_backend", description=trifinger_data_backend.__doc__
     )
     _add_logs(parser)
@@ -336,7 +335,7 @@ def main() -> int:
             trifinger_data_backend,
         )
     }
-    parser = argparse.ArgumentParser(prog="python -m robot_fingers.programs")
+    parser = ArgumentParser(prog="python -m robot_fingers.programs")
     parser.add_argument("program", choices=programs)
     arguments = parser.parse_args(sys.argv[1:2])
     return programs[arguments.program](sys.argv[2:])

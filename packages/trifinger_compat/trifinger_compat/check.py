@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger compat-check`: what of somebody's program works here."""
 
-import argparse
 import ast
 import builtins
 import importlib
@@ -16,6 +15,9 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.text import printable
 
 from trifinger_compat import bullet, opencv
 from trifinger_compat.bullet_names import CONSTANTS, FUNCTIONS
@@ -83,7 +85,7 @@ class Finding:
 
     def __str__(self) -> str:
         why = f": {self.why}" if self.why else ""
-        return f"{self.file}:{self.line}: {self.name} {self.verdict}{why}"
+        return printable(f"{self.file}:{self.line}: {self.name} {self.verdict}{why}")
 
 
 class _Names(Scopes):
@@ -245,7 +247,7 @@ class _Names(Scopes):
         if text is None or text.package is None:
             return False
         path, folder = Path(text.value), Path(text.package)
-        if not path.is_relative_to(folder) or path.exists():
+        if not path.is_relative_to(folder) or _exists(path):
             return False
         inside = path.relative_to(folder)
         hint = next((hint for part, hint in _FILES.items() if part in inside.parts), "")
@@ -305,6 +307,14 @@ class _Names(Scopes):
 
 def _is_ours(package: str) -> bool:
     return package in PACKAGES
+
+
+def _exists(path: Path) -> bool:
+    """Whether there is such a file; no program has one whose name the system refuses."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 def _is_module(name: str) -> bool:
@@ -504,7 +514,7 @@ def report(path: Path, show_all: bool) -> int:
     """Prints what of the programs in `path` works; returns the exit status."""
     files = list(programs(path))
     if not files:
-        print(f"trifinger compat-check: {path} has no Python files", file=sys.stderr)
+        say(f"trifinger compat-check: {path} has no Python files", file=sys.stderr)
         return 2
     counts: Counter[str] = Counter()
     imports = _imports_of(files)
@@ -512,28 +522,28 @@ def report(path: Path, show_all: bool) -> int:
         try:
             findings = check_text(file.read_text(), file, imports)
         except (SyntaxError, UnicodeDecodeError) as error:
-            print(f"{file}: cannot be read as Python 3: {error}")
+            say(printable(f"{file}: cannot be read as Python 3: {error}"))
             counts["unreadable"] += 1
             continue
         for finding in findings:
             counts[finding.verdict] += 1
             if show_all or finding.verdict != SAME:
-                print(finding)
+                say(finding)
     total = counts[SAME] + counts[DIFFERS] + counts[MISSING]
-    print(
+    say(
         f"{len(files)} files, {total} places that use the original: {counts[SAME]} work as they "
         f"are, {counts[DIFFERS]} work with a difference, {counts[MISSING]} do not work."
     )
-    print(f"PyBullet is {'installed' if _has_bullet() else 'not installed'}.")
-    print(f"Not judged: members of objects, except {' and '.join(sorted(_MEMBERS))}.")
+    say(f"PyBullet is {'installed' if _has_bullet() else 'not installed'}.")
+    say(f"Not judged: members of objects, except {' and '.join(sorted(_MEMBERS))}.")
     if counts["unreadable"]:
-        print(f"{counts['unreadable']} files could not be read.")
+        say(f"{counts['unreadable']} files could not be read.")
     return 1 if counts[MISSING] or counts["unreadable"] else 0
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger compat-check`."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger compat-check",
         description="Say what of programs for the original stack works here, and why not.",
         epilog="Programs are read, never run. Exit status: 0 if everything works, 1 if something "
@@ -543,7 +553,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--all", action="store_true", help="show also what works as it is")
     arguments = parser.parse_args(words)
     if not arguments.path.exists():
-        print(f"trifinger compat-check: there is no {arguments.path}", file=sys.stderr)
+        say(f"trifinger compat-check: there is no {arguments.path}", file=sys.stderr)
         return 2
     return report(arguments.path, arguments.all)
 

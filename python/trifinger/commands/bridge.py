@@ -14,7 +14,7 @@ from trifinger.bridges.dds import DdsNode
 from trifinger.bridges.foxglove import LOOPBACK, FoxgloveOptions, FoxgloveServer
 from trifinger.bridges.ros2 import NODE, Node, Ros2Bridge, Ros2Options, namespace_of
 from trifinger.bridges.zenoh_node import ROUTER, ZenohNode
-from trifinger.commands.command_line import run, say
+from trifinger.commands.command_line import ArgumentParser, run, say
 from trifinger.errors import InvalidArgument
 
 EXAMPLES = """Examples:
@@ -52,7 +52,7 @@ def add_rates(parser: argparse.ArgumentParser) -> None:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger bridge",
         description="Show a running robot in other programs, live. The robot notices nothing.",
         epilog=EXAMPLES,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from trifinger import extras
 from trifinger._trifinger import CameraCalibration
-from trifinger.commands.command_line import run, say
+from trifinger.commands.command_line import ArgumentParser, run, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
@@ -42,7 +42,7 @@ Examples:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger calibrate cameras",
         description="Find out where the cameras of a robot are, and their lenses, from images of a "
         "board.",

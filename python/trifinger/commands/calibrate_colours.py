@@ -12,7 +12,7 @@ import numpy as np
 from trifinger import extras
 from trifinger._trifinger import CameraCalibration
 from trifinger.arrays import Array
-from trifinger.commands.command_line import run, say
+from trifinger.commands.command_line import ArgumentParser, run, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
@@ -36,7 +36,7 @@ Examples:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger calibrate colours",
         description="Learn how the faces of an object look to a robot's cameras.",
         epilog=HOW_TO,

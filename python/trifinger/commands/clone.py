@@ -12,7 +12,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger.commands import command_line
-from trifinger.commands.command_line import say
+from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Progress
 
@@ -25,7 +25,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger clone",
         description="Train a policy to act as in a data set (docs/data_sets.md).",
         epilog="Examples:\n"

@@ -7,16 +7,24 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TextIO
+from typing import NoReturn, TextIO
 
 import trifinger_launcher
 
 from trifinger._trifinger import Guide
 from trifinger.errors import Error, InvalidArgument, TimedOut
 from trifinger.picture import CAMERAS, View
-from trifinger.text import printable_lines
+from trifinger.text import printable, printable_lines
 
 LONGEST = 10_000  # characters that are printed at once
+
+
+class ArgumentParser(argparse.ArgumentParser):
+    """The parser of all commands. No terminal obeys the words that it refuses."""
+
+    def error(self, message: str) -> NoReturn:
+        """Prints what is wrong with the words, and ends the command."""
+        super().error(printable(message))
 
 
 def run(work: Callable[[], int | None]) -> int:
@@ -32,7 +40,7 @@ def run(work: Callable[[], int | None]) -> int:
         return 2 if isinstance(error, InvalidArgument) else 1
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        say(printable_lines(f"trifinger: {where}{error.strerror or error}"), file=sys.stderr)
+        say(f"trifinger: {where}{error.strerror or error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

@@ -22,7 +22,7 @@ import numpy as np
 import trifinger
 from trifinger import extras
 from trifinger.commands import command_line, program
-from trifinger.commands.command_line import add_view_options, say, view_of
+from trifinger.commands.command_line import ArgumentParser, add_view_options, say, view_of
 from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.plot import plot
@@ -221,7 +221,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """`trifinger demo`."""
-    parser = argparse.ArgumentParser(prog="trifinger demo", description=__doc__.splitlines()[0])
+    parser = ArgumentParser(prog="trifinger demo", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--output",
         type=Path,

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger evaluate`."""
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,14 +8,14 @@ from pathlib import Path
 from trifinger import extras
 from trifinger._trifinger import Policy
 from trifinger.commands import command_line
-from trifinger.commands.command_line import say
+from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Progress
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger evaluate`."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger evaluate",
         description="Let a policy act in simulations, and say how near it comes to its goals.",
     )

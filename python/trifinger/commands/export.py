@@ -8,7 +8,7 @@ from pathlib import Path
 
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands import program
-from trifinger.commands.command_line import add_log_options, run, say
+from trifinger.commands.command_line import ArgumentParser, add_log_options, run, say
 from trifinger.errors import InvalidArgument
 from trifinger.log import original
 from trifinger.log.images import save_images
@@ -88,7 +88,7 @@ def _export_session(
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger log export",
         description="Write the sessions and companions of a log as tables: a row per step.",
         epilog="Examples:\n  trifinger log export run.mcap -o run.csv\n"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log
-from trifinger.commands.command_line import run, say
+from trifinger.commands.command_line import ArgumentParser, run, say
 from trifinger.commands.film import recordings
 from trifinger.data_sets.episodes import Episode, find_episodes, find_marks
 from trifinger.data_sets.rows import Choice
@@ -158,7 +158,7 @@ def export_minari(arguments: argparse.Namespace) -> None:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger export",
         description="Write logs as a data set for learning (docs/data_sets.md).",
         epilog="Examples:\n"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
-from trifinger.commands.command_line import add_view_options, run, say, view_of
+from trifinger.commands.command_line import ArgumentParser, add_view_options, run, say, view_of
 from trifinger.errors import Error, InvalidArgument
 from trifinger.log.camera_film import camera_film
 from trifinger.log.film import film
@@ -79,7 +79,7 @@ def describe(number: int, session: LoggedSession) -> str:
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger film`."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger film",
         description="Draw a session: a film and a strip of pictures; with a report, a plot of it.",
         epilog="Examples:\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trifinger._trifinger import Log, connect
-from trifinger.commands.command_line import add_log_options, run, say
+from trifinger.commands.command_line import ArgumentParser, add_log_options, run, say
 from trifinger.errors import InvalidArgument
 from trifinger.motion import JointFacts, Motion, Plan, play
 from trifinger.motion.plot import plot
@@ -25,7 +25,7 @@ EXAMPLES = """Examples:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger motion",
         description="Change, draw and play motions: trajectories of joints in files.",
         epilog=EXAMPLES,

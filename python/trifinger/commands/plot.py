@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trifinger._trifinger import Log
-from trifinger.commands.command_line import add_log_options, run, say
+from trifinger.commands.command_line import ArgumentParser, add_log_options, run, say
 from trifinger.log.plot import plot
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger log plot",
         description="Draw what happened in the newest session of a robot.",
         epilog="Example:\n  trifinger log plot run.mcap -o run.html",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import trifinger
 from trifinger.commands import command_line
-from trifinger.commands.command_line import say
+from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Line
 from trifinger.teaching import LONGEST, Recording, Teaching
@@ -23,7 +23,7 @@ LOOK_EVERY = 0.1  # how soon the thread of the terminal notices that it is no lo
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger teach",
         description="Let a robot float, and record what a hand does with its fingers.",
         epilog="Example:\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 import trifinger
 from trifinger._trifinger import Guide
 from trifinger.commands import command_line
-from trifinger.commands.command_line import say
+from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import Error
 from trifinger.progress import Line
 from trifinger.teleoperation import (
@@ -28,7 +28,7 @@ from trifinger.teleoperation import (
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger teleop",
         description="Move the fingers of a robot with a keyboard, a gamepad or a device of yours.",
         epilog=f"Keys:\n{keyboard.HELP}\nA tip moves while its key is held.\n\n"

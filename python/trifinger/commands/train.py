@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from trifinger import extras
 from trifinger._trifinger import task_names
 from trifinger.commands import command_line
-from trifinger.commands.command_line import add_view_options, say, view_of
+from trifinger.commands.command_line import ArgumentParser, add_view_options, say, view_of
 from trifinger.errors import Error, InvalidArgument
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger train",
         description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
         epilog="Examples:\n  trifinger train reach --shared\n  trifinger train --resume reach",

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import list_sessions, observe
-from trifinger.commands.command_line import ended_by_signals, run, say
+from trifinger.commands.command_line import ArgumentParser, ended_by_signals, run, say
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
 from trifinger.view.logged import LoggedRun
@@ -211,7 +211,7 @@ def require_no_file_options(arguments: argparse.Namespace, what: str) -> None:
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger view`."""
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="trifinger view",
         description="Show a running robot or a log in a browser, on this machine alone.",
         epilog="Examples:\n"

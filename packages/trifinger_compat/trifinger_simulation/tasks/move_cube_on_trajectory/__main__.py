@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trifinger.commands.command_line import ArgumentParser
 from trifinger.whole_file import whole_file
 from trifinger_compat.commands import print_result
 from trifinger_compat.evaluation import read_pickle, replay, run_policy, write_pickle
@@ -61,9 +62,7 @@ def replay_all(folder: Path) -> str:
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m trifinger_simulation.tasks.move_cube_on_trajectory"
-    )
+    parser = ArgumentParser(prog="python -m trifinger_simulation.tasks.move_cube_on_trajectory")
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("sample_goal")
     commands.add_parser("goal_from_config").add_argument("file")

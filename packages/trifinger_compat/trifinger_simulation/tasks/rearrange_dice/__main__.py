@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from trifinger.commands.command_line import ArgumentParser
 from trifinger_compat.commands import print_result
 
 from trifinger_simulation.tasks import rearrange_dice
@@ -14,7 +15,7 @@ from trifinger_simulation.tasks.rearrange_dice import utils
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
-    parser = argparse.ArgumentParser(prog="python -m trifinger_simulation.tasks.rearrange_dice")
+    parser = ArgumentParser(prog="python -m trifinger_simulation.tasks.rearrange_dice")
     commands = parser.add_subparsers(dest="command", required=True)
     sample = commands.add_parser("sample_goal")
     sample.add_argument("--show", action="store_true", help="show the goal from above")
