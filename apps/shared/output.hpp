@@ -18,7 +18,7 @@ template <class T>
 constexpr bool kIsText = std::is_convertible_v<const T&, std::string_view>;
 
 template <class T>
-std::conditional_t<kIsText<T>, std::string, const T&> as_printable(const T& value) {
+std::conditional_t<kIsText<T>, std::string, T> as_printable(const T& value) {
   if constexpr (kIsText<T>) {
     return printable(value);
   } else {
