@@ -28,14 +28,12 @@ std::string file_of(const char* kind, const std::string& robot, const std::strin
 }
 
 // Removes the hidden names of files that killed processes have left: they keep memory. Only the
-// owner of the lock may do this. Names of the lock itself belong to whoever wants it.
+// owner of the lock may do this. A process that is just making its lock begins again.
 void remove_leftovers(const std::string& file) {
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(session_folder(), error)) {
     const std::string name = entry.path().filename().string();
-    if (name.starts_with("." + file + ".") && !name.starts_with("." + file + ".lock.")) {
-      ::unlink(entry.path().c_str());
-    }
+    if (name.starts_with("." + file + ".")) ::unlink(entry.path().c_str());
   }
 }
 

@@ -209,7 +209,8 @@ void SharedMemory::publish() {
 
 bool SharedMemory::publish_if_absent() {
   if (::renameat2(AT_FDCWD, hidden_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) != 0) {
-    if (errno == EEXIST) return false;
+    // ENOENT: who owns the public name removes hidden ones, which killed processes may have left.
+    if (errno == EEXIST || errno == ENOENT) return false;
     throw SystemError("publish " + path_.string(), errno);
   }
   hidden_path_.clear();

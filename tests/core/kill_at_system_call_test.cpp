@@ -23,6 +23,8 @@
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/fake_robot.hpp"
+#include "trifinger/core/sensor.hpp"
 #include "trifinger/core/session.hpp"
 
 // Files change in system calls alone, so a process that is stopped or killed between any two of
@@ -54,10 +56,11 @@ class TracedProcess {
     return ::ptrace(PTRACE_SYSCALL, child_.pid(), nullptr, nullptr) == 0 && next_stop() == SIGTRAP;
   }
   void kill() noexcept { child_.kill(); }
-  // Does the rest of the work and ends.
+  // Does the rest of the work and ends. The exit code is 1 if the work throws.
   [[nodiscard]] int finish() {
     ::ptrace(PTRACE_CONT, child_.pid(), nullptr, nullptr);
-    if (next_stop() == SIGSTOP) ::ptrace(PTRACE_CONT, child_.pid(), nullptr, nullptr);
+    if (next_stop() != SIGSTOP) return 1;
+    ::ptrace(PTRACE_CONT, child_.pid(), nullptr, nullptr);
     return child_.wait();
   }
 
@@ -119,6 +122,9 @@ std::vector<std::int64_t> stops_of(const Work& work) {
   return stops;
 }
 
+// The number of steps in which a process makes a lock, and some more.
+constexpr std::int64_t kBeginning = 60;
+
 class KillAtSystemCall : public ::testing::TestWithParam<Work> {
  protected:
   SessionFolder folder_;
@@ -135,6 +141,50 @@ TEST_P(KillAtSystemCall, fault_80_LeavesTheNameFreeAndNoFileAfterItsNextOwner) {
     ASSERT_TRUE(try_to_take().has_value()) << "after stop " << stop;
     ASSERT_THAT(files_in(folder_.path()), IsEmpty()) << "after stop " << stop;
   }
+}
+
+// The lock of a sensor has a hidden name only at the beginning.
+TEST(KillAtSystemCallOfASensor, fault_80_LeavesNoFileAfterItsNextOwner) {
+  const SessionFolder folder;
+  const Work work = [] {
+    return [] { const SensorWriter<FakeSensorReading> sensor("robot", "object"); };
+  };
+  if (!TracedProcess(work).is_traced()) GTEST_SKIP() << "this machine does not allow ptrace";
+  bool has_left_a_hidden_lock = false;
+  for (std::int64_t stop = 0; stop < kBeginning; ++stop) {
+    TracedProcess process(work);
+    for (std::int64_t i = 0; i < stop && process.step(); ++i) {
+    }
+    process.kill();
+    for (const std::string& name : files_in(folder.path())) {
+      has_left_a_hidden_lock |= name.starts_with(".trifinger-sensor.robot.object.lock.");
+    }
+    work()();
+    ASSERT_THAT(files_in(folder.path()), IsEmpty()) << "after stop " << stop;
+  }
+  EXPECT_TRUE(has_left_a_hidden_lock);
+}
+
+TEST(StopAtSystemCall, fault_80_WhileALockIsMadeLetsAnotherComeAndGo) {
+  const SessionFolder folder;
+  if (!TracedProcess(take_name).is_traced()) GTEST_SKIP() << "this machine does not allow ptrace";
+  int tried = 0;
+  for (std::int64_t stop = 0; stop < kBeginning; ++stop) {
+    TracedProcess process(take_name);
+    for (std::int64_t i = 0; i < stop && process.step(); ++i) {
+    }
+    const std::set<std::string> files = files_in(folder.path());
+    if (std::ranges::any_of(files, [](const std::string& name) {
+          return name.starts_with(".trifinger.robot.lock.");
+        })) {
+      ++tried;
+      // It removes what killed processes have left; the one that is stopped lives.
+      try_to_take().reset();
+    }
+    ASSERT_EQ(process.finish(), 0) << "after stop " << stop;
+    ASSERT_THAT(files_in(folder.path()), IsEmpty()) << "after stop " << stop;
+  }
+  EXPECT_GT(tried, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Names, KillAtSystemCall, ::testing::Values(take_name, give_name_back),

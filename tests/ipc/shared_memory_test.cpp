@@ -285,6 +285,16 @@ TEST_F(SharedMemoryFile, GivesGuardsBack) {
   }
 }
 
+// Who owns the public name cannot know whether the process that made a hidden one still lives.
+TEST_F(SharedMemoryFile, fault_80_WhoseHiddenNameWasRemovedIsNotPublished) {
+  SharedMemory memory = create();
+  for (const auto& entry : std::filesystem::directory_iterator(path_.parent_path())) {
+    std::filesystem::remove(entry.path());
+  }
+  EXPECT_FALSE(memory.publish_if_absent());
+  EXPECT_FALSE(std::filesystem::exists(path_));
+}
+
 TEST_F(SharedMemoryFile, fault_75_IsGuardedHoweverManyThereAre) {
   constexpr std::size_t kCount = 5000;
   rlimit limit{};
