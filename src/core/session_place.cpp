@@ -4,8 +4,11 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <thread>
 #include <utility>
 
 #include "session_layout.hpp"
@@ -36,7 +39,8 @@ void SessionPlace::take_name(bool is_ours) {
   try {
     lock = claim([&] { return directory_->open_or_create(lock_file(name_), options_.mode); });
   } catch (const SystemError& error) {
-    if (!directory_->is_owned(lock_file(name_))) throw;
+    const bool is_refused = error.error_number() == EACCES || error.error_number() == EPERM;
+    if (!is_refused || !directory_->is_owned(lock_file(name_))) throw;
     throw RobotOwned("robot '" + name_ + "' is run by another user: " + error.what());
   }
   if (!lock) throw_owned("another process that is just starting");
@@ -135,7 +139,13 @@ void SessionPlace::withdraw() noexcept {
   directory_->remove_all(name_);
   const std::lock_guard guard(mutex_);
   // The robot may still move. Other processes that look for its owner find this one until it ends.
-  if (!lock_->path().empty()) ipc::remove_lock_file(lock_->file(), lock_->path());
+  if (lock_->path().empty()) return;
+  // Who has the claim just now asks who owns the name, and does not get it.
+  constexpr int kLooks = 500;
+  for (int look = 0; look < kLooks && !ipc::remove_lock_file(lock_->file(), lock_->path());
+       ++look) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
 }
 
 SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,

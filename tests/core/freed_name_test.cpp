@@ -4,11 +4,14 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/mount.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -32,6 +35,7 @@
 #include "trifinger/core/refused_sessions.hpp"
 #include "trifinger/core/sensor.hpp"
 #include "trifinger/core/turn_claim.hpp"
+#include "trifinger/ipc/file_lock.hpp"
 
 // A name without a living back-end belongs to nobody: not to the user who had it last either.
 
@@ -98,11 +102,43 @@ TEST_F(FreedName, fault_80_AnOrderlyEndLeavesNothing) {
   EXPECT_THAT(files(), IsEmpty());
 }
 
+TEST_F(FreedName, fault_80_AWithdrawnNameIsGivenUpAlsoIfSomebodyLooksAtItJustThen) {
+  static const ipc::FileDescriptor* other = nullptr;  // a signal's handler has no other access
+  SessionHost host = SessionHost::named("robot");
+  const ipc::FileDescriptor lock = ipc::open_lock_file(folder_.path() / "trifinger.robot.lock");
+  ASSERT_TRUE(ipc::try_lock(lock, ipc::Lock::kClaim));
+  other = &lock;
+  // The signal interrupts this thread, so it comes in time however busy the machine is.
+  std::signal(SIGALRM, [](int) { ipc::unlock(*other, ipc::Lock::kClaim); });
+  constexpr itimerval kOnce{.it_interval = {}, .it_value = {.tv_sec = 0, .tv_usec = 20'000}};
+  ::setitimer(ITIMER_REAL, &kOnce, nullptr);
+  host.withdraw();
+  constexpr itimerval kNever{};
+  ::setitimer(ITIMER_REAL, &kNever, nullptr);
+  std::signal(SIGALRM, SIG_DFL);
+  EXPECT_THAT(files(), IsEmpty());
+}
+
 TEST_F(FreedName, fault_80_ARefusedBackendLeavesNothing) {
   const NamedRobot robot;
   std::filesystem::remove(folder_.path() / "trifinger.robot.lock");
   EXPECT_THROW(static_cast<void>(SessionHost::named("robot")), RobotOwned);
   EXPECT_THAT(files(), ::testing::Not(::testing::Contains("trifinger.robot.lock")));
+}
+
+TEST_F(FreedName, fault_80_WithoutAFreeFileDescriptorIsNotCalledOwned) {
+  const NamedRobot robot;
+  ChildProcess child([] {
+    rlimit limit{};
+    if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 2;
+    limit.rlim_cur = 0;
+    if (::setrlimit(RLIMIT_NOFILE, &limit) != 0) return 3;
+    return says(message_of<SystemError>([] { return SessionHost::named("robot"); }),
+                {"Too many open files"})
+               ? 0
+               : 4;
+  });
+  EXPECT_EQ(child.wait(), 0);
 }
 
 TEST_F(FreedName, fault_80_IsFreeForEveryUserAfterAnOrderlyEnd) {
