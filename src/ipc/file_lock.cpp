@@ -2,7 +2,10 @@
 #include "trifinger/ipc/file_lock.hpp"
 
 #include <fcntl.h>
+#include <linux/magic.h>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +13,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdint>
+#include <cstdio>
 #include <fstream>
 #include <string>
 #include <system_error>
@@ -139,9 +143,18 @@ void leave_lock_file(const FileDescriptor& file, const std::filesystem::path& pa
 bool is_owned(const std::filesystem::path& path) {
   struct stat status{};
   if (::lstat(path.c_str(), &status) != 0) return false;
-  // "1: OFDLCK ADVISORY  WRITE -1 00:1a:4711 0 0": the inode comes last but two. Its device is not
-  // compared, because some file systems show another one here than to stat().
-  const std::string place = ":" + std::to_string(status.st_ino) + " 0 0";
+  // "1: OFDLCK ADVISORY  WRITE -1 00:1a:4711 0 0": the inode comes last but two.
+  std::string place = ":" + std::to_string(status.st_ino) + " 0 0";
+  // Its device distinguishes it from files elsewhere with the same small number. Some other file
+  // systems show another device here than to stat().
+  struct statfs system{};
+  if (::statfs(path.c_str(), &system) == 0 &&
+      (system.f_type == TMPFS_MAGIC || system.f_type == EXT4_SUPER_MAGIC)) {
+    std::array<char, 32> device{};
+    std::snprintf(device.data(), device.size(), " %02x:%02x", ::major(status.st_dev),
+                  ::minor(status.st_dev));
+    place.insert(0, device.data());
+  }
   std::ifstream locks("/proc/locks");
   if (!locks) return true;
   for (std::string line; std::getline(locks, line);) {

@@ -3,12 +3,16 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <csignal>
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
@@ -154,6 +158,36 @@ TEST_F(FileLock, fault_32_ShowsItsOwnersAlsoWhenTheFileWasRemoved) {
   child.kill();
   EXPECT_TRUE(owners_of(path_).empty());
   EXPECT_TRUE(owners_of("/nowhere/at/all").empty());
+}
+
+// Each memory file system counts its files from one.
+TEST_F(FileLock, fault_80_OfAFileElsewhereWithTheSameNumberIsNotTakenForThis) {
+  constexpr int kNotAllowed = 77;
+  test::ChildProcess child([this] {
+    if (::unshare(CLONE_NEWNS) != 0 ||
+        ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) {
+      return kNotAllowed;
+    }
+    std::array<FileDescriptor, 2> files;
+    std::array<std::filesystem::path, 2> paths;
+    std::array<struct stat, 2> found{};
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      const std::filesystem::path folder = folder_.path() / std::to_string(i);
+      std::filesystem::create_directory(folder);
+      if (::mount("none", folder.c_str(), "tmpfs", 0, nullptr) != 0) return kNotAllowed;
+      paths.at(i) = folder / "lock";
+      files.at(i) = FileDescriptor(
+          [&] { return ::open(paths.at(i).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600); });
+      if (::fstat(files.at(i).get(), &found.at(i)) != 0) return 2;
+    }
+    if (found[0].st_ino != found[1].st_ino) return kNotAllowed;
+    if (is_owned(paths[0]) || is_owned(paths[1])) return 3;
+    if (!try_lock(files[0]) || !is_owned(paths[0])) return 4;
+    return is_owned(paths[1]) ? 5 : 0;
+  });
+  const int code = child.wait();
+  if (code == kNotAllowed) GTEST_SKIP() << "only the administrator can mount";
+  EXPECT_EQ(code, 0);
 }
 
 TEST_F(FileLock, IsNotKeptByAForkedChildOfItsHolder) {
