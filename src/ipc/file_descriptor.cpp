@@ -32,16 +32,21 @@ struct Registry {
   // Closes all files in a forked child. Their numbers stay taken by what can neither be read nor
   // written, so an inherited handle never reaches a later file that got its number.
   void let_go() {
-    const int nothing = ::open("/", kNothing);
+    int nothing = ::open("/", kNothing);
     for (const int fd : descriptors) {
-      if (nothing >= 0 && ::dup3(nothing, fd, O_CLOEXEC) == fd) {
+      if (nothing < 0) {
+        // There is no free number, so this one is freed for it.
+        ::close(fd);
+        nothing = ::open("/", kNothing);
+      }
+      if (nothing >= 0 && (nothing == fd || ::dup3(nothing, fd, O_CLOEXEC) == fd)) {
         inherited.insert(fd);
       } else {
         ::close(fd);
       }
     }
     descriptors.clear();
-    if (nothing >= 0) ::close(nothing);
+    if (nothing >= 0 && !inherited.contains(nothing)) ::close(nothing);
   }
 
   void close(int fd) {

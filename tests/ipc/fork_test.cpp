@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -96,6 +97,33 @@ TEST(FileDescriptor, fault_64_NeverReachesALaterFileInAForkedChild) {
   });
   EXPECT_EQ(child.wait(), 0);
   EXPECT_TRUE(is_open(file->get()));
+}
+
+TEST(FileDescriptor, fault_64_NeverReachesALaterFileWhereNoNumberWasFree) {
+  test::ChildProcess process([] {
+    const FileDescriptor first = open_null();
+    const FileDescriptor second = open_null();
+    rlimit limit{};
+    if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 2;
+    const rlim_t usual = limit.rlim_cur;
+    const auto allow = [&limit](rlim_t number) {
+      limit.rlim_cur = number;
+      return ::setrlimit(RLIMIT_NOFILE, &limit) == 0;
+    };
+    if (!allow(static_cast<rlim_t>(second.get()) + 1)) return 3;
+    while (::open("/dev/null", O_RDWR | O_CLOEXEC) >= 0) {
+    }
+    test::ChildProcess child([&] {
+      if (::open("/dev/zero", O_RDWR) >= 0) return 4;
+      if (!allow(usual)) return 5;
+      for (const int fd : {first.get(), second.get()}) {
+        if (!is_open(fd) || target_of(fd) == "/dev/null") return 6;
+      }
+      return 0;
+    });
+    return child.wait();
+  });
+  EXPECT_EQ(process.wait(), 0);
 }
 
 TEST(FileDescriptor, fault_64_OfAGrandchildIsClosedToo) {
