@@ -8,6 +8,7 @@
 #include <sys/vfs.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <fstream>
@@ -64,17 +65,27 @@ fs::path own_group() {
   return {};
 }
 
-// Removes groups that turns have left which were killed.
+// Removes groups that turns have left which were killed. Numbers of processes return, so one of
+// them may have had that of this process.
 void remove_left(const fs::path& above) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(above, ignored)) {
     const std::string name = entry.path().filename().string();
     for (const std::string_view prefix : {kOfJob, kOfTurn}) {
       if (!name.starts_with(prefix)) continue;
-      const fs::path owner = "/proc/" + name.substr(prefix.size());
-      if (!fs::exists(owner, ignored)) ::rmdir(entry.path().c_str());
+      const std::string owner = name.substr(prefix.size());
+      if (owner == std::to_string(::getpid()) || !fs::exists("/proc/" + owner, ignored)) {
+        ::rmdir(entry.path().c_str());
+      }
     }
   }
+}
+
+bool has_job(const fs::path& above) {
+  std::error_code ignored;
+  return std::ranges::any_of(fs::directory_iterator(above, ignored), [](const auto& entry) {
+    return entry.path().filename().string().starts_with(kOfJob);
+  });
 }
 
 }  // namespace
@@ -100,11 +111,14 @@ std::unique_ptr<ControlGroup> ControlGroup::make(std::uint64_t memory) {
 
 bool ControlGroup::let_limit() {
   const fs::path control = above_ / "cgroup.subtree_control";
-  if (has_word(control, "memory") || write(control, "+memory")) return true;
+  if (has_word(control, "memory")) return true;
+  has_enabled_ = write(control, "+memory");
+  if (has_enabled_) return true;
   const fs::path turn = above_ / fmt::format("{}{}", kOfTurn, ::getpid());
   if (errno != EBUSY || ::mkdir(turn.c_str(), 0755) != 0) return false;
   turn_ = turn;
-  return write(turn / "cgroup.procs", "0") && write(control, "+memory");
+  has_enabled_ = write(turn / "cgroup.procs", "0") && write(control, "+memory");
+  return has_enabled_;
 }
 
 ControlGroup::~ControlGroup() {
@@ -115,8 +129,11 @@ ControlGroup::~ControlGroup() {
   for (int tries = 0; ::rmdir(job_.c_str()) != 0 && errno == EBUSY && tries < 500; ++tries) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
+  // In the root group another turn may have begun meanwhile, whose job would lose its limit.
+  if (has_enabled_ && (!turn_.empty() || !has_job(above_))) {
+    write(above_ / "cgroup.subtree_control", "-memory");
+  }
   if (turn_.empty()) return;
-  write(above_ / "cgroup.subtree_control", "-memory");
   write(above_ / "cgroup.procs", "0");
   ::rmdir(turn_.c_str());
 }
@@ -127,14 +144,19 @@ std::uint64_t ControlGroup::memory() const {
   std::uint64_t current = 0;
   std::ifstream(job_ / "memory.current") >> current;
   const fs::path parts = job_ / "memory.stat";
+  // Each number is of another moment.
+  const auto without = [](std::uint64_t all, std::uint64_t part) {
+    return all - std::min(all, part);
+  };
   // Files in shared memory count as files as well, but nothing can be given back of them.
-  const std::uint64_t files = number_in(parts, "file") - number_in(parts, "shmem");
-  const std::uint64_t given_back = files + number_in(parts, "slab_reclaimable");
-  return current > given_back ? current - given_back : 0;
+  const std::uint64_t files = without(number_in(parts, "file"), number_in(parts, "shmem"));
+  return without(current, files + number_in(parts, "slab_reclaimable"));
 }
 
 bool ControlGroup::was_too_large() const {
-  return number_in(job_ / "memory.events", "oom_kill") > 0;
+  // Kills alone may be for want of memory in the machine: "oom" counts those at this limit.
+  const fs::path events = job_ / "memory.events";
+  return number_in(events, "oom_kill") > 0 && number_in(events, "oom") > 0;
 }
 
 }  // namespace trifinger::apps

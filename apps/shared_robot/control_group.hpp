@@ -11,9 +11,10 @@ namespace trifinger::apps {
 // they take, in whatever way, and ends them all when it is more than their limit.
 class ControlGroup {
  public:
-  // Makes a group below that of this process. Nothing where there are no such groups, where this
-  // user may not, or where other programs are in the group of this one. This process then goes to
-  // another group below, because the kernel limits no groups beside processes.
+  // Makes a group below that of this process, which itself goes to a second group below where it
+  // must, because the kernel limits no groups beside processes. Returns nothing, and leaves this
+  // process where it was, if there are no such groups, if this user may not make one, or if other
+  // programs are in the group of this one.
   [[nodiscard]] static std::unique_ptr<ControlGroup> make(std::uint64_t memory);
   ControlGroup(const ControlGroup&) = delete;
   ControlGroup& operator=(const ControlGroup&) = delete;
@@ -35,6 +36,7 @@ class ControlGroup {
   std::filesystem::path above_;  // the group in which this process was
   std::filesystem::path job_;    // empty: none was made
   std::filesystem::path turn_;   // where this process is now; empty: where it was
+  bool has_enabled_{false};      // the control of memory in `above_`
   int entry_{-1};                // open also in children, unlike a FileDescriptor
 };
 

@@ -426,8 +426,17 @@ class Turn {
     }
     // The rest takes time that a fork bomb would use.
     if (usage.processes > options_.limits.processes) return usage;
-    usage.memory = group_ ? group_->memory() : memory_of(processes, options_.limits.memory);
+    if (group_) usage.memory = group_->memory();
+    if (!group_ || may_leave_group()) {
+      usage.memory = std::max(usage.memory, memory_of(processes, options_.limits.memory));
+    }
     return usage;
+  }
+
+  // A program of this user may go to another group where it can write to the files of groups.
+  [[nodiscard]] bool may_leave_group() const {
+    const bool is_other_user = user_ && user_->user != ::geteuid();
+    return !is_other_user && !program_->confined_by().read_only;
   }
 
   void note_end(const ProgramEnd& end) {

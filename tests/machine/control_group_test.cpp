@@ -177,6 +177,23 @@ TEST_F(ControlGroupTest, HoldsAConfinedProgramAndLeavesNothingBehind) {
   EXPECT_EQ(text_of("/proc/self/cgroup"), before);
 }
 
+TEST_F(ControlGroupTest, LeavesTheControlOfMemoryAsItWas) {
+  const fs::path control = kGroups / "cgroup.subtree_control";
+  for (const char* const change : {"-memory", "+memory"}) {
+    std::ofstream(control) << change << std::flush;
+    const std::string before = text_of(control);
+    EXPECT_TRUE(ControlGroup::make(kLimit));
+    EXPECT_EQ(text_of(control), before);
+  }
+}
+
+// In containers the numbers of processes are soon used again.
+TEST_F(ControlGroupTest, IsMadeWhereOneOfTheSameNumberWasLeft) {
+  fs::create_directory(kGroups / ("trifinger_job_" + std::to_string(::getpid())));
+  EXPECT_TRUE(ControlGroup::make(kLimit));
+  EXPECT_THAT(groups_in(kGroups), testing::IsEmpty());
+}
+
 // What `systemd-run --user --scope -p Delegate=yes` gives: a group that belongs to the user.
 TEST_F(ControlGroupTest, HoldsInAGroupThatIsDelegatedToAUser) {
   const fs::path scope = kGroups / "scope";
