@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "robot/loop_figures.hpp"
 #include "robot/session_state.hpp"
+#include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -48,7 +49,7 @@ Row row_of(const SessionInfo& info) {
 
 int list() {
   const std::vector<SessionInfo> sessions = list_sessions();
-  for (const std::string& reason : refused_sessions()) fmt::print(stderr, "{}\n", reason);
+  for (const std::string& reason : refused_sessions()) print_safely(stderr, "{}\n", reason);
   if (sessions.empty()) {
     fmt::print("There is no session in {}; 'trifinger run sim' starts one.\n",
                session_folder().string());

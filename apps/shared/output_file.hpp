@@ -13,8 +13,9 @@
 
 namespace trifinger::apps {
 
-// Writes a file that the user has named: it appears whole or not at all, and links are followed. A
-// device, such as /dev/stdout, is written as it is. Throws SystemError.
+// Writes a file that the user has named: it appears whole or not at all. A link to a file is
+// followed; the file replaces a link that leads nowhere. A device, such as /dev/stdout, is written
+// as it is. Throws SystemError.
 inline void write_output_file(const std::filesystem::path& path, std::string_view bytes) {
   std::error_code missing;
   const std::filesystem::path target = std::filesystem::canonical(path, missing);
