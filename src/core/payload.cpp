@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <mutex>
@@ -16,7 +18,6 @@
 #include "sensor_file.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/core/driver.hpp"
@@ -294,13 +295,31 @@ PayloadWriter::PayloadWriter(PayloadWriter&&) noexcept = default;
 PayloadWriter& PayloadWriter::operator=(PayloadWriter&&) noexcept = default;
 PayloadWriter::~PayloadWriter() = default;
 
+namespace {
+
+// `checked` for what neither throws nor allocates.
+template <class State>
+State& checked_in_loop(const std::unique_ptr<State>& state) noexcept {
+  if (state == nullptr) {
+    std::fputs(
+        "a PayloadWriter was used after it had been moved: use the object that it was moved to\n",
+        stderr);
+    std::abort();
+  }
+  return *state;
+}
+
+}  // namespace
+
 std::span<std::byte> PayloadWriter::begin() noexcept {
-  return checked(state_)->memory->begin(checked(state_)->next);
+  const State& state = checked_in_loop(state_);
+  return state.memory->begin(state.next);
 }
 
 PayloadReference PayloadWriter::commit() noexcept {
-  checked(state_)->memory->commit(checked(state_)->next);
-  return {.memory = checked(state_)->memory->id(), .number = checked(state_)->next++};
+  State& state = checked_in_loop(state_);
+  state.memory->commit(state.next);
+  return {.memory = state.memory->id(), .number = state.next++};
 }
 
 // ---- the readers ----
