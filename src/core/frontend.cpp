@@ -169,12 +169,12 @@ UntypedFrontend& UntypedFrontend::operator=(UntypedFrontend&&) noexcept = defaul
 UntypedFrontend::~UntypedFrontend() = default;
 
 UntypedFrontend UntypedFrontend::companion(const std::string& name) const {
-  checked(state_)->require_own();
-  auto state =
-      std::make_unique<FrontendState>(Part{checked(state_)->mapping->companion(name)}, false,
-                                      checked(state_)->inline_backend, checked(state_)->owner);
-  state->inline_thread = checked(state_)->inline_thread;
-  state->interrupt = checked(state_)->interrupt;
+  const FrontendState& own = *checked(state_);
+  own.require_own();
+  auto state = std::make_unique<FrontendState>(Part{own.mapping->companion(name)}, false,
+                                               own.inline_backend, own.owner);
+  state->inline_thread = own.inline_thread;
+  state->interrupt = own.interrupt;
   return UntypedFrontend(std::move(state));
 }
 

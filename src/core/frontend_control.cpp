@@ -48,9 +48,9 @@ void wait_for_queue_space(const detail::FrontendState& state, TimeIndex taken, T
 }  // namespace
 
 TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout timeout) {
-  checked(state_)->require_own();
-  checked(state_)->require_control();
   detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  state.require_control();
   if (state.inline_backend != nullptr && !state.inline_thread->take()) state.throw_moved();
   const detail::StateHeader& header = state.header();
   while (true) {
@@ -101,43 +101,45 @@ TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size
 }
 
 void UntypedFrontend::finish(Timeout timeout) {
-  checked(state_)->require_own();
-  checked(state_)->require_control();
-  if (checked(state_)->inline_backend != nullptr && !checked(state_)->inline_thread->take()) {
-    checked(state_)->throw_moved();
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  state.require_control();
+  if (state.inline_backend != nullptr && !state.inline_thread->take()) {
+    state.throw_moved();
   }
-  const detail::SessionMapping& mapping = *checked(state_)->mapping;
+  const detail::SessionMapping& mapping = *state.mapping;
   if (!mapping.has_ended()) {
-    detail::send_request(*checked(state_)->action_header(), detail::kFinish);
-    checked(state_)->wait([&mapping] { return mapping.has_ended(); }, {Wanted::kAnything, 0},
-                          timeout, [] { return std::string("the end of the session"); });
-    checked(state_)->run_inline_to_end();
+    detail::send_request(*state.action_header(), detail::kFinish);
+    state.wait([&mapping] { return mapping.has_ended(); }, {Wanted::kAnything, 0}, timeout,
+               [] { return std::string("the end of the session"); });
+    state.run_inline_to_end();
   }
   // The session may have ended before the request, for a reason that left some actions unused.
   const Fault fault = mapping.fault();
   const bool is_as_good =
-      fault.code == Fault::Code::kExhausted && checked(state_)->last_appended < fault.time_index;
-  if (fault.code != Fault::Code::kFinished && !is_as_good) checked(state_)->throw_stopped();
+      fault.code == Fault::Code::kExhausted && state.last_appended < fault.time_index;
+  if (fault.code != Fault::Code::kFinished && !is_as_good) state.throw_stopped();
 }
 
 void UntypedFrontend::recover(Timeout timeout) {
-  checked(state_)->require_own();
-  if (checked(state_)->inline_backend != nullptr) {
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  if (state.inline_backend != nullptr) {
     using detail::InlineThread;
-    checked(state_)->require_backend();
-    const InlineThread::Use use(*checked(state_)->inline_thread, InlineThread::Taking::kYes);
-    if (!use) checked(state_)->throw_moved();
-    checked(state_)->inline_backend->recover();
+    state.require_backend();
+    const InlineThread::Use use(*state.inline_thread, InlineThread::Taking::kYes);
+    if (!use) state.throw_moved();
+    state.inline_backend->recover();
     return;
   }
-  const detail::SessionMapping& mapping = *checked(state_)->mapping;
+  const detail::SessionMapping& mapping = *state.mapping;
   if (!mapping.has_ended()) {
     if (!mapping.backend_is_alive()) mapping.throw_stopped();
     return;
   }
-  checked(state_)->require_control();
-  detail::send_request(*checked(state_)->action_header(), detail::kRecover);
-  detail::wait_for_next_session(mapping, timeout, checked(state_)->interrupt);
+  state.require_control();
+  detail::send_request(*state.action_header(), detail::kRecover);
+  detail::wait_for_next_session(mapping, timeout, state.interrupt);
 }
 
 }  // namespace trifinger

@@ -91,8 +91,9 @@ void wait_for(const detail::FrontendState& state, Series series, TimeIndex t, Ti
 }  // namespace
 
 bool UntypedFrontend::try_get(Series series, TimeIndex t, void* element) const {
-  checked(state_)->require_own();
-  const SessionMapping& mapping = *checked(state_)->mapping;
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  const SessionMapping& mapping = *state.mapping;
   if (t < mapping.header().first_index) {
     throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at " +
                           std::to_string(mapping.header().first_index));
@@ -102,7 +103,7 @@ bool UntypedFrontend::try_get(Series series, TimeIndex t, void* element) const {
   if (t == std::numeric_limits<TimeIndex>::max()) return false;
   switch (mapping.ring(series).read(t, element)) {
     case ipc::ReadResult::kDone:
-      if (series == Series::kObservation) hand_out(*state_, t);
+      if (series == Series::kObservation) hand_out(state, t);
       return true;
     case ipc::ReadResult::kLost:
       throw_lost(mapping, series, t);
@@ -141,21 +142,24 @@ void UntypedFrontend::get(Series series, TimeIndex first, std::size_t count, voi
 }
 
 void UntypedFrontend::wait_until_time_index(TimeIndex t, Timeout timeout) const {
-  checked(state_)->require_own();
-  wait_for(*state_, Series::kObservation, t, timeout);
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  wait_for(state, Series::kObservation, t, timeout);
 }
 
 void UntypedFrontend::latest_observation(void* observation, Timeout timeout) const {
-  checked(state_)->require_own();
-  const auto is_read = [&] { return read_latest_observation(*state_, observation); };
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  const auto is_read = [&] { return read_latest_observation(state, observation); };
   if (is_read()) return;
-  checked(state_)->wait(is_read, {Wanted::kAnything, 0}, timeout,
-                        [] { return std::string("an observation"); });
+  state.wait(is_read, {Wanted::kAnything, 0}, timeout,
+             [] { return std::string("an observation"); });
 }
 
 bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout) const {
-  checked(state_)->require_own();
-  const SessionMapping& mapping = *checked(state_)->mapping;
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  const SessionMapping& mapping = *state.mapping;
   if (!mapping.is_companion()) {
     throw InvalidArgument("get_latest_at reads companions; robot '" + mapping.name() +
                           "' has one element per step: use get_observation");
@@ -165,8 +169,8 @@ bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout)
     return mapping.header().complete_through.load(std::memory_order_acquire) >= t;
   };
   if (!is_complete()) {
-    checked(state_)->wait(is_complete, {Wanted::kAnything, t}, timeout,
-                          [t] { return "step " + std::to_string(t) + " of the robot"; });
+    state.wait(is_complete, {Wanted::kAnything, t}, timeout,
+               [t] { return "step " + std::to_string(t) + " of the robot"; });
   }
   const ipc::Ring& ring = mapping.ring(Series::kObservation);
   TimeIndex oldest = next(t);
@@ -182,32 +186,35 @@ bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout)
 }
 
 PayloadView UntypedFrontend::payload(const void* element) const {
-  checked(state_)->require_own();
-  if (checked(state_)->payloads == nullptr) {
-    throw InvalidArgument("the elements of '" + checked(state_)->mapping->name() +
-                          "' have no payloads");
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  if (state.payloads == nullptr) {
+    throw InvalidArgument("the elements of '" + state.mapping->name() + "' have no payloads");
   }
   PayloadReference reference;
   // The caller's buffer may not be aligned.
   std::memcpy(&reference, static_cast<const std::byte*>(element) + sizeof(Stamp),
               sizeof(reference));
-  return checked(state_)->payloads->view(reference);
+  return state.payloads->view(reference);
 }
 
 TimeIndex UntypedFrontend::current_time_index() const {
-  checked(state_)->require_own();
-  return checked(state_)->mapping->end_of(Series::kObservation) - 1;
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  return state.mapping->end_of(Series::kObservation) - 1;
 }
 
 std::pair<TimeIndex, TimeIndex> UntypedFrontend::range(Series series) const {
-  const TimeIndex first = first_in_history(*checked(state_)->mapping, series);
-  return {first, checked(state_)->mapping->end_of(series)};
+  const SessionMapping& mapping = *checked(state_)->mapping;
+  const TimeIndex first = first_in_history(mapping, series);
+  return {first, mapping.end_of(series)};
 }
 
 std::optional<Fault> UntypedFrontend::fault() const {
-  checked(state_)->require_own();
-  const SessionMapping& mapping = *checked(state_)->mapping;
-  const bool is_inline = checked(state_)->inline_backend != nullptr;
+  const detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  const SessionMapping& mapping = *state.mapping;
+  const bool is_inline = state.inline_backend != nullptr;
   if (mapping.has_ended() || (!is_inline && !mapping.backend_is_alive())) return mapping.fault();
   return std::nullopt;
 }

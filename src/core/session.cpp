@@ -112,26 +112,27 @@ std::optional<ipc::ProcessIdentity> find_backend(const std::string& name) {
 }
 
 SessionInfo Session::info() const {
-  checked(mapping_)->require_own();
-  const detail::StateHeader& header = checked(mapping_)->header();
+  const detail::SessionMapping& mapping = *checked(mapping_);
+  mapping.require_own();
+  const detail::StateHeader& header = mapping.header();
   SessionInfo info;
-  info.name = checked(mapping_)->name();
-  info.type = checked(mapping_)->description().type;
-  info.is_companion = checked(mapping_)->is_companion();
+  info.name = mapping.name();
+  info.type = mapping.description().type;
+  info.is_companion = mapping.is_companion();
   info.session_id = header.session_id;
   info.robot_session_id = header.robot_session_id;
   info.is_real_time = header.is_real_time != 0;
-  info.realtime_lacks = checked(mapping_)->realtime_lacks();
+  info.realtime_lacks = mapping.realtime_lacks();
   info.period = Nanoseconds(header.period);
   info.created = std::chrono::system_clock::time_point(
       std::chrono::duration_cast<std::chrono::system_clock::duration>(
           Nanoseconds(header.created_time)));
-  info.host = checked(mapping_)->host();
+  info.host = mapping.host();
   info.backend = header.backend();
-  info.backend_is_alive = checked(mapping_)->backend_is_alive();
+  info.backend_is_alive = mapping.backend_is_alive();
   info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
   const Series counted = info.is_companion ? Series::kObservation : Series::kAppliedAction;
-  info.steps = checked(mapping_)->end_of(counted) - checked(mapping_)->begin_of(counted);
+  info.steps = mapping.end_of(counted) - mapping.begin_of(counted);
   const std::int64_t heartbeat = header.heartbeat.load(std::memory_order_relaxed);
   if (heartbeat != 0) {
     info.since_heartbeat =
@@ -139,15 +140,14 @@ SessionInfo Session::info() const {
   }
   // acquire: everything measured until then can be read.
   info.is_at_rest = header.is_at_rest.load(std::memory_order_acquire) != 0;
-  if (checked(mapping_)->has_ended() || !info.backend_is_alive) {
-    info.fault = checked(mapping_)->fault();
-    info.fault_text = checked(mapping_)->fault_text();
+  if (mapping.has_ended() || !info.backend_is_alive) {
+    info.fault = mapping.fault();
+    info.fault_text = mapping.fault_text();
   }
-  if (!checked(mapping_)->is_companion()) {
+  if (!mapping.is_companion()) {
     try {
-      const ipc::SharedMemory action = checked(mapping_)->directory()->open(
-          detail::action_file(checked(mapping_)->name(), header.session_id),
-          ipc::Access::kReadOnly);
+      const ipc::SharedMemory action = mapping.directory()->open(
+          detail::action_file(mapping.name(), header.session_id), ipc::Access::kReadOnly);
       if (action.size() >= sizeof(detail::ActionHeader) && ipc::is_locked_by_other(action.file())) {
         const ipc::ProcessIdentity controller =
             reinterpret_cast<const detail::ActionHeader*>(action.data())->controller();
@@ -162,8 +162,9 @@ SessionInfo Session::info() const {
 }
 
 std::optional<TimingRecord> Session::timing() const {
-  checked(mapping_)->require_own();
-  return checked(mapping_)->timing();
+  const detail::SessionMapping& mapping = *checked(mapping_);
+  mapping.require_own();
+  return mapping.timing();
 }
 
 const RobotTypes& Session::description() const noexcept { return checked(mapping_)->description(); }
@@ -252,12 +253,13 @@ SessionHost SessionHost::named(const std::string& name, SessionOptions options) 
 }
 
 Session SessionHost::open(const std::string& companion) const {
-  const std::string name = checked(place_)->name() + (companion.empty() ? "" : "." + companion);
+  const detail::SessionPlace& place = *checked(place_);
+  const std::string name = place.name() + (companion.empty() ? "" : "." + companion);
   try {
-    return Session(std::make_shared<detail::SessionMapping>(checked(place_)->directory(), name));
+    return Session(std::make_shared<detail::SessionMapping>(place.directory(), name));
   } catch (const SystemError& error) {
     if (error.error_number() != ENOENT) throw;
-    throw SessionNotFound("robot '" + checked(place_)->name() + "' has no session" +
+    throw SessionNotFound("robot '" + place.name() + "' has no session" +
                           (companion.empty() ? " yet" : " '" + companion + "'"));
   }
 }

@@ -161,17 +161,19 @@ int Kinematics::num_fingers() const noexcept { return checked(state_)->model.num
 int Kinematics::num_joints() const noexcept { return checked(state_)->model.num_joints(); }
 
 void Kinematics::update(const JointValues& position) noexcept {
+  const State& state = *checked(state_);
   assert(position.size() == num_joints());
-  const mjModel* model = checked(state_)->model.mujoco();
-  mjData* data = checked(state_)->data.get();
+  const mjModel* model = state.model.mujoco();
+  mjData* data = state.data.get();
   Eigen::Map<Eigen::VectorXd>(data->qpos, num_joints()) = position;
   mj_kinematics(model, data);
   mj_comPos(model, data);
 }
 
 Eigen::Vector3d Kinematics::tip_position(int finger) const noexcept {
-  const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
-  return Eigen::Map<const Eigen::Vector3d>(checked(state_)->data->site_xpos + 3 * site);
+  const State& state = *checked(state_);
+  const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
+  return Eigen::Map<const Eigen::Vector3d>(state.data->site_xpos + 3 * site);
 }
 
 TipPositions Kinematics::tip_positions() const noexcept {
@@ -182,10 +184,11 @@ TipPositions Kinematics::tip_positions() const noexcept {
 }
 
 TipPositions Kinematics::tip_positions(const JointValues& position) const noexcept {
+  const State& state = *checked(state_);
   assert(position.size() == num_joints());
   TipPositions tips(3 * num_fingers());
   for (int finger = 0; finger < num_fingers(); ++finger) {
-    const Chain& chain = checked(state_)->chains[static_cast<std::size_t>(finger)];
+    const Chain& chain = state.chains[static_cast<std::size_t>(finger)];
     Eigen::Vector3d tip = chain.tip;
     for (int joint = kJointsPerFinger - 1; joint >= 0; --joint) {
       const auto j = static_cast<std::size_t>(joint);
@@ -205,20 +208,20 @@ double Kinematics::finger_azimuth(int finger) const noexcept {
 }
 
 TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
-  const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
+  const State& state = *checked(state_);
+  const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
   // MuJoCo writes row-major.
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
-  mj_jacSite(checked(state_)->model.mujoco(), checked(state_)->data.get(), rows.data(), nullptr,
-             site);
+  mj_jacSite(state.model.mujoco(), state.data.get(), rows.data(), nullptr, site);
   return rows;
 }
 
 TipJacobian Kinematics::tip_rotation_jacobian(int finger) const noexcept {
-  const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
+  const State& state = *checked(state_);
+  const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
   // MuJoCo writes row-major.
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
-  mj_jacSite(checked(state_)->model.mujoco(), checked(state_)->data.get(), nullptr, rows.data(),
-             site);
+  mj_jacSite(state.model.mujoco(), state.data.get(), nullptr, rows.data(), site);
   return rows;
 }
 
@@ -230,14 +233,15 @@ JointMatrix Kinematics::tip_jacobians() const noexcept {
 }
 
 TipPositions Kinematics::tip_accelerations(const JointValues& velocity) const noexcept {
+  const State& state = *checked(state_);
   assert(velocity.size() == num_joints());
-  const mjModel* model = checked(state_)->model.mujoco();
-  mjData* data = checked(state_)->data.get();
+  const mjModel* model = state.model.mujoco();
+  mjData* data = state.data.get();
   Eigen::Map<Eigen::VectorXd>(data->qvel, num_joints()) = velocity;
   mj_comVel(model, data);
   TipPositions accelerations(3 * num_fingers());
   for (int finger = 0; finger < num_fingers(); ++finger) {
-    const int site = checked(state_)->model.tip_sites()[static_cast<std::size_t>(finger)];
+    const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
     Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
     mj_jacDot(model, data, rows.data(), nullptr, data->site_xpos + 3 * site,
               model->site_bodyid[site]);
@@ -251,9 +255,10 @@ JointValues Kinematics::gravity_torques() const noexcept {
 }
 
 JointValues Kinematics::bias_torques(const JointValues& velocity) const noexcept {
+  const State& state = *checked(state_);
   assert(velocity.size() == num_joints());
-  const mjModel* model = checked(state_)->model.mujoco();
-  mjData* data = checked(state_)->data.get();
+  const mjModel* model = state.model.mujoco();
+  mjData* data = state.data.get();
   Eigen::Map<Eigen::VectorXd>(data->qvel, num_joints()) = velocity;
   mj_comVel(model, data);
   JointValues torques(num_joints());
@@ -262,9 +267,10 @@ JointValues Kinematics::bias_torques(const JointValues& velocity) const noexcept
 }
 
 JointMatrix Kinematics::mass_matrix() const noexcept {
-  mj_crb(checked(state_)->model.mujoco(), checked(state_)->data.get());
+  const State& state = *checked(state_);
+  mj_crb(state.model.mujoco(), state.data.get());
   JointMatrix mass(num_joints(), num_joints());
-  mj_fullM(checked(state_)->model.mujoco(), checked(state_)->data.get(), mass.data());
+  mj_fullM(state.model.mujoco(), state.data.get(), mass.data());
   return mass;
 }
 
@@ -274,11 +280,11 @@ FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip
 
 FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip,
                                           const Eigen::Vector3d& near) const noexcept {
-  if (!tip.allFinite() || !near.allFinite()) return {checked(state_)->initial, Reach::kTooFar};
+  const State& state = *checked(state_);
+  if (!tip.allFinite() || !near.allFinite()) return {state.initial, Reach::kTooFar};
 
-  const ClosedForm& form = checked(state_)->form;
-  const Eigen::Vector3d local =
-      checked(state_)->finger_from_world[static_cast<std::size_t>(finger)] * tip;
+  const ClosedForm& form = state.form;
+  const Eigen::Vector3d local = state.finger_from_world[static_cast<std::size_t>(finger)] * tip;
   const double forward = local.y() - form.forward;
 
   Reach reach = Reach::kYes;
@@ -306,11 +312,9 @@ FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip
       pose[2] = knee * std::acos(cosine);
       pose[1] = form.joint1_sign * (std::atan2(forward, -height) - pose[2] / 2);
       for (int j = 0; j < kJointsPerFinger; ++j) {
-        pose[j] = equivalent_angle(pose[j], near[j], checked(state_)->lower[j],
-                                   checked(state_)->upper[j]);
+        pose[j] = equivalent_angle(pose[j], near[j], state.lower[j], state.upper[j]);
       }
-      const Eigen::Vector3d inside =
-          pose.cwiseMax(checked(state_)->lower).cwiseMin(checked(state_)->upper);
+      const Eigen::Vector3d inside = pose.cwiseMax(state.lower).cwiseMin(state.upper);
       const double excess = (pose - inside).cwiseAbs().maxCoeff();
       const double distance = (pose - near).norm();
       const bool better =
