@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -31,10 +32,16 @@ namespace {
 
 constexpr int kSocketFlags = SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC;
 
+// Marks folders that nodes have made. It has no other effect on a folder in which only its owner
+// may write.
+constexpr mode_t kMadeByNode = S_ISVTX;
+
 // Opens the folder of a bus, in which nobody else may put a socket.
 ipc::FileDescriptor open_folder(const std::filesystem::path& path) {
   const std::string doing = "join the bus in the folder " + path.string();
-  if (::mkdir(path.c_str(), S_IRWXU) != 0 && errno != EEXIST) throw SystemError(doing, errno);
+  if (::mkdir(path.c_str(), S_IRWXU | kMadeByNode) != 0 && errno != EEXIST) {
+    throw SystemError(doing, errno);
+  }
   ipc::FileDescriptor folder(
       [&path] { return ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC); });
   if (!folder) throw SystemError(doing, errno);
@@ -151,7 +158,7 @@ class UnixNode final : public UnixBus {
   // Returns the frame of a message, and notes what else the message tells.
   std::optional<Frame> take(const Incoming& message, Peer& peer, const ClockPair& now) noexcept;
 
-  // Removes the folder if no other node is in it.
+  // Removes the folder if no other node is in it and a node has made it.
   void leave() noexcept;
 
   std::filesystem::path path_;
@@ -167,9 +174,12 @@ class UnixNode final : public UnixBus {
 
 void UnixNode::join(const std::filesystem::path& path) {
   peers_.reserve(kMaxUnixNodes);
-  LockedFolder locked = lock_folder(path);
+  // The program may change its own folder before this node leaves.
+  std::error_code error;
+  path_ = std::filesystem::absolute(path, error);
+  if (error) throw SystemError("join the bus in the folder " + path.string(), error.value());
+  LockedFolder locked = lock_folder(path_);
   folder_ = std::move(locked.folder);
-  path_ = path;
   std::optional<std::size_t> free;
   for (std::size_t number = 0; number < kMaxUnixNodes; ++number) {
     const std::size_t known = peers_.size();
@@ -201,7 +211,10 @@ void UnixNode::leave() noexcept {
       if (entry.path().filename() != kLock) return;
     }
     ::unlinkat(locked.folder.get(), kLock, 0);
-    ::rmdir(path_.c_str());
+    struct stat status{};
+    if (::fstat(locked.folder.get(), &status) == 0 && (status.st_mode & kMadeByNode) != 0) {
+      ::rmdir(path_.c_str());
+    }
   } catch (const std::exception&) {
     // The folder is gone already, or somebody has changed its permissions: then it stays.
   }

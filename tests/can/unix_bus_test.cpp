@@ -190,6 +190,25 @@ TEST_F(UnixBusTest, RemovesNoFileThatIsNotItsOwn) {
   EXPECT_TRUE(std::filesystem::exists(path_ / "node.3"));
 }
 
+TEST_F(UnixBusTest, fault_80_IsRemovedByItsLastNodeAlsoFromAnotherFolder) {
+  ChildProcess child([this] {
+    std::filesystem::current_path(folder_.path());
+    auto bus = join_unix_bus("bus");
+    std::filesystem::current_path("/");
+    bus.reset();
+    return 0;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "bus"));
+}
+
+TEST_F(UnixBusTest, LeavesTheFolderThatItHasNotMade) {
+  std::filesystem::create_directory(path_);
+  join().reset();
+  EXPECT_TRUE(std::filesystem::exists(path_));
+  EXPECT_TRUE(files().empty());
+}
+
 TEST_F(UnixBusTest, NobodyElseMayConnect) {
   const auto bus = join();
   struct stat status{};

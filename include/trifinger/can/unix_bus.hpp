@@ -27,6 +27,8 @@ class UnixBus : public Bus {
 /// that is stopped or dies costs nobody more than its own frames. `send` never refuses for its
 /// sake: the receiver counts what it has lost.
 ///
+/// The last node that leaves removes the folder if it was made by a node, and only then.
+///
 /// Joining waits until other nodes have joined, at most 10 s.
 /// @throws SystemError if the folder belongs to or may be written by somebody else, TimedOut,
 /// InvalidArgument if there are already kMaxUnixNodes nodes
