@@ -41,8 +41,8 @@ std::vector<Report> run_all(const Options& options,
     }
   };
   {
-    std::vector<std::jthread> threads;
-    for (int i = 0; i < num_processors(); ++i) threads.emplace_back(work);
+    std::vector<std::jthread> threads(static_cast<std::size_t>(num_processors()));
+    for (std::jthread& thread : threads) thread = std::jthread(work);
   }
   if (failure) std::rethrow_exception(failure);
   return reports;
