@@ -89,7 +89,7 @@ void require_honest_gmsh(std::string_view bytes) {
   const bool is_new = !format.empty() && format[0] >= 4;
   const bool is_binary = format.size() > 1 && format[1] != 0;
   for (const std::string_view section : {"$Nodes", "$Elements"}) {
-    for (std::size_t at = bytes.find(section); at != bytes.npos; at = bytes.find(section, at + 1)) {
+    for (std::size_t at = bytes.find(section); at != kNowhere; at = bytes.find(section, at + 1)) {
       const std::string_view rest = bytes.substr(at + section.size());
       if (is_new && is_binary) {
         for (const std::uint64_t number : integers_at<std::uint64_t, 4>(rest, 1)) {
@@ -112,21 +112,21 @@ void require_honest(const std::string& format, std::string_view bytes) {
     throw Error(text_of("it has ", bytes.size(), " bytes, but its first numbers say ", size));
   };
   constexpr double kSize = 4;  // of a number
-  const std::size_t gmsh = bytes.starts_with(kGmsh)                 ? 0
-                           : format.find("flexcomp") != format.npos ? bytes.find(kGmsh)
-                                                                    : bytes.npos;
-  if (gmsh != bytes.npos) require_honest_gmsh(bytes.substr(gmsh));
-  if (format.find("msh") != format.npos && gmsh == bytes.npos) {
+  const std::size_t gmsh = bytes.starts_with(kGmsh)              ? 0
+                           : format.find("flexcomp") != kNowhere ? bytes.find(kGmsh)
+                                                                 : kNowhere;
+  if (gmsh != kNowhere) require_honest_gmsh(bytes.substr(gmsh));
+  if (format.find("msh") != kNowhere && gmsh == kNowhere) {
     const auto n = integers_at<std::int32_t, 4>(bytes, 0);
     if (std::ranges::min(n) < 0) throw Error("its first numbers are negative");
     promised(kSize * (4 + 3.0 * n[0] + 3.0 * n[1] + 2.0 * n[2] + 3.0 * n[3]));
   }
-  if (format.find("skn") != format.npos) {
+  if (format.find("skn") != kNowhere) {
     const auto n = integers_at<std::int32_t, 4>(bytes, 0);
     const double least = kSize * (4 + 3.0 * n[0] + 2.0 * n[1] + 3.0 * n[2] + 18.0 * n[3]);
     if (std::ranges::min(n) < 0 || least > static_cast<double>(bytes.size())) promised(least);
   }
-  if (format.find("hfield") != format.npos && !bytes.starts_with("\x89PNG")) {
+  if (format.find("hfield") != kNowhere && !bytes.starts_with("\x89PNG")) {
     const auto n = integers_at<std::int32_t, 2>(bytes, 0);
     if (std::ranges::min(n) < 1) throw Error("it has no rows or no columns");
     promised(kSize * (2 + static_cast<double>(n[0]) * n[1]));
@@ -188,11 +188,11 @@ std::string read_whole(const File& file) {
 // Points that MuJoCo may find in the mesh of a flexible thing, at most.
 double points_in(File& file) {
   constexpr double kLeast = 8;  // bytes of "0 0 0 0\n"
-  if (file.format.find("obj") == file.format.npos) return static_cast<double>(file.size) / kLeast;
+  if (file.format.find("obj") == kNowhere) return static_cast<double>(file.size) / kLeast;
   if (file.size == 0) return 0;
   std::string text = read_whole(file);
   double points = 0;
-  for (std::size_t at = text.find('v'); at != text.npos; at = text.find('v', at + 1)) {
+  for (std::size_t at = text.find('v'); at != kNowhere; at = text.find('v', at + 1)) {
     if (at + 1 < text.size() && is_space(text[at + 1])) ++points;
   }
   set_text(file, std::move(text));
@@ -475,7 +475,7 @@ Spec ForeignModel::parse() const {
 
 std::string ForeignModel::explained(const std::string& problem) const {
   std::string text = problem;
-  for (std::size_t at = text.find(kMount); at != text.npos; at = text.find(kMount, at)) {
+  for (std::size_t at = text.find(kMount); at != kNowhere; at = text.find(kMount, at)) {
     text.erase(at, kMount.size());
   }
   const std::string failure = files_->failure();

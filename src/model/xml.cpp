@@ -70,8 +70,8 @@ std::string decoded(std::string_view raw) {
   text.reserve(raw.size());
   constexpr std::size_t kLongest = 12;  // letters of an entity
   for (std::size_t at = 0; at < raw.size(); ++at) {
-    const std::size_t end = raw[at] == '&' ? raw.substr(at, kLongest).find(';') : raw.npos;
-    if (end != raw.npos && append_entity(raw.substr(at + 1, end - 1), text)) {
+    const std::size_t end = raw[at] == '&' ? raw.substr(at, kLongest).find(';') : kNowhere;
+    if (end != kNowhere && append_entity(raw.substr(at + 1, end - 1), text)) {
       at += end;
     } else {
       text += raw[at];
@@ -135,7 +135,7 @@ class Parser {
 
   void skip_behind(std::string_view last, const char* what) {
     const std::size_t found = text_.find(last, at_);
-    if (found == text_.npos) fail(std::string("the end of a ") + what + " is missing");
+    if (found == kNowhere) fail(std::string("the end of a ") + what + " is missing");
     move_to(found + last.size());
   }
 
@@ -144,10 +144,10 @@ class Parser {
     for (;;) {
       const std::size_t found = text_.find('<', at_);
       const std::string_view between =
-          text_.substr(at_, (found == text_.npos ? text_.size() : found) - at_);
+          text_.substr(at_, (found == kNowhere ? text_.size() : found) - at_);
       const bool is_empty = std::ranges::all_of(between, is_space);
       if (is_outside && !is_empty) fail("it does not begin with an element");
-      if (found == text_.npos) {
+      if (found == kNowhere) {
         fail(is_outside ? "it has no element" : "the end of an element is missing");
       }
       move_to(found);
@@ -169,7 +169,7 @@ class Parser {
   // A document type. What it declares means nothing here, so that no text can multiply itself.
   void skip_declaration() {
     const std::size_t end = text_.find_first_of("[>", at_);
-    const bool is_list = end != text_.npos && text_[end] == '[';
+    const bool is_list = end != kNowhere && text_[end] == '[';
     if (is_list) skip_behind("]", "document type");
     skip_behind(">", "document type");
   }
@@ -219,9 +219,9 @@ class Parser {
     if (quote != '"' && quote != '\'') fail(text_of("the value of '", name, "' has no quotes"));
     ++at_;
     const std::size_t end = text_.find(quote, at_);
-    if (end == text_.npos) fail(text_of("the end of the value of '", name, "' is missing"));
+    if (end == kNowhere) fail(text_of("the end of the value of '", name, "' is missing"));
     const std::string_view value = text_.substr(at_, end - at_);
-    if (value.find('\0') != value.npos) fail(text_of("the value of '", name, "' has a byte 0"));
+    if (value.find('\0') != kNowhere) fail(text_of("the value of '", name, "' has a byte 0"));
     element.attributes.emplace_back(name, decoded(value));
     move_to(end + 1);
   }

@@ -25,6 +25,9 @@ inline constexpr int kMostDepth = 500;
 // Attributes of one element. MuJoCo knows no element with half as many.
 inline constexpr std::size_t kMostAttributes = 100;
 
+// What `find` of a text gives if there is nothing to find.
+inline constexpr std::size_t kNowhere = std::string_view::npos;
+
 [[nodiscard]] constexpr bool is_space(char letter) noexcept {
   return letter == ' ' || (letter >= '\t' && letter <= '\r');
 }

@@ -9,6 +9,8 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <csignal>
@@ -71,12 +73,11 @@ class FreedName : public ::testing::Test {
 
   // True if a text has all these parts; else they are printed.
   static bool says(const std::string& text, const std::vector<std::string>& parts) {
-    for (const std::string& part : parts) {
-      if (text.find(part) != std::string::npos) continue;
-      std::fprintf(stderr, "'%s' is not in '%s'\n", part.c_str(), text.c_str());
-      return false;
-    }
-    return true;
+    return std::ranges::all_of(parts, [&text](const std::string& part) {
+      const bool is_there = text.find(part) != std::string::npos;
+      if (!is_there) std::fprintf(stderr, "'%s' is not in '%s'\n", part.c_str(), text.c_str());
+      return is_there;
+    });
   }
 
   SessionFolder folder_;

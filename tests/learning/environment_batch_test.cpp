@@ -82,7 +82,7 @@ TEST(EnvironmentBatch, fault_64_RefusesToMoveInAForkedChildAndGoesOnInItsParent)
   auto batch = std::make_unique<EnvironmentBatch>("reach", noisy("reach"), late_poses(), 3, 2);
   EnvironmentBatch other("reach", noisy("reach"), late_poses(), 3, 2);
   const std::vector<float> actions(27, 0.1F);
-  batch->reset();
+  (*batch).reset();
   other.reset();
   test::ChildProcess child([&] {
     const auto refuses = [](const auto& call) {
@@ -93,8 +93,8 @@ TEST(EnvironmentBatch, fault_64_RefusesToMoveInAForkedChildAndGoesOnInItsParent)
         return true;
       }
     };
-    if (!refuses([&] { batch->reset(); }) || !refuses([&] { batch->step(actions); })) return 2;
-    batch.reset();  // waits for no thread
+    if (!refuses([&] { (*batch).reset(); }) || !refuses([&] { batch->step(actions); })) return 2;
+    batch = nullptr;  // waits for no thread
     EnvironmentBatch own("reach", noisy("reach"), late_poses(), 3, 2);
     own.reset();
     own.step(actions);

@@ -15,6 +15,7 @@
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 #include "trifinger/model/model_file.hpp"
 #include "trifinger/model/model_text.hpp"
 
@@ -41,9 +42,8 @@ class ForeignModels : public testing::Test {
 
 // A joint that can be driven, and whatever `more` and `inside` say.
 std::string joint_and(const std::string& more, const std::string& inside = "") {
-  return "<mujoco>\n" + more +
-         "<worldbody><body name=\"b\"><joint name=\"a\"/><geom size=\"0.1\"/>" + inside +
-         "</body></worldbody></mujoco>";
+  return "<mujoco>\n" + more + R"(<worldbody><body name="b"><joint name="a"/><geom size="0.1"/>)" +
+         inside + "</body></worldbody></mujoco>";
 }
 
 std::string repeated(const std::string& text, int times) {
@@ -73,7 +73,7 @@ TEST_F(ForeignModels, fault_77_AskForNumbersThatAreJudgedBeforeMuJoCoObeysThem) 
   for (const auto& [text, problem] : asked) {
     // The element that asks is in the second line.
     EXPECT_THAT(refusal(joint_and(text)), HasSubstr(problem)) << text;
-    if (problem.starts_with("'")) {
+    if (problem.starts_with('\'')) {
       EXPECT_THAT(refusal(joint_and(text)), HasSubstr("arm.xml:2: ")) << text;
     }
   }
@@ -90,9 +90,8 @@ TEST_F(ForeignModels, fault_77_CannotMultiplyThemselves) {
   // Each body is twice the one before.
   std::string doubled = R"(<body name="b0"><geom size="1"/></body>)";
   for (int i = 1; i < 40; ++i) {
-    const std::string last = R"(<attach body="b)" + std::to_string(i - 1) + R"(" prefix=")";
-    doubled +=
-        "<body name=\"b" + std::to_string(i) + "\">" + last + "x\"/>" + last + "y\"/></body>";
+    const std::string last = text_of(R"(<attach body="b)", i - 1, R"(" prefix=")");
+    doubled += text_of(R"(<body name="b)", i, R"(">)", last, R"(x"/>)", last, R"(y"/></body>)");
   }
   EXPECT_THAT(refusal(joint_and("", doubled)), HasSubstr(copies));
   EXPECT_THAT(refusal(joint_and("", R"(<body name="c"><attach body="c" prefix="x"/></body>)")),
@@ -101,10 +100,9 @@ TEST_F(ForeignModels, fault_77_CannotMultiplyThemselves) {
   write(folder_ / "m0.xml", joint_and(""));
   for (int i = 1; i < 15; ++i) {
     const std::string attached = R"(<attach model="m" body="b" prefix=")";
-    write(folder_ / ("m" + std::to_string(i) + ".xml"),
-          joint_and(
-              R"(<asset><model name="m" file="m)" + std::to_string(i - 1) + R"(.xml"/></asset>)",
-              attached + "x\"/>" + attached + "y\"/>"));
+    write(folder_ / text_of("m", i, ".xml"),
+          joint_and(text_of(R"(<asset><model name="m" file="m)", i - 1, R"(.xml"/></asset>)"),
+                    text_of(attached, R"(x"/>)", attached, R"(y"/>)")));
   }
   EXPECT_THAT(refusal(joint_and(R"(<asset><model name="m" file="m14.xml"/></asset>)",
                                 R"(<attach model="m" body="b" prefix="z"/>)")),
@@ -205,8 +203,8 @@ TEST_F(ForeignModels, fault_77_HaveFilesWhoseFirstNumbersAreNotBelieved) {
 
 TEST_F(ForeignModels, fault_77_NestNoDeeperByAttaching) {
   const auto body = [](int number, int attached) {
-    return "<body name=\"b" + std::to_string(number) + "\"><attach body=\"b" +
-           std::to_string(attached) + "\" prefix=\"x\"/></body>";
+    return text_of(R"(<body name="b)", number, R"("><attach body="b)", attached,
+                   R"(" prefix="x"/></body>)");
   };
   std::string down;
   std::string up = R"(<body name="b0"/>)";
