@@ -21,9 +21,10 @@ TEST(Printable, LeavesOrdinaryTextsAsTheyAre) {
 TEST(Printable, fault_78_ShowsWhatATerminalWouldObey) {
   EXPECT_EQ(printable("\x1b]0;title\x07"), "\\x1b]0;title\\x07");
   EXPECT_EQ(printable("a\u009bb\x7f"), "a\\x9bb\\x7f");
-  EXPECT_EQ(printable("good \xe2\x80\xae"
-                      "evil\xe2\x81\xa6"),
-            "good \\u202eevil\\u2066");
+  // A literal with these would turn this line around in editors.
+  const std::string right_to_left{'\xe2', '\x80', '\xae'};
+  const std::string isolate{'\xe2', '\x81', '\xa6'};
+  EXPECT_EQ(printable("good " + right_to_left + "evil" + isolate), "good \\u202eevil\\u2066");
   EXPECT_EQ(printable("a\xff\xc3"), "a\\xff\\xc3");
   EXPECT_EQ(printable(std::string_view("a\0b", 3)), "a\\x00b");
 }

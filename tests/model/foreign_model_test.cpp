@@ -90,8 +90,9 @@ TEST_F(ForeignModels, fault_77_CannotMultiplyThemselves) {
   // Each body is twice the one before.
   std::string doubled = R"(<body name="b0"><geom size="1"/></body>)";
   for (int i = 1; i < 40; ++i) {
-    const std::string last = text_of(R"(<attach body="b)", i - 1, R"(" prefix=")");
-    doubled += text_of(R"(<body name="b)", i, R"(">)", last, R"(x"/>)", last, R"(y"/></body>)");
+    const std::string last = detail::text_of(R"(<attach body="b)", i - 1, R"(" prefix=")");
+    doubled +=
+        detail::text_of(R"(<body name="b)", i, R"(">)", last, R"(x"/>)", last, R"(y"/></body>)");
   }
   EXPECT_THAT(refusal(joint_and("", doubled)), HasSubstr(copies));
   EXPECT_THAT(refusal(joint_and("", R"(<body name="c"><attach body="c" prefix="x"/></body>)")),
@@ -100,9 +101,10 @@ TEST_F(ForeignModels, fault_77_CannotMultiplyThemselves) {
   write(folder_ / "m0.xml", joint_and(""));
   for (int i = 1; i < 15; ++i) {
     const std::string attached = R"(<attach model="m" body="b" prefix=")";
-    write(folder_ / text_of("m", i, ".xml"),
-          joint_and(text_of(R"(<asset><model name="m" file="m)", i - 1, R"(.xml"/></asset>)"),
-                    text_of(attached, R"(x"/>)", attached, R"(y"/>)")));
+    write(
+        folder_ / detail::text_of("m", i, ".xml"),
+        joint_and(detail::text_of(R"(<asset><model name="m" file="m)", i - 1, R"(.xml"/></asset>)"),
+                  detail::text_of(attached, R"(x"/>)", attached, R"(y"/>)")));
   }
   EXPECT_THAT(refusal(joint_and(R"(<asset><model name="m" file="m14.xml"/></asset>)",
                                 R"(<attach model="m" body="b" prefix="z"/>)")),
@@ -203,8 +205,8 @@ TEST_F(ForeignModels, fault_77_HaveFilesWhoseFirstNumbersAreNotBelieved) {
 
 TEST_F(ForeignModels, fault_77_NestNoDeeperByAttaching) {
   const auto body = [](int number, int attached) {
-    return text_of(R"(<body name="b)", number, R"("><attach body="b)", attached,
-                   R"(" prefix="x"/></body>)");
+    return detail::text_of(R"(<body name="b)", number, R"("><attach body="b)", attached,
+                           R"(" prefix="x"/></body>)");
   };
   std::string down;
   std::string up = R"(<body name="b0"/>)";
