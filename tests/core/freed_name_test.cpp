@@ -46,6 +46,23 @@ namespace {
 using std::filesystem::perms;
 using ::testing::IsEmpty;
 
+// Nothing can be opened as long as it lives.
+class NoFiles {
+ public:
+  NoFiles() {
+    ::getrlimit(RLIMIT_NOFILE, &before_);
+    rlimit none = before_;
+    none.rlim_cur = 0;
+    ::setrlimit(RLIMIT_NOFILE, &none);
+  }
+  NoFiles(const NoFiles&) = delete;
+  NoFiles& operator=(const NoFiles&) = delete;
+  ~NoFiles() { ::setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
 class FreedName : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -129,14 +146,11 @@ TEST_F(FreedName, fault_80_ARefusedBackendLeavesNothing) {
 TEST_F(FreedName, fault_80_WithoutAFreeFileDescriptorIsNotCalledOwned) {
   const NamedRobot robot;
   ChildProcess child([] {
-    rlimit limit{};
-    if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 2;
-    limit.rlim_cur = 0;
-    if (::setrlimit(RLIMIT_NOFILE, &limit) != 0) return 3;
-    return says(message_of<SystemError>([] { return SessionHost::named("robot"); }),
-                {"Too many open files"})
-               ? 0
-               : 4;
+    const auto without_files = [] {
+      const NoFiles none;
+      return SessionHost::named("robot");
+    };
+    return says(message_of<SystemError>(without_files), {"Too many open files"}) ? 0 : 4;
   });
   EXPECT_EQ(child.wait(), 0);
 }

@@ -27,19 +27,23 @@ namespace trifinger::log::detail {
       .count();
 }
 
-// Formats a time with a format string of `strftime`.
-[[nodiscard]] inline std::string utc_text(std::chrono::system_clock::time_point time,
-                                          const char* format) {
-  const std::time_t seconds = std::chrono::system_clock::to_time_t(time);
+// The time of the wall clock since 1970 [s].
+[[nodiscard]] inline std::time_t wall_seconds() noexcept {
+  return std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+}
+
+// Formats a time since 1970 [s] with a format string of `strftime`.
+[[nodiscard]] inline std::string utc_text(std::time_t time, const char* format) {
   std::tm date{};
-  ::gmtime_r(&seconds, &date);
+  ::gmtime_r(&time, &date);
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), format, &date);
   return text.data();
 }
 
-// Formats a time as in the names of logs: "2026-11-20_09-05-12", UTC. Sorts in the order of time.
-[[nodiscard]] inline std::string date_text(std::chrono::system_clock::time_point time) {
+// Formats a time since 1970 [s] as in the names of logs: "2026-11-20_09-05-12", UTC. Sorts in the
+// order of time.
+[[nodiscard]] inline std::string date_text(std::time_t time) {
   return utc_text(time, "%Y-%m-%d_%H-%M-%S");
 }
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <chrono>
 #include <ctime>
 #include <string_view>
 #include <system_error>
@@ -28,14 +27,13 @@ std::string second_after(std::string_view date) {
   parts.tm_hour = number(11, 2);
   parts.tm_min = number(14, 2);
   parts.tm_sec = number(17, 2);
-  const auto time = std::chrono::system_clock::from_time_t(::timegm(&parts));
-  return date_text(time + std::chrono::seconds(1));
+  return date_text(::timegm(&parts) + 1);
 }
 
 }  // namespace
 
 std::string next_date(const std::filesystem::path& folder) {
-  std::string next = date_text(std::chrono::system_clock::now());
+  std::string next = date_text(wall_seconds());
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
     if (entry.path().extension() != kLogSuffix) continue;
