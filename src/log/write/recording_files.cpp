@@ -353,6 +353,7 @@ void RecordingFiles::flush(bool is_wanted) {
 void RecordingFiles::finish() {
   if (log_ == nullptr && unfinished_) open();
   if (log_ != nullptr) finish_file();
+  remove_oldest();  // the end of a file has a size, too
 }
 
 void RecordingFiles::finish_file() {
