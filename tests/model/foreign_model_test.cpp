@@ -97,7 +97,7 @@ TEST_F(ForeignModels, fault_77_CannotMultiplyThemselves) {
   EXPECT_THAT(refusal(joint_and("", doubled)), HasSubstr(copies));
   EXPECT_THAT(refusal(joint_and("", R"(<body name="c"><attach body="c" prefix="x"/></body>)")),
               HasSubstr("'c' is attached to itself"));
-  // The same with a file for each doubling.
+  // Each file attaches the one before twice.
   write(folder_ / "m0.xml", joint_and(""));
   for (int i = 1; i < 15; ++i) {
     const std::string attached = R"(<attach model="m" body="b" prefix=")";

@@ -63,7 +63,7 @@ _FILES = {
 }
 # How a program finds the folder of a package.
 _FILES_BEGIN = ("__file__", "__path__", "files(", "resource_filename")
-# Of the calls of PyBullet that are served, those that take an object, and those for the robot.
+# Calls of PyBullet that are served for the robot, and those that are served for an object.
 _OF_ROBOT = {"getJointStates"}
 _OF_OBJECTS = bullet.SERVED.keys() & {
     *("applyExternalForce", "applyExternalTorque", "changeDynamics"),

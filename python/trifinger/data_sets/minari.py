@@ -196,7 +196,7 @@ def _environment_source(decisions: Decisions | None, session: LoggedSession) -> 
         kwargs=arguments,
         additional_wrappers=wrappers,
     )
-    # As everybody will do it who recovers the environment.
+    # The environment is made as everybody will make it who recovers it.
     with contextlib.closing(gymnasium.make(EnvSpec.from_json(spec.to_json()))) as environment:
         return _Source(
             environment.observation_space,

@@ -15,8 +15,8 @@ from trifinger_simulation import SimFinger, collision_objects
 
 HOME = (0, 0.9, -1.7)
 STEP, GRAVITY = 0.001, 9.81  # [s], [m/s^2]
-# Of a finger of a TriFingerPro at HOME: inertia [kgm^2] without rotors, and the torque that holds
-# it [Nm], of the masses in robot_properties_fingers 2.0.2.
+# A finger of a TriFingerPro at HOME has this inertia [kgm^2] without rotors, and this torque holds
+# it [Nm]. Both follow from the masses in robot_properties_fingers 2.0.2.
 INERTIA = np.array(
     [
         [3.957752e-3, -1.469125e-3, 2.198430e-4],

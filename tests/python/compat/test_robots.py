@@ -758,7 +758,7 @@ shutdown_trajectory:
 """
 
 
-# As a person writes it, and as PyYAML writes what it has read.
+# A configuration as a person writes it, and as PyYAML writes what it has read.
 STYLES: dict[str, Callable[[str], str]] = {
     "written": str,
     "blocks": lambda text: str(yaml.dump(yaml.safe_load(text), default_flow_style=False)),
