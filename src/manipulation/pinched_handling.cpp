@@ -32,12 +32,13 @@ constexpr double kFit = 8e-3;  // Largest error of the distance of tips that pin
 constexpr Seconds kNumbTime{0.05};
 constexpr double kHover = 0.015;       // Of the tip that turns above the box, before and after [m].
 constexpr double kLowerSpeed = 0.04;   // [m/s]
+constexpr double kSlipRatio = 0.45;    // Of the tip that turns: tangential to normal force.
 constexpr double kPress = 1.5e-3;      // Below the table, so that the box surely rests on it [m].
 constexpr double kLimitMargin = 0.05;  // Distance that joints keep from their soft limits [rad].
 constexpr double kMostSum = 0.5;       // Of the integral of the angle's error [rad].
 constexpr int kMostCorrections = 4;
 constexpr int kPosesForAngle = 20;
-constexpr Seconds kCorrectionTime{0.5};
+constexpr Seconds kCorrectionTime{1.0};  // The tips that hold the box lose it in a faster one.
 
 Vector3d flat(const Vector3d& vector) noexcept {
   return Vector3d(vector.x(), vector.y(), 0.0).normalized();
@@ -49,6 +50,16 @@ double half_height(const ObjectDescription& box, const Eigen::Quaterniond& orien
   for (int i = 0; i < 3; ++i)
     height += std::abs(rotation(2, i)) * box.size[static_cast<std::size_t>(i)] / 2;
   return height;
+}
+
+// The force of a tip on a face, whose inward normal is `normal`, that makes it neither slip nor
+// pull. A tip that slips hops: it loses the face many times a second.
+Vector3d within_friction(const Vector3d& force, const Vector3d& normal) noexcept {
+  const double press = std::max(force.dot(normal), 0.0);
+  const Vector3d along = force - force.dot(normal) * normal;
+  const double length = along.norm();
+  const double most = kSlipRatio * press;
+  return press * normal + (length > most ? most / length : 1.0) * along;
 }
 
 // The place where the tip that turns waits.
@@ -335,8 +346,16 @@ Vector3d PinchedHandling::contact_at(double angle, double distance) const noexce
 // The angle by which the box is turned if the third tip touches it.
 double PinchedHandling::tip_angle() const noexcept {
   const Vector3d arm = servo_.tip(pinch_.pusher) - middle_;
-  const double begin = std::atan2(pinch_.above + servo_.tip_radius(), config_.arm);
+  const double begin = std::atan2(pinch_.above + servo_.tip_radius(), config_.arm + rolled_);
   return begin - std::atan2(arm.z(), arm.dot(pinch_.forward));
+}
+
+// The third tip rolls along the face, because it turns less than the box.
+void PinchedHandling::follow_roll(Seconds elapsed) noexcept {
+  const double before = std::exchange(turned_, std::clamp(tip_angle(), 0.0, config_.turn_angle));
+  const double rate =
+      servo_.angular_velocity(pinch_.pusher).dot(Vector3d::UnitZ().cross(pinch_.forward));
+  rolled_ += servo_.tip_radius() * (rate * elapsed.count() - (turned_ - before));
 }
 
 double PinchedHandling::seen_angle(const Pose& pose) const noexcept {
@@ -470,6 +489,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
         turn_from_ = 0.0;
         turn_to_ = config_.turn_angle;
         turn_sum_ = 0.0;
+        rolled_ = 0.0;
         enter(Phase::kTurn);
       }
       watch(elapsed);
@@ -477,7 +497,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
     case Phase::kTurn: {
       constexpr Seconds kSettle{0.15};
       const Seconds duration = corrections_ == 0 ? config_.turn_time : kCorrectionTime;
-      turned_ = std::clamp(tip_angle(), 0.0, config_.turn_angle);
+      follow_roll(elapsed);
       if (clock_.in_phase() < duration + kSettle) {
         average_.reset();
         average_from_ = clock_.step();
@@ -583,6 +603,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   forces[k] =
       control::tip_impedance(motion, servo_.tip(pinch_.pusher), servo_.velocity(pinch_.pusher),
                              {.stiffness = config_.turn_stiffness, .damping = config_.damping});
+  forces[k] = within_friction(forces[k], turn_by(pinch_, turned_) * -Vector3d::UnitZ());
   accelerations[k].setZero();
 }
 

@@ -141,6 +141,7 @@ class PinchedHandling : public Skill {
   void put_down(std::string_view failure) noexcept;
   void take_torques(Seconds elapsed) noexcept;
   void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+  void follow_roll(Seconds elapsed) noexcept;
   void watch(Seconds elapsed) noexcept;
   void measure() noexcept;
   void set_state() noexcept;
@@ -184,6 +185,7 @@ class PinchedHandling : public Skill {
   double turn_from_{0.0};
   double turn_to_{0.0};
   double turn_sum_{0.0};
+  double rolled_{0.0};  // Way of the tip that turns along the face, outward [m].
   int corrections_{0};
   double turned_{0.0};  // Angle of the box about the line between the tips.
 };

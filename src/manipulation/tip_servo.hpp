@@ -31,6 +31,10 @@ class TipServo {
   [[nodiscard]] const Eigen::Vector3d& velocity(int finger) const noexcept {
     return at(velocities_, finger);
   }
+  // How fast a tip turns with its link [rad/s].
+  [[nodiscard]] Eigen::Vector3d angular_velocity(int finger) const noexcept {
+    return kinematics_.tip_rotation_jacobian(finger) * joint_velocity_;
+  }
   // The force with which a tip presses on what it touches [N], as far as the joints feel it.
   [[nodiscard]] const Eigen::Vector3d& felt_force(int finger) const noexcept {
     return at(felt_, finger);

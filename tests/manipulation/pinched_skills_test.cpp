@@ -5,8 +5,10 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstddef>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "evaluation/skill_rows.hpp"
@@ -94,6 +96,31 @@ TEST_P(PinchedSkill, BearsStepsThatAreLeftOut) {
   MeddledSkill skill = skill_of(the_trial);
   skill.lets_step = [](TimeIndex step) { return step % 17 != 3 && step % 17 != 4; };
   EXPECT_EQ(run(simulation, skill).failure, "");
+}
+
+TEST_P(PinchedSkill, KeepsItsTipsOnTheBoxWhileItTurns) {
+  const SkillTrial the_trial = trial();
+  const Simulation<TriFinger> simulation(the_trial.simulation);
+  MeddledSkill skill = skill_of(the_trial);
+  auto robot = simulation.connect();
+  std::array<bool, 3> presses{};
+  std::array<int, 3> losses{};
+  int steps = 0;
+  SkillRunOptions options;
+  options.on_step = [&](TimeIndex t) {
+    const bool turns = skill.state().phase == "turn";
+    if (turns) ++steps;
+    const auto& forces = robot.get_observation(t).tip_force;
+    for (std::size_t tip = 0; tip < forces.size(); ++tip) {
+      const bool did = std::exchange(presses[tip], forces[tip] > 0.0);
+      if (turns && did && !presses[tip]) ++losses[tip];
+    }
+  };
+  EXPECT_EQ(run_skill(robot, skill, options).failure, "");
+  ASSERT_GT(steps, 0);
+  constexpr double kMostPerSecond = 2.0;
+  for (std::size_t tip = 0; tip < losses.size(); ++tip)
+    EXPECT_LE(losses[tip] * 1e3 / steps, kMostPerSecond) << "tip " << tip;
 }
 
 TEST_P(PinchedSkill, AllocatesNothingInItsLoop) {
