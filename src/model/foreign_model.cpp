@@ -237,9 +237,9 @@ class ForeignModel::Files {
     const std::lock_guard lock(mutex_);
     return failure_;
   }
-  [[nodiscard]] bool lacks_file() const {
+  [[nodiscard]] bool is_missing_file() const {
     const std::lock_guard lock(mutex_);
-    return lacks_file_;
+    return is_missing_file_;
   }
 
  private:
@@ -266,7 +266,7 @@ class ForeignModel::Files {
       resource.data = &*file.text;
       return true;
     } catch (const SystemError& error) {
-      lacks_file_ = lacks_file_ || error.error_number() == ENOENT;
+      is_missing_file_ = is_missing_file_ || error.error_number() == ENOENT;
       failure_ = error.what();
     } catch (const std::exception& error) {
       failure_ = name + ": " + error.what();
@@ -453,7 +453,7 @@ class ForeignModel::Files {
   mjpResourceProvider provider_{};
   mutable std::mutex mutex_;  // guards what follows, and the texts of files
   std::string failure_;
-  bool lacks_file_{false};
+  bool is_missing_file_{false};
 };
 
 ForeignModel::ForeignModel(const fs::path& file, const std::optional<fs::path>& mesh_folder)
@@ -463,7 +463,7 @@ ForeignModel::~ForeignModel() = default;
 
 const mjVFS* ForeignModel::files() const noexcept { return files_->vfs(); }
 
-bool ForeignModel::lacks_file() const { return files_->lacks_file(); }
+bool ForeignModel::is_missing_file() const { return files_->is_missing_file(); }
 
 Spec ForeignModel::parse() const {
   std::array<char, 1000> error{};

@@ -37,7 +37,7 @@ class ForeignModel {
   // MuJoCo's error, with the names of files as they are, and why one of them cannot be read.
   [[nodiscard]] std::string explained(const std::string& problem) const;
   // True if a file that the model needs is not there.
-  [[nodiscard]] bool lacks_file() const;
+  [[nodiscard]] bool is_missing_file() const;
 
  private:
   class Files;

@@ -178,10 +178,11 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
     model_.reset(mj_compile(spec_.get(), source.files()));
     if (model_ != nullptr) return;
     const std::string problem = source.explained(mjs_getError(spec_.get()));
-    const bool lacks_file = source.lacks_file();
+    const bool is_missing_file = source.is_missing_file();
     throw InvalidArgument(
         file + ": MuJoCo refuses the model: " + problem +
-        (lacks_file ? "; say in which folder the meshes are (robot.mesh_folder, --meshes)" : ""));
+        (is_missing_file ? "; say in which folder the meshes are (robot.mesh_folder, --meshes)"
+                         : ""));
   };
   compile();
   if (name_joints()) compile();
