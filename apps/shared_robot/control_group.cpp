@@ -9,8 +9,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <fstream>
 #include <string>
 #include <string_view>
@@ -34,14 +37,18 @@ bool write(const fs::path& path, std::string_view text) {
   return file && ::write(file.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size());
 }
 
-// Returns the number after `key` in a file with lines such as "anon 4096"; 0 if there is none.
-std::uint64_t number_in(const fs::path& path, std::string_view key) {
+// Returns the numbers after `keys` in a file with lines such as "anon 4096"; 0 if there is none.
+template <std::size_t kCount>
+std::array<std::uint64_t, kCount> numbers_in(const fs::path& path,
+                                             const std::array<std::string_view, kCount>& keys) {
+  std::array<std::uint64_t, kCount> numbers{};
   std::ifstream file(path);
   std::string word;
   for (std::uint64_t number = 0; file >> word >> number;) {
-    if (word == key) return number;
+    const auto* const key = std::ranges::find(keys, word);
+    if (key != keys.end()) numbers.at(static_cast<std::size_t>(key - keys.begin())) = number;
   }
-  return 0;
+  return numbers;
 }
 
 bool has_word(const fs::path& path, std::string_view wanted) {
@@ -143,20 +150,20 @@ bool ControlGroup::enter() const noexcept { return ::write(entry_, "0", 1) == 1;
 std::uint64_t ControlGroup::memory() const {
   std::uint64_t current = 0;
   std::ifstream(job_ / "memory.current") >> current;
-  const fs::path parts = job_ / "memory.stat";
-  // Each number is of another moment.
+  const auto [file, shmem, reclaimable] =
+      numbers_in<3>(job_ / "memory.stat", {"file", "shmem", "slab_reclaimable"});
+  // `memory.current` was read at another moment.
   const auto without = [](std::uint64_t all, std::uint64_t part) {
     return all - std::min(all, part);
   };
   // Files in shared memory count as files as well, but nothing can be given back of them.
-  const std::uint64_t files = without(number_in(parts, "file"), number_in(parts, "shmem"));
-  return without(current, files + number_in(parts, "slab_reclaimable"));
+  return without(current, without(file, shmem) + reclaimable);
 }
 
 bool ControlGroup::was_too_large() const {
   // Kills alone may be for want of memory in the machine: "oom" counts those at this limit.
-  const fs::path events = job_ / "memory.events";
-  return number_in(events, "oom_kill") > 0 && number_in(events, "oom") > 0;
+  const auto [kills, at_limit] = numbers_in<2>(job_ / "memory.events", {"oom_kill", "oom"});
+  return kills > 0 && at_limit > 0;
 }
 
 }  // namespace trifinger::apps
