@@ -34,7 +34,13 @@ std::vector<std::string> texts_of(const nb::dict& overrides) {
   const nb::object dumps = nb::module_::import_("json").attr("dumps");
   std::vector<std::string> texts;
   for (const auto& [key, value] : overrides) {
-    texts.push_back(text_of(key) + "=" + text_of(dumps(value)));
+    try {
+      texts.push_back(text_of(key) + "=" + text_of(dumps(value)));
+    } catch (const nb::python_error& error) {
+      if (!error.matches(PyExc_TypeError)) throw;
+      throw InvalidArgument("the override of " + text_of(key) + " is " + text_of(nb::repr(value)) +
+                            ", must be a number, a text, True, False or a list of them");
+    }
   }
   return texts;
 }

@@ -2,6 +2,7 @@
 """Environments satisfy Gymnasium, and one simulation gives the same numbers as many."""
 
 import dataclasses
+import re
 import subprocess
 import sys
 
@@ -635,6 +636,67 @@ class TestMistakes:
         where += (2,) if make is VectorEnvironment else ()
         with pytest.raises(trifinger.InvalidArgument, match=f"^{name} is .*, must be {allowed}"):
             make(*where, **{name: value})
+
+    @pytest.mark.parametrize(
+        ("name", "value", "allowed"),
+        [
+            ("num_envs", "x", r"a whole number, 0 to 2\^31 - 1"),
+            ("num_envs", 2.5, "a whole number"),
+            ("num_envs", True, "a whole number"),
+            ("num_envs", 10**12, "a whole number"),
+            ("num_threads", None, "a whole number"),
+            ("num_threads", -1, "a whole number"),
+            ("autoreset_mode", "x", r"an AutoresetMode, such as AutoresetMode\.SAME_STEP"),
+            ("copy", "no", "True or False"),
+            ("task", 3, "the name of a task"),
+            ("config_overrides", 0, "keys and values"),
+        ],
+    )
+    def test_an_argument_of_many_that_is_of_a_wrong_kind(self, name, value, allowed):
+        arguments = {"task": "push", "num_envs": 2, name: value}
+        with pytest.raises(trifinger.InvalidArgument, match=f"^{name} is .*, must be {allowed}"):
+            VectorEnvironment(**arguments)
+
+    def test_a_view_and_an_override_of_a_wrong_kind(self):
+        with pytest.raises(trifinger.InvalidArgument, match=r"^view is 'front', must be a View"):
+            Environment("push", view="front")
+        overrides = {"backend.period": object()}
+        for make in (Environment, lambda task, **more: VectorEnvironment(task, 2, **more)):
+            with pytest.raises(
+                trifinger.InvalidArgument, match=r"backend\.period is <object .*, must be a number"
+            ):
+                make("push", config_overrides=overrides)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "arguments"),
+        [
+            ("seed", 1.5, {"seed": 1.5}),
+            ("seed", "x", {"seed": "x"}),
+            ("seed", 2**64, {"seed": 2**64}),
+            ("options", 3, {"options": 3}),
+            ('options["episode"]', "x", {"seed": 1, "options": {"episode": "x"}}),
+            ('options["episode"]', -1, {"seed": 1, "options": {"episode": -1}}),
+        ],
+    )
+    def test_an_argument_of_a_reset_that_is_of_a_wrong_kind(self, name, value, arguments):
+        message = f"^{re.escape(name)} is {re.escape(repr(value))}, must be "
+        for environment in (Environment("reach"), VectorEnvironment("reach", 2)):
+            with pytest.raises(trifinger.InvalidArgument, match=message):
+                environment.reset(**arguments)
+            environment.reset(seed=np.int64(3), options={"episode": np.int64(1)})
+
+    def test_seeds_and_marks_of_a_wrong_kind(self):
+        vector = VectorEnvironment("reach", 2)
+        with pytest.raises(
+            trifinger.InvalidArgument, match=r"^seed is 'x', must be a whole number"
+        ):
+            vector.reset(seed=[1, "x"])
+        with pytest.raises(trifinger.InvalidArgument, match="there are 3 episodes for 2 sim"):
+            vector.reset(seed=1, options={"episode": [1, 2, 3]})
+        vector.reset(seed=[1, None], options={"episode": np.arange(2)})
+        vector.reset(options={"reset_mask": [True, False]})
+        with pytest.raises(trifinger.InvalidArgument, match=r'^options\["reset_mask"\] is .*True'):
+            vector.reset(options={"reset_mask": np.ones(2)})
 
     def test_a_window_without_a_screen(self, monkeypatch):
         for name in ("DISPLAY", "WAYLAND_DISPLAY"):

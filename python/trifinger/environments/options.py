@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from trifinger import _trifinger
 from trifinger.environment_options import OptionFields
 from trifinger.errors import InvalidArgument
@@ -24,6 +26,7 @@ class Options(OptionFields):
     @classmethod
     def of(cls, task: str, **changes: Any) -> Self:
         """The defaults of a task, with some changes. Raises InvalidArgument for unknown tasks."""
+        require(isinstance(task, str), "task", task, "the name of a task")
         return cls.from_json(_trifinger.default_environment_options(task)).changed(**changes)
 
     def changed(self, **changes: Any) -> Self:
@@ -83,25 +86,38 @@ def _allowed(name: str, kind: Any) -> str:
     return f"like {usual!r}" if usual not in ((), {}) else f"a {kind}"
 
 
+def require(is_right: bool, name: str, value: object, allowed: str) -> None:
+    """Raises InvalidArgument with the name of an argument, unless its value is right."""
+    if not is_right:
+        raise InvalidArgument(f"{name} is {value!r}, must be {allowed}")
+
+
+def whole_number(name: str, value: object, bits: int) -> int:
+    """An argument that C++ takes as a number of so many bits. Raises InvalidArgument."""
+    if (
+        not isinstance(value, int | np.integer)
+        or isinstance(value, bool)
+        or value < 0
+        or value >> bits
+    ):
+        raise InvalidArgument(f"{name} is {value!r}, must be a whole number, 0 to 2^{bits} - 1")
+    return int(value)
+
+
 def options_of(task: str | Task, options: Options | None, **changes: Any) -> Options:
     """The options of an environment: those that were given, or those of the task, with changes."""
     if options is None:
         return default_options(task, **changes)
-    if not isinstance(options, Options):
-        raise InvalidArgument(
-            f"options is {options!r}, must be Options: Options.of({task!r}, duration=1.0), or "
-            "without `options`, duration=1.0"
-        )
+    like = f"Options.of({task!r}, duration=1.0), or without `options`, duration=1.0"
+    require(isinstance(options, Options), "options", options, f"Options: {like}")
     return options.changed(**changes)
 
 
 def robot_of(task: str | Task, config: str | None) -> str:
     """The configuration of a robot; None: the one that the task is usually for."""
     if config is not None:
-        if not isinstance(config, str):
-            raise InvalidArgument(
-                f"config is {config!r}, must be the name of a configuration or the path of a file"
-            )
+        allowed = "the name of a configuration or the path of a file"
+        require(isinstance(config, str), "config", config, allowed)
         return config
     return _trifinger.robot_of_task(task) if isinstance(task, str) else "trifinger_edu"
 
@@ -110,11 +126,9 @@ def overrides_of(
     task: str | Task, options: Options, config: str, config_overrides: dict[str, object] | None
 ) -> dict[str, object]:
     """What a task and its options need of the robot's configuration, and the user's overrides."""
-    own = config_overrides or {}
-    if not isinstance(own, dict):
-        raise InvalidArgument(
-            f'config_overrides is {own!r}, must be keys and values: {{"backend.period": 0.001}}'
-        )
+    own = {} if config_overrides is None else config_overrides
+    allowed = 'keys and values: {"backend.period": 0.001}'
+    require(isinstance(own, dict), "config_overrides", own, allowed)
     is_from_file = _trifinger.is_from_file(config, own)
     # A session with a short history begins faster.
     needed: dict[str, object] = {} if is_from_file else {"backend.history": 1024}
@@ -129,8 +143,7 @@ def default_options(task: str | Task, **changes: Any) -> Options:
     """The options that a task has by default, with some changes."""
     if isinstance(task, str):
         return Options.of(task, **changes)
-    if not isinstance(task, Task):
-        raise InvalidArgument(f"task is {task!r}, must be the name of a task or a Task")
+    require(isinstance(task, Task), "task", task, "the name of a task or a Task")
     return Options(**dataclasses.asdict(task.options)).changed(**changes)
 
 

@@ -19,7 +19,9 @@ from trifinger.environments.options import (
     default_options,
     options_of,
     overrides_of,
+    require,
     robot_of,
+    whole_number,
 )
 from trifinger.environments.task_environment import (
     AGE,
@@ -84,6 +86,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
+        require(view is None or isinstance(view, View), "view", view, "a View: View(width=640)")
         options = options_of(task, options, **changes)
         if (options.observation == "goal") != isinstance(self, GoalEnvironment):
             raise InvalidArgument(
@@ -160,13 +163,20 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         somebody else controls the robot, RobotStopped if a fault was not yet recovered. The
         environment recovers faults of its own simulation by itself.
         """
+        if seed is not None:
+            seed = whole_number("seed", seed, 64)
+        options = {} if options is None else options
+        require(isinstance(options, dict), "options", options, 'a dictionary: {"episode": 3}')
+        episode = options.get("episode")
+        if episode is not None:
+            episode = whole_number('options["episode"]', episode, 64)
         super().reset(seed=seed)
         if seed is not None:
             self._seed, self._episode = seed, 0
         elif self._seed is None:
             self._seed = seed_of(self)
-        if options and "episode" in options:
-            self._episode = int(options["episode"])
+        if episode is not None:
+            self._episode = episode
         self._is_running = False
         position, object_position, orientation, velocity, variation, stream, joints = (
             self._core.begin(self._seed, self._episode)
@@ -385,9 +395,9 @@ class GoalEnvironment(Environment):
         self, task: str | Task, *, options: Options | None = None, **arguments: Any
     ) -> None:
         """Takes the arguments of Environment; the options need observation="goal"."""
-        super().__init__(
-            task, options=options or default_options(task, observation="goal"), **arguments
-        )
+        if options is None:
+            options = default_options(task, observation="goal")
+        super().__init__(task, options=options, **arguments)
 
     def compute_reward(
         self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None

@@ -12,7 +12,14 @@ from gymnasium.vector.utils import batch_space
 
 from trifinger import _trifinger
 from trifinger.arrays import Array
-from trifinger.environments.options import Options, options_of, overrides_of, robot_of
+from trifinger.environments.options import (
+    Options,
+    options_of,
+    overrides_of,
+    require,
+    robot_of,
+    whole_number,
+)
 from trifinger.environments.task_environment import (
     AGE,
     Info,
@@ -23,6 +30,7 @@ from trifinger.environments.task_environment import (
     seed_of,
 )
 from trifinger.errors import InvalidArgument
+from trifinger.tasks import Task
 
 
 class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, Any]):
@@ -49,10 +57,21 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         config_overrides: dict[str, object] | None = None,
         **changes: Any,
     ) -> None:
-        if not isinstance(task, str):
+        if isinstance(task, Task):
             raise InvalidArgument(
                 "the task is in Python, must be the name of one in C++: docs/environments.md"
             )
+        require(isinstance(task, str), "task", task, "the name of a task")
+        num_envs = whole_number("num_envs", num_envs, 31)
+        num_threads = whole_number("num_threads", num_threads, 31)
+        require(isinstance(copy, bool), "copy", copy, "True or False")
+        try:
+            mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            raise InvalidArgument(
+                f"autoreset_mode is {autoreset_mode!r}, must be an AutoresetMode, such as "
+                "AutoresetMode.SAME_STEP"
+            ) from None
         options = options_of(task, options, **changes)
         config = robot_of(task, config)
         overrides = overrides_of(task, options, config, config_overrides)
@@ -61,9 +80,9 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         )
         super().__init__(task, options, core)
         self.num_envs = num_envs
-        self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode)}
+        self.metadata = {"autoreset_mode": mode}
         self.render_mode = None
-        self._mode: str = self.metadata["autoreset_mode"].value
+        self._mode: str = mode.value
         self._copy = copy
         self._has_begun = False
         self._has_ended = np.zeros(num_envs, bool)
@@ -92,24 +111,31 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         seed, it is drawn: `np_random_seed` modulo 2^32. Later calls without a seed begin the next
         episodes. With a seed, options["episode"] may be the number of the episode, or a list.
         """
-        options = options or {}
+        options = {} if options is None else options
+        require(isinstance(options, dict), "options", options, 'a dictionary: {"episode": 3}')
         if seed is None and not self._has_begun:
             seed = seed_of(self)
-        elif isinstance(seed, int):
+        elif isinstance(seed, int | np.integer):
+            seed = whole_number("seed", seed, 64)
             super().reset(seed=seed)
         if seed is not None:
             seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
-            if len(seeds) != self.num_envs:
-                raise InvalidArgument(
-                    f"there are {len(seeds)} seeds for {self.num_envs} simulations"
-                )
-            episodes = np.broadcast_to(options.get("episode", 0), self.num_envs)
+            self._require_one_for_each("seed", seeds)
+            episodes = options.get("episode", 0)
+            if np.ndim(episodes) == 0:
+                episodes = [episodes] * self.num_envs
+            self._require_one_for_each('options["episode"]', episodes)
             for index, one in enumerate(seeds):
                 if one is not None:
-                    self._core.seed(index, one, int(episodes[index]))
+                    episode = whole_number('options["episode"]', episodes[index], 64)
+                    self._core.seed(index, whole_number("seed", one, 64), episode)
         elif "episode" in options:
             raise InvalidArgument('options["episode"] needs a seed, which is missing')
         mask = options.get("reset_mask")
+        if mask is not None:
+            given, mask = mask, np.asarray(mask)
+            is_right = mask.dtype == np.bool_ and mask.ndim == 1
+            require(is_right, 'options["reset_mask"]', given, "True or False for each simulation")
         if mask is not None and not self._has_begun:
             raise InvalidArgument("the first reset must be of all simulations, without reset_mask")
         self._core.reset(mask)
@@ -118,6 +144,13 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         return self._observation(), self._info(
             np.ones(self.num_envs, bool) if mask is None else mask
         )
+
+    def _require_one_for_each(self, name: str, values: Any) -> None:
+        is_list = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str)
+        require(is_list, name, values, "a whole number, or one for each simulation")
+        if len(values) != self.num_envs:
+            kind = "seeds" if name == "seed" else "episodes"
+            raise InvalidArgument(f"there are {len(values)} {kind} for {self.num_envs} simulations")
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, Info]:
         """Applies an action in each simulation: num_envs rows of numbers from -1 to 1.
