@@ -131,6 +131,17 @@ void resolve_extends(Element& root, const std::filesystem::path& name, const Fol
   }
 }
 
+// Anybody may have written a text that is in no file of this machine, such as that in a log.
+void refuse_extends(const Element& root) {
+  const Entry* const extends = root.find(kExtends);
+  if (extends == nullptr) return;
+  const auto name = Node(std::make_shared<Element>(extends->value), kExtends).as<std::string>();
+  throw ConfigError(extends->value.location,
+                    "extends is '" + name +
+                        "', but only a file may extend another one; the configuration in a log, a "
+                        "session, a motion or a policy must be whole");
+}
+
 std::vector<std::string> split(std::string_view path) {
   std::vector<std::string> keys;
   for (;;) {
@@ -287,16 +298,21 @@ File::File(std::shared_ptr<const Element> root) : root_(std::move(root)) {}
 
 File File::load(const std::filesystem::path& path, const std::vector<std::string>& overrides,
                 const std::vector<std::filesystem::path>& folders) {
-  return parse(read_text(path), path, overrides, folders);
+  Element root = parse_sections(read_text(path), path);
+  resolve_extends(root, path, folders);
+  return overridden(std::move(root), overrides);
 }
 
 File File::parse(std::string_view text, const std::filesystem::path& name,
-                 const std::vector<std::string>& overrides,
-                 const std::vector<std::filesystem::path>& folders) {
-  auto root = std::make_shared<Element>(parse_sections(text, name));
-  resolve_extends(*root, name, folders);
-  for (const std::string& assignment : overrides) apply_override(*root, assignment);
-  return File(std::move(root));
+                 const std::vector<std::string>& overrides) {
+  Element root = parse_sections(text, name);
+  refuse_extends(root);
+  return overridden(std::move(root), overrides);
+}
+
+File File::overridden(Element root, const std::vector<std::string>& overrides) {
+  for (const std::string& assignment : overrides) apply_override(root, assignment);
+  return File(std::make_shared<const Element>(std::move(root)));
 }
 
 Node File::root() const { return {root_, ""}; }

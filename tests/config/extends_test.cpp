@@ -134,6 +134,18 @@ TEST_F(Extends, RefusesANameThatIsNoText) {
               EndsWith("sim.yml:1:10: extends is a list, must be a text"));
 }
 
+TEST_F(Extends, fault_77_OpensNoFileForATextThatIsInNone) {
+  const std::string base = write("base.yml", "name: base\n").string();
+  for (const std::string& name : {base, std::string("base"), std::string("none.yml")}) {
+    EXPECT_EQ(message_of([&] {
+                (void)File::parse("extends: " + name + "\n", folder_ / "configuration.yml");
+              }),
+              (folder_ / "configuration.yml").string() + ":1:10: extends is '" + name +
+                  "', but only a file may extend another one; the configuration in a log, a "
+                  "session, a motion or a policy must be whole");
+  }
+}
+
 TEST_F(Extends, ThrowsSystemErrorForAFileThatCannotBeRead) {
   EXPECT_THROW((void)File::load(folder_ / "none.yml"), SystemError);
   EXPECT_THROW((void)File::load(folder_.path()), SystemError);

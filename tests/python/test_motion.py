@@ -605,7 +605,8 @@ def test_a_configuration_in_a_motion_is_not_believed(tmp_path: Path) -> None:
         (other, "the robot of its configuration is 'trifinger-pro'"),
         ("name: x\n", "configuration.yml"),
         ("[" * 10_000, "configuration.yml"),
-        ("extends: /dev/zero\n", "/dev/zero"),
+        ("extends: /dev/zero\n", "extends is '/dev/zero', but only a file may extend another"),
+        ("extends: trifinger_pro\n", "extends is 'trifinger_pro', but only a file may"),
     ]:
         wrong = dataclasses.replace(motion, configuration=text)
         wrong.save(tmp_path / "a.motion", overwrite=True)

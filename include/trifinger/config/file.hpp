@@ -32,11 +32,11 @@ class File {
                                  const std::vector<std::string>& overrides = {},
                                  const std::vector<std::filesystem::path>& folders = {});
 
-  /// Reads `text`. Messages call it `name`. An extended file is looked for in the folder of `name`,
-  /// then in `folders`.
+  /// Reads `text`, which may be from anybody: it must not extend a file, so no file is opened.
+  /// Messages call it `name`.
+  /// @throws ConfigError
   [[nodiscard]] static File parse(std::string_view text, const std::filesystem::path& name,
-                                  const std::vector<std::string>& overrides = {},
-                                  const std::vector<std::filesystem::path>& folders = {});
+                                  const std::vector<std::string>& overrides = {});
 
   /// The whole configuration.
   [[nodiscard]] Node root() const;
@@ -70,6 +70,8 @@ class File {
 
  private:
   explicit File(std::shared_ptr<const detail::Element> root);
+  [[nodiscard]] static File overridden(detail::Element root,
+                                       const std::vector<std::string>& overrides);
 
   std::shared_ptr<const detail::Element> root_;
 };
