@@ -242,6 +242,8 @@ SessionHost::~SessionHost() = default;
 
 void SessionHost::withdraw() noexcept { checked(place_)->withdraw(); }
 
+detail::SessionPlace& SessionHost::place() const { return *checked(place_); }
+
 SessionHost SessionHost::anonymous(SessionOptions options, const std::string& name) {
   return SessionHost(std::make_unique<detail::SessionPlace>(detail::directory_of_process(), name,
                                                             std::move(options)));

@@ -95,6 +95,7 @@ TEST_F(MovedObject, fault_82_AHostAndASessionSaySo) {
   // NOLINTBEGIN(bugprone-use-after-move): this is what the test is about
   expect_sentence({
       [&] { static_cast<void>(moved.open()); },
+      [&] { static_cast<void>(moved.place()); },
       [&] { const Backend backend(driver, moved); },
   });
   const NamedRobot robot("other");

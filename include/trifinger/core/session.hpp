@@ -158,7 +158,8 @@ class SessionHost {
   /// end without it. Whoever has opened a session keeps it. Any thread may call it.
   void withdraw() noexcept;
 
-  [[nodiscard]] detail::SessionPlace& place() const noexcept { return *place_; }
+  /// Internal: back-ends begin their sessions there.
+  [[nodiscard]] detail::SessionPlace& place() const;
 
  private:
   explicit SessionHost(std::unique_ptr<detail::SessionPlace> place);
