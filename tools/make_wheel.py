@@ -11,6 +11,7 @@ MuJoCo's own package. The same commit gives the same bytes in every folder.
 
 import os
 import platform
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -77,7 +78,8 @@ def make_wheel(folder: Path, variables: Mapping[str, str], python: str = sys.exe
         )
         (wheel,) = repaired.glob("*.whl")
         folder.mkdir(parents=True, exist_ok=True)
-        return Path(wheel.replace(folder / wheel.name))
+        # The temporary folder may be on another file system.
+        return Path(shutil.move(wheel, folder / wheel.name))
 
 
 if __name__ == "__main__":
