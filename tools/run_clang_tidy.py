@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs clang-tidy over a compile database; skips files that passed and have not changed since.
 
-    run_clang_tidy.py BUILD_FOLDER JOBS [analyser]
+    run_clang_tidy.py BUILD_FOLDER JOBS [tests|analyser]
 
-With `analyser`, clang's static analyser checks all files except tests instead, which takes as long
-as all the checks of .clang-tidy.
+It checks all files except tests, or with `tests` those. With `analyser`, clang's static analyser
+checks all files except tests, which takes as long as all the checks of .clang-tidy.
 
 A file that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
 version and configuration, the compile command, the file, and all headers of this repository that it
@@ -78,13 +78,16 @@ def tidy(build: Path, options: list[str], file: str) -> str:
     return "" if result.returncode == 0 else result.stdout + result.stderr
 
 
-def main(build: Path, jobs: int, *, analyse: bool) -> int:
-    """Checks all files of the database and returns the exit status."""
-    options = [*OPTIONS, f"--checks={ANALYSER}"] if analyse else OPTIONS
-    ours = {str(ROOT / path) for path in tracked_files(".cpp")}
-    if analyse:
-        # In tests, most of its findings are false, and they take four fifths of the time.
-        ours = {file for file in ours if not file.startswith(str(ROOT / "tests"))}
+def main(build: Path, jobs: int, mode: str) -> int:
+    """Checks the files of the database that belong to the mode and returns the exit status."""
+    options = [*OPTIONS, f"--checks={ANALYSER}"] if mode == "analyser" else OPTIONS
+    # The analyser needs four fifths of its time for tests, and most of its findings there are
+    # false.
+    ours = {
+        str(ROOT / path)
+        for path in tracked_files(".cpp")
+        if (path.parts[0] == "tests") == (mode == "tests")
+    }
     database = json.loads((build / "compile_commands.json").read_text())
     entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
     configs = [path for path in tracked_files() if path.name == ".clang-tidy"]
@@ -98,7 +101,7 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
     ).stdout
     common = version + config + shlex.join(options).encode()
 
-    passed = build / ("analyser_passed" if analyse else "clang_tidy_passed")
+    passed = build / f"{mode}_passed"
     passed.mkdir(exist_ok=True)
     marks = {file: passed / fingerprint(entry, common) for file, entry in entries.items()}
     changed = [file for file, mark in marks.items() if not mark.exists()]
@@ -125,4 +128,4 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
 
 if __name__ == "__main__":
     _, folder, number, *mode = sys.argv
-    sys.exit(main(Path(folder).resolve(), int(number), analyse=mode == ["analyser"]))
+    sys.exit(main(Path(folder).resolve(), int(number), mode[0] if mode else "product"))

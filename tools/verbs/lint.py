@@ -35,7 +35,7 @@ def lint(count: Count) -> bool:
 
 
 def clang_tidy(steps: Steps, *mode: str) -> Step:
-    """Runs clang-tidy over the files that are new or changed; `mode` may be `analyser`."""
+    """Runs clang-tidy over files that are new or changed; `mode` may be `tests` or `analyser`."""
     tool = [PYTHON, "tools/run_clang_tidy.py", "build/lint", str(jobs()), *mode]
     step = steps.check(" ".join(["clang-tidy", *mode]), tool, **LARGE_PAGES)
     print(f"    {step.last_line()}")
