@@ -95,6 +95,7 @@ class Child {
   ~Child();
 
   [[nodiscard]] int pid() const noexcept { return pid_; }
+  [[nodiscard]] bool has_ended() const noexcept;
 
  private:
   int parent_{::getpid()};  // initialised before the fork

@@ -157,7 +157,7 @@ std::vector<Row> lift(const Effort& effort) {
     try {
       robot = observe<TriFinger>(name);
     } catch (const SessionNotFound&) {
-      if (tries > 1000) throw;
+      if (tries > 1000 || backend.has_ended()) throw;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
   }

@@ -359,9 +359,9 @@ def live_view(effort: Effort) -> list[Row]:
         with trifinger.connect(name) as robot:
             window = lateness_window(robot, effort.window_time)
             lateness = live_view_measure.lateness_row(name, in_rounds(rounds), window)
-        seconds = 2.0 if effort.rounds == 1 else 10.0
+        is_quick = effort.rounds == 1
         with moved(name):
-            return [lateness, *live_view_measure.picture_rows(name, seconds)]
+            return [lateness, *live_view_measure.picture_rows(name, is_quick=is_quick)]
 
 
 @contextlib.contextmanager
