@@ -21,7 +21,7 @@ from .release import release
 from .setup import setup
 from .soak import PARTS, soak
 from .steps import ROOT, StepFailed, Steps
-from .test import test
+from .test import layers, test, test_layers
 
 HELP = f"""\
 usage: ./run VERB [ARGUMENT ...]
@@ -29,6 +29,7 @@ usage: ./run VERB [ARGUMENT ...]
   demo             lift a cube with a simulated TriFinger at 1 kHz; arguments go to the demo
   examples [NAME]  run all examples in C++ and Python, or those that begin with NAME, such as 05
   test             lint, then all tests: under sanitizers and in the release build
+  test LAYER ...   the C++ tests of layers such as core, under AddressSanitizer
   setup            install missing system packages and Python packages
   build [PRESET]   compile into build/PRESET: {", ".join(presets())}; dev if none is given
   wheel            make a Python wheel in build/wheels that needs no compiler
@@ -77,6 +78,12 @@ def build_verb(preset: str = "dev", *targets: str) -> None:
     build(preset, *targets)
 
 
+def test_verb(*names: str) -> int:
+    """Runs all tests, or those of some layers."""
+    check_names("layer", names, layers())
+    return test_layers(*names) if names else test()
+
+
 def lint_verb() -> int:
     """Runs all checks."""
     setup()
@@ -114,7 +121,7 @@ def print_help() -> None:
 VERBS: dict[str, Callable[..., int | None]] = {
     "demo": product.demo,
     "examples": product.examples,
-    "test": test,
+    "test": test_verb,
     "setup": setup,
     "build": build_verb,
     "wheel": product.wheel,

@@ -14,7 +14,7 @@ from .docs import build_site, look_at_site
 from .lint import lint
 from .machine import NotRun, test_in_machine
 from .setup import PYTHON, fetch_robots, setup
-from .steps import StepFailed, Steps, duration
+from .steps import ROOT, StepFailed, Steps, duration
 
 
 def test() -> int:
@@ -61,6 +61,22 @@ def test() -> int:
         print("", *Steps.failures, sep="\n")
     print(f"{count.passed} passed, {count.failed} failed in {duration(time.monotonic() - begin)}")
     return 0 if all_passed else 1
+
+
+def layers() -> list[str]:
+    """Returns the layers that have tests in C++."""
+    folders = {file.parent.name for file in (ROOT / "tests").glob("*/CMakeLists.txt")}
+    return sorted(folders - {"machine", "python"})
+
+
+def test_layers(*names: str) -> int:
+    """Runs the C++ tests of some layers under AddressSanitizer and UBSan, for the one who edits."""
+    setup()
+    build("dev", *(f"tests/{name}/all" for name in names))
+    count = Count()
+    labels = f"^({'|'.join(names)})(_.*)?$"
+    passed = cpp_tests(count, "dev", "C++ tests", "ctest", "--preset", "dev", "-L", labels)
+    return 0 if passed else 1
 
 
 def python_tests(count: Count, preset: str, *arguments: str, **variables: str) -> bool:
