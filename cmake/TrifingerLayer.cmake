@@ -117,18 +117,20 @@ function(trifinger_layer name)
   set_property(GLOBAL APPEND PROPERTY TRIFINGER_LAYERS ${name})
 endfunction()
 
-# trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ... [WITHOUT_SANITIZER])
+# trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ... [WITHOUT_SANITIZER] [OPTIMISED])
 #
 # Defines the test program NAME_test. Every suite has its own watchdog, so a hang fails and does not stall the others.
 # `./run test` runs them under sanitizers. Programs marked WITHOUT_SANITIZER have tests that are skipped under a
-# sanitizer, so the release build runs them, too.
+# sanitizer, so the release build runs them, too. OPTIMISED is for tests that compute for long themselves.
 function(trifinger_test name)
-  cmake_parse_arguments(PARSE_ARGV 1 test "WITHOUT_SANITIZER" "" "SOURCES;LIBRARIES")
+  cmake_parse_arguments(PARSE_ARGV 1 test "WITHOUT_SANITIZER;OPTIMISED" "" "SOURCES;LIBRARIES")
   set(target ${name}_test)
   add_executable(${target} ${test_SOURCES})
   trifinger_target_options(${target})
-  trifinger_optimise_test(${target})
-  trifinger_use_headers(${target} test)
+  if(NOT test_OPTIMISED)
+    trifinger_optimise_test(${target})
+    trifinger_use_headers(${target} test)
+  endif()
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   target_link_libraries(${target} PRIVATE ${test_LIBRARIES} GTest::gmock GTest::gtest_main)
   set(label ${name})
