@@ -299,6 +299,7 @@ class RobotFrontend:
         self._data = robot_data
         self._desired: Any = None
         self._limit = 0
+        self._next = 0
 
     def append_desired_action(self, action: ActionLike) -> int:
         """Appends an action and returns the step at which it will act.
@@ -315,13 +316,19 @@ class RobotFrontend:
         desired["position_kp"] = action.position_kp
         desired["position_kd"] = action.position_kd
         try:
+            if self._is_full():
+                robot.finish()  # waits until the last action has acted
             t = robot.append_desired_action(desired)
         except RobotStopped as error:
             raise RuntimeError(self._why(error)) from error
-        if self._limit and t + 1 >= self._limit:
+        self._next = t + 1
+        if self._is_full():
             with suppress(TimedOut, RobotStopped):
                 robot.finish(timeout=0)
         return t
+
+    def _is_full(self) -> bool:
+        return 0 < self._limit <= self._next
 
     def _why(self, error: RobotStopped) -> str:
         if error.fault is not None and error.fault.code == "finished":
