@@ -165,7 +165,8 @@ PinchedHandlingConfig read_pinched_handling(const config::Node& root) {
 
 std::optional<Pinch> choose_pinch(const Kinematics& kinematics, const control::SafetyLimits& limits,
                                   const ObjectDescription& box, const Pose& pose,
-                                  const PinchedHandlingConfig& config, double tip_radius) {
+                                  const PinchedHandlingConfig& config, double tip_radius,
+                                  std::span<const int> tried) {
   const ReachCheck check(kinematics, limits);
   const Eigen::Matrix3d rotation = pose.orientation.toRotationMatrix();
   int upright = 0;
@@ -181,6 +182,7 @@ std::optional<Pinch> choose_pinch(const Kinematics& kinematics, const control::S
     const int along = 3 - upright - across;
     if (config.across_longest && size(along) < longest) continue;
     for (int pusher = 0; pusher < control::kContacts; ++pusher) {
+      if (std::ranges::find(tried, pusher) != tried.end()) continue;
       const auto side_of = [&](int finger) {
         const double azimuth = kinematics.finger_azimuth(finger);
         return Vector3d(std::cos(azimuth), std::sin(azimuth), 0.0);
@@ -310,7 +312,16 @@ void PinchedHandling::put_down(std::string_view failure) noexcept {
 }
 
 void PinchedHandling::plan() {
-  planned_ = choose_pinch(planning_, limits_, box_, rest_, config_, servo_.tip_radius());
+  const auto choose = [this] {
+    return choose_pinch(planning_, limits_, box_, rest_, config_, servo_.tip_radius(), tried_);
+  };
+  // What has failed fails again, so another finger turns the box if it can.
+  planned_ = choose();
+  if (!planned_ && !tried_.empty()) {
+    tried_.clear();
+    planned_ = choose();
+  }
+  if (planned_) tried_.push_back(planned_->pusher);
 }
 
 void PinchedHandling::begin() noexcept {

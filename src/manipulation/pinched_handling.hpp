@@ -5,8 +5,10 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "phase_clock.hpp"
 #include "pose_average.hpp"
@@ -69,13 +71,13 @@ struct Pinch {
 }
 
 // Chooses the fingers for a box that rests at `pose`: two pinch a pair of upright faces, and the
-// third one turns the box. All points of their ways must be within reach. Nothing if there is no
-// such choice.
+// third one, which is none of `tried`, turns the box. All points of their ways must be within
+// reach. Nothing if there is no such choice.
 [[nodiscard]] std::optional<Pinch> choose_pinch(const Kinematics& kinematics,
                                                 const control::SafetyLimits& limits,
                                                 const ObjectDescription& box, const Pose& pose,
                                                 const PinchedHandlingConfig& config,
-                                                double tip_radius);
+                                                double tip_radius, std::span<const int> tried = {});
 
 // Two tips pinch a box between them and lift it, the third tip turns it about the line between
 // them by a quarter of a turn, and they put it down. The skills that do this add what it is for.
@@ -170,6 +172,7 @@ class PinchedHandling : public Skill {
   Pose rest_;                     // Of the box before it is handled.
   std::optional<Pose> first_;     // The same in the first attempt.
   std::optional<Pinch> planned_;  // What `plan` has found.
+  std::vector<int> tried_;        // The pushers of all plans.
   Pinch pinch_;
   std::optional<Pose> goal_;
 

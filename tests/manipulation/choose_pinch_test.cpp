@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <random>
 #include <set>
+#include <vector>
 
 #include "pinched_handling.hpp"
 #include "trifinger/config/file.hpp"
@@ -34,8 +36,9 @@ class ChoosePinch : public ::testing::TestWithParam<const char*> {
     return {.position = {x, y, box_.size[2] / 2},
             .orientation = Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Vector3d::UnitZ()))};
   }
-  [[nodiscard]] std::optional<Pinch> choose(const Pose& pose) const {
-    return choose_pinch(kinematics_, limits_, box_, pose, config_, kRadius);
+  [[nodiscard]] std::optional<Pinch> choose(const Pose& pose,
+                                            const std::vector<int>& tried = {}) const {
+    return choose_pinch(kinematics_, limits_, box_, pose, config_, kRadius, tried);
   }
 
   static constexpr double kRadius = 0.0095;
@@ -71,6 +74,23 @@ TEST_P(ChoosePinch, FindsFingersForEveryPlaceNearTheMiddle) {
       EXPECT_DOUBLE_EQ(pinch->length, 0.08);
     }
   }
+}
+
+TEST_P(ChoosePinch, LeavesOutWhatWasTried) {
+  std::mt19937 random(6);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int others = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Pose pose = resting(0.02 * unit(random), 0.02 * unit(random), kPi * unit(random));
+    std::vector<int> tried;
+    while (const auto pinch = choose(pose, tried)) {
+      ASSERT_EQ(std::ranges::count(tried, pinch->pusher), 0) << i;
+      tried.push_back(pinch->pusher);
+    }
+    ASSERT_LE(tried.size(), 3U);
+    if (tried.size() > 1) ++others;
+  }
+  EXPECT_GT(others, 20);  // where the box lies decides which fingers reach it
 }
 
 TEST_P(ChoosePinch, TurnsWithThePlatform) {
