@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "object_of.hpp"
+#include "plan_untried.hpp"
 #include "soft_limits.hpp"
 #include "torque_action.hpp"
 #include "torque_figure.hpp"
@@ -30,9 +31,11 @@ constexpr double kStillSpeed = 4e-3;  // Of tips that have closed [m/s].
 constexpr Seconds kStillTime{0.1};
 constexpr double kFit = 8e-3;  // Largest error of the distance of tips that pinch [m].
 constexpr Seconds kNumbTime{0.05};
-constexpr double kHover = 0.015;       // Of the tip that turns above the box, before and after [m].
-constexpr double kLowerSpeed = 0.04;   // [m/s]
-constexpr double kSlipRatio = 0.45;    // Of the tip that turns: tangential to normal force.
+constexpr double kHover = 0.015;      // Of the tip that turns above the box, before and after [m].
+constexpr double kLowerSpeed = 0.04;  // [m/s]
+// The tip that turns pushes along the face with at most this share of the force with which it
+// presses on the face. Our choice: less than half of what friction bears in the simulation.
+constexpr double kSlipRatio = 0.45;
 constexpr double kPress = 1.5e-3;      // Below the table, so that the box surely rests on it [m].
 constexpr double kLimitMargin = 0.05;  // Distance that joints keep from their soft limits [rad].
 constexpr double kMostSum = 0.5;       // Of the integral of the angle's error [rad].
@@ -312,15 +315,9 @@ void PinchedHandling::put_down(std::string_view failure) noexcept {
 }
 
 void PinchedHandling::plan() {
-  const auto choose = [this] {
+  planned_ = plan_untried(tried_, [this] {
     return choose_pinch(planning_, limits_, box_, rest_, config_, servo_.tip_radius(), tried_);
-  };
-  // What has failed fails again, so another finger turns the box if it can.
-  planned_ = choose();
-  if (!planned_ && !tried_.empty()) {
-    tried_.clear();
-    planned_ = choose();
-  }
+  });
   if (planned_) tried_.push_back(planned_->pusher);
 }
 

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "plan_untried.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 
 namespace trifinger::manipulation {
@@ -48,12 +49,8 @@ class ManipulationSkill final : public Skill {
     return manipulation_.phase() == Phase::kPlan;
   }
   void plan() override {
-    // A grasp that has failed fails again.
-    plan_ = planner_.plan(manipulation_.resting_pose(), tried_);
-    if (!plan_ && !tried_.empty()) {
-      tried_.clear();
-      plan_ = planner_.plan(manipulation_.resting_pose());
-    }
+    plan_ = plan_untried(tried_,
+                         [this] { return planner_.plan(manipulation_.resting_pose(), tried_); });
     if (plan_) tried_.push_back(plan_->touches);
   }
   void begin() noexcept override {

@@ -53,6 +53,7 @@ def free_port() -> int:
     lowest_of_any = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
     while True:
         port = lowest_of_any // 2 + secrets.randbelow(lowest_of_any // 2)
+        # Another program may have this port; then the next one is tried.
         with socket.socket() as listener, contextlib.suppress(OSError):
             listener.bind(("127.0.0.1", port))
             return port

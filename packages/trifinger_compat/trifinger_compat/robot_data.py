@@ -304,7 +304,8 @@ class RobotFrontend:
     def append_desired_action(self, action: ActionLike) -> int:
         """Appends an action and returns the step at which it will act.
 
-        Raises RuntimeError if the robot has stopped.
+        Raises RuntimeError if the robot has stopped. After the last action that it takes, waits
+        until it stops.
         """
         robot = self._data.controlled()
         if self._desired is None:

@@ -104,6 +104,13 @@ def whole_number(name: str, value: object, bits: int) -> int:
     return int(value)
 
 
+def reset_options(options: dict[str, Any] | None) -> dict[str, Any]:
+    """The options of a reset; none if there are none. Raises InvalidArgument."""
+    given = {} if options is None else options
+    require(isinstance(given, dict), "options", given, 'a dictionary: {"episode": 3}')
+    return given
+
+
 def options_of(task: str | Task, options: Options | None, **changes: Any) -> Options:
     """The options of an environment: those that were given, or those of the task, with changes."""
     if options is None:

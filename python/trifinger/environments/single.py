@@ -20,6 +20,7 @@ from trifinger.environments.options import (
     options_of,
     overrides_of,
     require,
+    reset_options,
     robot_of,
     whole_number,
 )
@@ -165,8 +166,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         """
         if seed is not None:
             seed = whole_number("seed", seed, 64)
-        options = {} if options is None else options
-        require(isinstance(options, dict), "options", options, 'a dictionary: {"episode": 3}')
+        options = reset_options(options)
         episode = options.get("episode")
         if episode is not None:
             episode = whole_number('options["episode"]', episode, 64)

@@ -17,6 +17,7 @@ from trifinger.environments.options import (
     options_of,
     overrides_of,
     require,
+    reset_options,
     robot_of,
     whole_number,
 )
@@ -111,8 +112,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         seed, it is drawn: `np_random_seed` modulo 2^32. Later calls without a seed begin the next
         episodes. With a seed, options["episode"] may be the number of the episode, or a list.
         """
-        options = {} if options is None else options
-        require(isinstance(options, dict), "options", options, 'a dictionary: {"episode": 3}')
+        options = reset_options(options)
         if seed is None and not self._has_begun:
             seed = seed_of(self)
         elif isinstance(seed, int | np.integer):
