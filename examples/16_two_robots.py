@@ -23,22 +23,17 @@ STEPS = 2000
 Positions = npt.NDArray[np.float64]
 
 
-def control(robot: trifinger.Frontend, target: Callable[[int], Positions]) -> bool:
+def control(robot: trifinger.Frontend, target: Callable[[int], Positions]) -> str:
     """Lets the robot follow `target`, the positions of its joints in step t [rad].
 
-    Returns False if the robot stopped before its time.
+    Raises RobotStopped if the robot stopped before its time.
     """
     t = -1
-    try:
-        while t + 1 < STEPS:
-            t = robot.append_desired_action(robot.new_action(position=target(t + 1)))
-            robot.wait_until_time_index(t)
-        robot.finish()
-    except trifinger.RobotStopped as stopped:
-        print(stopped)
-        return False
-    print(f"{robot.session_info().name}: {t + 1} steps")
-    return True
+    while t + 1 < STEPS:
+        t = robot.append_desired_action(robot.new_action(position=target(t + 1)))
+        robot.wait_until_time_index(t)
+    robot.finish()
+    return f"{robot.session_info().name}: {t + 1} steps"
 
 
 names = sys.argv[1:] or ["sim", "arm"]
@@ -60,5 +55,12 @@ def shadow(t: int) -> Positions:  # noqa: ARG001, the arm does not care which st
 
 
 with ThreadPoolExecutor() as threads:
-    done = list(threads.map(control, [fingers, arm], [wave, shadow]))
-sys.exit(0 if all(done) else 1)
+    loops = [threads.submit(control, fingers, wave), threads.submit(control, arm, shadow)]
+exit_code = 0
+for loop in loops:
+    try:
+        print(loop.result())
+    except trifinger.RobotStopped as stopped:
+        print(stopped)
+        exit_code = 1
+sys.exit(exit_code)

@@ -128,7 +128,10 @@ void Board::read_all() noexcept {
 
 Trouble Board::find_trouble(Instant now) const noexcept {
   if (phase_ == Phase::kOff) return Trouble::kNone;
-  if (const Trouble link = trouble_of(bus_->state().link); link != Trouble::kNone) return link;
+  const Trouble link = trouble_of(bus_->state().link);
+  // What was read at the start may be old: a bus keeps the oldest frames of a pause.
+  const bool may_be_old = phase_ == Phase::kStarting && now - started_ <= options_.silent_after;
+  if (link != Trouble::kNone && !may_be_old) return link;
   if (foreign_ >= kForeignCommands) return Trouble::kSecondHost;
   if (error_ != can::BoardError::kNone) return Trouble::kError;
   if (phase_ == Phase::kStarting) {

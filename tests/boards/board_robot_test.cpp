@@ -322,6 +322,34 @@ TEST(BoardRobot, fault_40_AnInterfaceThatIsDownIsFoundWithin2msAndRecovers) {
   expect_true_positions(rig);
 }
 
+// The news that the link is up again may come after the recovery has begun.
+TEST(BoardRobot, fault_40_ALinkMayBeUpShortlyAfterTheRecoveryHasBegun) {
+  Rig<TriFinger> rig;
+  ASSERT_TRUE(is_prepared(rig));
+  const Instant now = rig.clock.now();
+  const Instant end = now + 100ms;
+  rig.buses[3]->add({.kind = can::BusFault::Kind::kBusOff, .begin = now, .end = end});
+  std::string text;
+  time_to_fault(rig, hold_at<TriFinger>(0.3), text);
+  EXPECT_NE(text.find("board 3 (can3, joint 3): the CAN controller has left"), std::string::npos)
+      << text;
+  while (rig.clock.now() < end - 3ms) rig.pass();
+  ASSERT_TRUE(is_prepared(rig));
+  EXPECT_EQ(rig.step(hold_at<TriFinger>(0.3)).state, State::kReady);
+}
+
+TEST(BoardRobot, fault_40_ALinkThatStaysDownIsNamedByTheRecovery) {
+  Rig<TriFinger> rig;
+  ASSERT_TRUE(is_prepared(rig));
+  rig.buses[3]->add({.kind = can::BusFault::Kind::kDown, .begin = rig.clock.now()});
+  std::string text;
+  time_to_fault(rig, hold_at<TriFinger>(0.3), text);
+  const DriverReport report = rig.prepare();
+  EXPECT_EQ(report.state, State::kFault);
+  text = text_of(rig, report);
+  EXPECT_NE(text.find("its CAN interface is down"), std::string::npos) << text;
+}
+
 TEST(BoardRobot, fault_44_EveryErrorOfABoardIsNamedWithItsRemedy) {
   for (int code = 1; code < 8; ++code) {
     const auto error = static_cast<can::BoardError>(code);

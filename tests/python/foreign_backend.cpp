@@ -136,12 +136,11 @@ int main(int argc, char** argv) {
     Backend backend(*driver, host, options,
                     is_clocked ? static_cast<Clock&>(clock) : MonotonicClock::instance());
     const BackendThread thread(backend);
-    // The parent connects after this line, and connecting needs a session.
+    // The parent connects after this line, and connecting needs a session. The robot holds then.
     bool is_ready = false;
     while (!is_ready) {
       try {
-        static_cast<void>(host.open());
-        is_ready = true;
+        is_ready = host.open().info().phase != SessionInfo::Phase::kPreparing;
       } catch (const SessionNotFound&) {
         std::this_thread::yield();
       }
