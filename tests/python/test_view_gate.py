@@ -67,6 +67,7 @@ def browse(gate: Gate | Viewing, **headers: str) -> ClientConnection:
         max_size=None,
         compression=None,
         ping_interval=None,
+        max_queue=None,  # as a browser, it answers the server's pings however late a test reads
     )
 
 
