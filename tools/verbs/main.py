@@ -42,7 +42,7 @@ usage: ./run VERB [ARGUMENT ...]
                    skills: throw, turn, draw and so on;
                    learning, push: train policies; tracking: find the cube in images;
                    robots: print a table of TriFinger and D'Claw
-  soak [PART ...]  the long versions of the tests, about an hour: {", ".join(PARTS)}
+  soak [PART ...]  the long versions of the tests, a night: {", ".join(PARTS)}
   machine          SocketCAN with a robot in a virtual machine; ./run test does this, too
   clean            remove all builds; the Python packages stay
 

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs the long versions of the tests, about three hours on two processors beside compiling."""
+"""Runs the long versions of the tests: a night on two processors, beside compiling."""
 
 import re
-from collections.abc import Callable, Sequence
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from .build import build, configure, uses
 from .counting import Count
@@ -11,7 +13,13 @@ from .lint import clang_tidy
 from .machine import NotRun
 from .setup import PYTHON, fetch_robots, setup
 from .steps import Step, StepFailed, Steps
-from .test import python_tests, run_fuzzers
+from .test import (
+    python_tests,
+    run_fuzzers,
+    test_release,
+    test_with_address_sanitizer,
+    test_with_thread_sanitizer,
+)
 
 STEPS = Steps("soak")
 
@@ -84,6 +92,25 @@ def tests() -> bool:
     )
 
 
+@contextmanager
+def busy_processes(number: int) -> Iterator[None]:
+    """Keeps `number` processes busy beside the block."""
+    busy = [subprocess.Popen([PYTHON, "-c", "while True: pass"]) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
+def busy() -> bool:
+    """Runs all tests three times beside four busy processes: no test asks for a quick machine."""
+    stages = [test_with_address_sanitizer, test_with_thread_sanitizer, test_release]
+    with busy_processes(4):
+        return all([stage(Count()) for _ in range(3) for stage in stages])  # noqa: C419, all of them
+
+
 def fuzz() -> bool:
     """Feeds hostile bytes to the reader of logs and, under AddressSanitizer, to a session."""
     fuzzer = STEPS.check("fuzzers", run_fuzzers(seconds=300))
@@ -132,6 +159,7 @@ PARTS: dict[str, Callable[[], bool]] = {
     "analyser": analyser,
     "kills": kills,
     "tests": tests,
+    "busy": busy,
     "fuzz": fuzz,
     "memory": memory,
     "lerobot": lerobot_itself,
