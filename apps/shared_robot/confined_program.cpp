@@ -97,8 +97,9 @@ ConfinedProgram::ConfinedProgram(Confinement confinement) {
   control_ = control[0];
   output_ = output[0];
   ::fcntl(output_, F_SETFL, O_NONBLOCK);
-  // The guard tells who it is and how it holds the program, or ends.
-  for (bool is_ready = false; !is_ready;) {
+  // Two tell who the guard is and how it holds the program, in any order, unless the guard ends. A
+  // guard that is not known must not be killed: to the kernel, -1 is all processes of the user.
+  for (bool is_confined = false; !is_confined || guard_ <= 0;) {
     News news;
     const ssize_t size = ::recv(control_, &news, sizeof(news), 0);
     if (size < 0 && errno == EINTR) continue;
@@ -109,7 +110,7 @@ ConfinedProgram::ConfinedProgram(Confinement confinement) {
     if (news.kind == News::Kind::kGuard) guard_ = news.value;
     if (news.kind == News::Kind::kConfined) {
       confined_by_ = news.confined_by;
-      is_ready = true;
+      is_confined = true;
     }
   }
 }

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import PATIENT, StartProgram
+from conftest import PATIENT, Running, StartProgram
 from job_place import (
     INTERPRETER,
     NOBODY,
@@ -169,20 +169,6 @@ def test_fault_79_memory_is_counted_or_refused(shared: Place) -> None:
         shared.run(*limits, *run, SEMAPHORES, expect=0)
 
 
-def test_limits_hold_while_a_program_may_still_end_by_itself(shared: Place) -> None:
-    # It is asked to end after a second, uses too much then, and would go on if it could.
-    hog = "import time; x = b'x' * 500_000_000; time.sleep(5)"
-    script = (
-        "trap ': > late' TERM; while [ ! -e late ]; do sleep 0.1; done; "
-        f'{INTERPRETER} -c "{hog}"; : > survived'
-    )
-    options = ("--time", "1s", "--memory", "200MB")
-    report = shared.run(*options, *shell(script), expect=11, grace="60s")
-    assert report["end"]["limit"] == "time"
-    assert report["end"]["was_killed"]
-    assert not (shared.job / "work/survived").exists()
-
-
 def test_a_fork_bomb_stays_small(shared: Place) -> None:
     script = "f() { f & f & sleep 1; }; while true; do f; done"
     words = shared.words("--processes", "40", *shell(script))
@@ -264,11 +250,28 @@ os._exit(0)
     assert not (MEMORY / name).exists()
 
 
-def started(place: Place, start_program: StartProgram, script: str):  # type: ignore[no-untyped-def]
-    words = place.words(*shell(script))
+def started(
+    place: Place, start_program: StartProgram, script: str, *options: str, **others: str
+) -> Running:
+    words = place.words(*options, *shell(script), **others)
     running = start_program(*words[1:], program=words[:1], user=USER)
     running.wait_for("has begun")
     return running
+
+
+def test_limits_hold_while_a_program_may_still_end_by_itself(
+    shared: Place, start_program: StartProgram
+) -> None:
+    # It is asked to end when it has begun, uses too much then, and would go on if it could.
+    hog = "import time; x = b'x' * 500_000_000; time.sleep(5)"
+    script = (
+        "trap ': > late' TERM; echo has begun; while [ ! -e late ]; do sleep 0.1; done; "
+        f'{INTERPRETER} -c "{hog}"; : > survived'
+    )
+    running = started(shared, start_program, script, "--memory", "200MB", grace="60s")
+    assert running.end()[0] == 128 + signal.SIGTERM
+    assert shared.report["end"]["was_killed"]
+    assert not (shared.job / "work/survived").exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
