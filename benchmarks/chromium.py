@@ -15,8 +15,8 @@ EXECUTABLE = "/usr/bin/chromium"
 OPTIONS = (
     "--headless=new",
     "--no-sandbox",
-    # Mesa's drawing without a card. Chromium's own gets nearly nothing of a busy processor: its
-    # threads give way instead of waiting.
+    # Mesa draws. Chromium's own renderer gets nearly nothing of a busy processor: its threads yield
+    # instead of waiting.
     "--use-angle=gl-egl",
     "--ignore-gpu-blocklist",
     "--disable-background-networking",

@@ -97,8 +97,9 @@ ConfinedProgram::ConfinedProgram(Confinement confinement) {
   control_ = control[0];
   output_ = output[0];
   ::fcntl(output_, F_SETFL, O_NONBLOCK);
-  // Two tell who the guard is and how it holds the program, in any order, unless the guard ends. A
-  // guard that is not known must not be killed: to the kernel, -1 is all processes of the user.
+  // The house tells who the guard is, and the guard how it holds the program. These come in any
+  // order, and none if the guard ends. A guard that is not known must not be killed: to the kernel,
+  // -1 is all processes of the user.
   for (bool is_confined = false; !is_confined || guard_ <= 0;) {
     News news;
     const ssize_t size = ::recv(control_, &news, sizeof(news), 0);

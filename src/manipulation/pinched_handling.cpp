@@ -31,7 +31,8 @@ constexpr double kStillSpeed = 4e-3;  // Of tips that have closed [m/s].
 constexpr Seconds kStillTime{0.1};
 constexpr double kFit = 8e-3;  // Largest error of the distance of tips that pinch [m].
 constexpr Seconds kNumbTime{0.05};
-constexpr double kHover = 0.015;      // Of the tip that turns above the box, before and after [m].
+// The tip that turns is this far from the face before and after a turn [m].
+constexpr double kHover = 0.015;
 constexpr double kLowerSpeed = 0.04;  // [m/s]
 // The tip that turns pushes along the face with at most this share of the force with which it
 // presses on the face. Our choice: less than half of what friction bears in the simulation.

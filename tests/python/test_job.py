@@ -274,7 +274,9 @@ def test_limits_hold_while_a_program_may_still_end_by_itself(
     )
     running = started(shared, start_program, "--memory", "200MB", *shell(script), grace="60s")
     assert running.end()[0] == 128 + signal.SIGTERM
-    assert shared.report["end"]["was_killed"]
+    end = shared.report["end"]
+    assert end["kind"] == "interrupted"
+    assert end["was_killed"]
     assert not (shared.job / "work/survived").exists()
 
 

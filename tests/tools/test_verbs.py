@@ -99,16 +99,19 @@ def test_counts_what_pytest_says(capsys: pytest.CaptureFixture[str]) -> None:
 def test_counts_the_tests_of_processes_and_those_that_left_no_result(tmp_path: Path) -> None:
     folder = tmp_path / "results" / "dev"
     folder.mkdir(parents=True)
+    older = '<testsuites tests="100" failures="0" disabled="0"/>'
+    (folder / "older.xml").write_text(older)  # not of this run, so it does not count
+    count = Count()
+    all_steps = Steps("dev")
+    # Two processes failed: b, and one that crashed without leaving a file.
+    line = "33% tests passed, 2 tests failed out of 3"
+    step = count.begin_ctest(all_steps, "s", "dev", ["echo", line])
     counts = {"a": (10, 0, 1), "b": (5, 2, 0)}  # tests, failures, disabled
     for name, (tests, failures, disabled) in counts.items():
         suites = f'<testsuites tests="{tests}" failures="{failures}" disabled="{disabled}"/>'
         (folder / f"{name}.xml").write_text(suites)
     (folder / "python.xml").write_text('<testsuites name="pytest tests"/>')
-    count = Count()
-    all_steps = Steps("dev")
-    # Two processes failed: b, and one that crashed without leaving a file.
-    line = "33% tests passed, 2 tests failed out of 3"
-    count.end_ctest(all_steps, count.begin_ctest(all_steps, "s", "dev", ["echo", line]), "dev")
+    count.end_ctest(all_steps, step, "dev")
     assert (count.passed, count.failed) == (9 + 3, 2 + 1)
 
 

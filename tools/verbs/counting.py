@@ -2,6 +2,7 @@
 """Counts tests while their steps run."""
 
 import re
+import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -29,9 +30,13 @@ class Count:
         return step
 
     def begin_ctest(self, steps: Steps, label: str, preset: str, command: Command) -> Step:
-        """Starts ctest as a step beside others; a hang ends after half an hour."""
+        """Starts ctest as a step beside others; a hang ends after half an hour.
+
+        Older results of this preset go, because all that are there are counted in the end.
+        """
         folder = RESULTS / preset
-        folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
         limit = ["timeout", "--foreground", "--kill-after=1m", "30m"]
         variables = {"GTEST_BRIEF": "1", "TRIFINGER_TEST_RESULTS": str(folder)}
         return steps.begin(label, [*limit, *command], **variables)

@@ -3,7 +3,7 @@
 
 import re
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from .build import build, configure, uses
@@ -40,6 +40,11 @@ def soak(parts: Sequence[str]) -> int:
     return 0 if all(passed) else 1
 
 
+def all_true(results: Iterable[bool]) -> bool:
+    """Says whether all results are true; takes all of them, also after one that is not."""
+    return all(list(results))
+
+
 def print_figures(step: Step) -> bool:
     """Prints the figures of a step, without the usual lines of test programs; says if it passed."""
     usual = re.compile(r"^(\[|Running main|Note: |$)")
@@ -59,7 +64,7 @@ def long_tests(preset: str, programs: str, tests: str) -> bool:
             STEPS.check(label, [*command, f"--gtest_filter={tests}"], TRIFINGER_SOAK="1")
         )
 
-    return all([run(program) for program in programs.split()])  # noqa: C419, all of them
+    return all_true(run(program) for program in programs.split())
 
 
 def python_soak(part: str, *options: str) -> bool:
@@ -105,10 +110,13 @@ def busy_processes(number: int) -> Iterator[None]:
 
 
 def busy() -> bool:
-    """Runs all tests three times beside four busy processes: no test asks for a quick machine."""
+    """Runs the tests in their builds three times beside four busy processes.
+
+    No test may ask for a quick machine.
+    """
     stages = [test_with_address_sanitizer, test_with_thread_sanitizer, test_release]
     with busy_processes(4):
-        return all([stage(Count()) for _ in range(3) for stage in stages])  # noqa: C419, all of them
+        return all_true(stage(Count()) for _ in range(3) for stage in stages)
 
 
 def fuzz() -> bool:
@@ -152,7 +160,7 @@ def lerobot_itself() -> bool:
 
 def lowest_versions() -> bool:
     """Tests with exactly the lowest versions that our packages allow."""
-    return all([print_figures(step) for step in oldest()])  # noqa: C419, all of them
+    return all_true(print_figures(step) for step in oldest())
 
 
 PARTS: dict[str, Callable[[], bool]] = {
