@@ -52,6 +52,14 @@ def test_a_step_that_fails_shows_its_end_and_its_reasons(
     assert Steps.failures == ["g, s: build/logs/g-s.log", "  a.cpp:1:1: error: no"]
 
 
+def test_where_a_process_crashed_is_among_the_reasons() -> None:
+    script = (
+        "print('words', 'Timeout (0:05:00)!', '  File \"a.py\", line 3 in f', sep='\\n'); exit(1)"
+    )
+    Steps("g").check("s", [PYTHON, "-c", script])
+    assert Steps.failures[1:] == ["  | Timeout (0:05:00)!", '  |   File "a.py", line 3 in f']
+
+
 def test_a_stage_that_cannot_run_here_is_neither_passed_nor_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

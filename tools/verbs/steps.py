@@ -31,6 +31,8 @@ REASON = re.compile(
     r"^FAILED |^\[  FAILED  \] [^ ]+\.|^\s+\d+ - .*\((Failed|Timeout|SEGFAULT|Subprocess aborted)\)"
     r"|: (error|fatal error): "
 )
+# The first line of what is printed when a process ends at once, or a watchdog ends it.
+CRASH = re.compile(r"^Fatal Python error: |^Timeout \(\d|ERROR: AddressSanitizer")
 
 
 class StepFailed(Exception):
@@ -217,3 +219,6 @@ class Steps:
         Steps.failures.append(f"{step.group}, {step.label}: {log}")
         reasons = sorted({line.strip()[:200] for line in lines if REASON.search(line)})
         Steps.failures.extend(f"  {reason}" for reason in reasons[:10])
+        crashes = [number for number, line in enumerate(lines) if CRASH.search(line)]
+        for number in crashes[:1]:
+            Steps.failures.extend(f"  | {line[:200]}" for line in lines[number : number + 30])
