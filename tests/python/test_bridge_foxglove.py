@@ -57,6 +57,9 @@ async def serving(
         await asyncio.gather(task, return_exceptions=True)
 
 
+WRONG_SUBSCRIPTION = '{"op": "subscribe", "subscriptions": [{"id": 1}]}'
+
+
 class Viewer:
     """A client that was written from the description of the protocol."""
 
@@ -105,6 +108,8 @@ class Viewer:
             self.subscribed[number] = topic
             asked.append({"id": number, "channelId": self.topics()[topic]})
         await self.ask(op="subscribe", subscriptions=asked)
+        # A server does not confirm a subscription, but it answers what is wrong, in turn.
+        await self.error_after(WRONG_SUBSCRIPTION)
 
     async def ask(self, **message: object) -> None:
         await self.connection.send(json.dumps(message))
@@ -242,7 +247,7 @@ def test_each_message_is_like_that_of_the_official_server(start_fake: StartChild
             publish()
             await viewer.receive_until(lambda: bool(viewer.messages["/robot/step"]))
             channel = viewer.channels[viewer.topics()["/robot/step"]]
-            await viewer.error_after('{"op": "subscribe", "subscriptions": [{"id": 1}]}')
+            await viewer.error_after(WRONG_SUBSCRIPTION)
             status = viewer.statuses[0]
             return viewer.info, channel, viewer.messages["/robot/step"], status
 
