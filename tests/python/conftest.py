@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Gives every test its own folders. pytest's faulthandler_timeout ends tests that hang."""
 
+import contextlib
 import os
+import secrets
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -141,6 +144,17 @@ def assert_steady(session: trifinger.LoggedSession) -> None:
     assert abs(begins[:half].min() - begins[half:].min()) < period
 
 
+def free_port() -> int:
+    """A port that nobody gets who asks for any, so it is still free when a program takes it."""
+    lowest_of_any = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    while True:
+        port = lowest_of_any // 2 + secrets.randbelow(lowest_of_any // 2)
+        # Another program may have this port; then the next one is tried.
+        with socket.socket() as listener, contextlib.suppress(OSError):
+            listener.bind(("127.0.0.1", port))
+            return port
+
+
 class Child:
     """A process that has printed "ready"; it ends when its input ends."""
 
@@ -238,6 +252,7 @@ PATIENT = [
     *("--set", "backend.late_action.max_repeats=1000000"),
     *("--set", "backend.max_skipped_ticks=1000000"),
 ]
+PATIENT_FAKE = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
 PATIENT_BOARDS = [
     *PATIENT,
     *("--set", "boards.silent_after=3"),

@@ -143,7 +143,7 @@ def narrow(client: foxglove.Client) -> None:
 def steps_of(robot: trifinger.Frontend, setpoints: Iterable[float]) -> None:
     for setpoint in setpoints:
         t = robot.append_desired_action(robot.new_action(setpoint=setpoint))
-        robot.wait_until_time_index(t)
+        robot.get_status(t)  # what is written last: now the step is whole, and can be shown
 
 
 def decoded(viewer: Viewer, topic: str) -> list[Any]:

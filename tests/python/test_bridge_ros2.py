@@ -14,14 +14,14 @@ import struct
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 import trifinger
-from conftest import Child, StartChild, StartProgram
+from conftest import Child, StartChild, StartProgram, free_port
 from cyclonedds import idl
 from cyclonedds.idl import make_idl_struct
 from ros2_pyterfaces.core import all_msgs
@@ -31,13 +31,28 @@ from trifinger.bridges import dds, message_types, ros2, zenoh_node
 from trifinger.bridges.message_types import Field, MessageType, dds_name, parse
 from trifinger.bridges.ros2 import Node, Ros2Bridge, Ros2Options, Topic, namespace_of
 
-# Tests that run at the same time do not meet.
 BRIDGE = (
     sys.executable,
     "-c",
     "import sys; from trifinger.commands.bridge import main; sys.exit(main())",
 )
-DOMAIN = 10 + os.getpid() % 200
+
+
+def own_domain() -> tuple[int, socket.socket]:
+    """A domain of DDS in which no other tests are that run at the same time; the next one as well.
+
+    Both are this process's as long as the socket lives.
+    """
+    for domain in range(10, 100, 2):
+        holder = socket.socket(socket.AF_UNIX)
+        # The name is no file. Like the loopback interface, it is known in this network alone.
+        with suppress(OSError):
+            holder.bind(f"\0trifinger-tests-domain-{domain}")
+            return domain, holder
+    raise AssertionError("there is no domain left")
+
+
+DOMAIN, HOLDER = own_domain()
 
 DDS_SUBSCRIBER = f"""
 import json, sys, time
@@ -218,6 +233,24 @@ def step(robot: trifinger.Frontend, setpoint: float) -> int:
     t = robot.append_desired_action(robot.new_action(setpoint=setpoint))
     robot.wait_until_time_index(t)
     return t
+
+
+@contextmanager
+def stepping(robot: trifinger.Frontend, setpoint: float) -> Iterator[None]:
+    """Does one step after the other in a thread."""
+    done = threading.Event()
+
+    def work() -> None:
+        while not done.is_set():
+            step(robot, setpoint)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
 
 
 def lines_of(child: Child) -> Iterator[dict[str, Any]]:
@@ -475,10 +508,11 @@ def test_fault_68_a_subscriber_on_dds_that_stands_still_delays_nobody(
                 if seen[-1] == last:
                     break
         os.kill(stuck.pid, signal.SIGCONT)
-        step(robot, 7.0)
-        newest = until(stuck, lambda one: one["message"]["desired_action"]["setpoint"] == 7.0)
+        # DDS gives up who was silent for 10 s, and finds him again: what came before is lost.
+        with stepping(robot, 7.0):
+            newest = until(stuck, lambda one: one["message"]["desired_action"]["setpoint"] == 7.0)
     assert seen == sorted(seen)
-    assert newest[-1]["message"]["time_index"] == 2000
+    assert newest[-1]["message"]["time_index"] >= 2000
 
 
 @pytest.mark.release
@@ -538,11 +572,6 @@ def test_a_domain_that_dds_does_not_have_is_refused() -> None:
 # ---- Zenoh ----
 
 
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as one:
-        return f"tcp/127.0.0.1:{one.getsockname()[1]}"
-
-
 def test_a_subscriber_on_zenoh_gets_the_values_of_the_robot(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
@@ -550,7 +579,7 @@ def test_a_subscriber_on_zenoh_gets_the_values_of_the_robot(
     channel = channels_of("robot")["/robot/step"]
     step_type = parse(channel.type, channel.definition)
     key = f"5/robot/step/trifinger_msgs::msg::dds_::FakeStep_/{step_type.hash}"
-    endpoint = free_endpoint()
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     subscriber = start_python(
         ZENOH_SUBSCRIBER, endpoint, json.dumps([(key, False)]), "@ros2_lv/5/**"
     )
@@ -603,7 +632,7 @@ def test_a_subscriber_on_zenoh_that_comes_later_gets_what_is_latched(
     start_program: StartProgram, start_python: StartChild
 ) -> None:
     start_program("run", "sim", "--non-real-time").wait_for("waits for a user")
-    endpoint = free_endpoint()
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     key = "0/sim/robot_description/std_msgs::msg::dds_::String_/*"
     with bridging("sim", zenoh_node.ZenohNode("/sim", 0, endpoint)) as bridge:
         while "/sim/robot_description" not in {topic.name for topic in bridge.topics}:
@@ -649,18 +678,8 @@ def test_the_command_publishes_and_ends_cleanly(
         program=BRIDGE,
     )
     bridge.wait_for("node /lab/trifinger_bridge")
-    done = threading.Event()
-    with trifinger.connect("robot") as robot:
-
-        def work() -> None:
-            while not done.is_set():
-                step(robot, 4.5)
-
-        thread = threading.Thread(target=work)
-        thread.start()
+    with trifinger.connect("robot") as robot, stepping(robot, 4.5):
         told = until(subscriber, lambda _: True)
-        done.set()
-        thread.join()
     assert told[0]["message"]["desired_action"]["setpoint"] == 4.5
     assert bridge.end()[0] == 0
 

@@ -75,6 +75,10 @@ def test_images_of_another_process_are_read_by_step(
     with trifinger.connect("sim") as robot:
         cameras = Cameras(robot)
         assert "camera180" in cameras.calibration
+        wait_for_images(robot, cameras)
+        # The memory keeps 16 images, a third of a second. What is looked at shall stay in it.
+        process.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, process.process.pid, os.WSTOPPED)
         images = wait_for_images(robot, cameras)
         assert images.names == CAMERAS
         for c, name in enumerate(CAMERAS):
@@ -94,6 +98,7 @@ def test_images_of_another_process_are_read_by_step(
             with pytest.raises(ValueError, match="read-only"):
                 view["camera60"][0, 0] = 0
         copy = payload.copy()
+        process.process.send_signal(signal.SIGCONT)
         # After 16 more the memory holds others, and everybody is told.
         while payload.is_valid():
             t = robot.append_desired_action(robot.new_action())

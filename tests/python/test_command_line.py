@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartChild, StartProgram, diverging_state
+from conftest import PATIENT_FAKE, PROGRAM, StartChild, StartProgram, diverging_state
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -251,7 +251,7 @@ def test_a_second_signal_kills(start_program: StartProgram) -> None:
 
 
 def test_a_reader_that_goes_away_does_not_end_the_robot(start_program: StartProgram) -> None:
-    program = start_program("run", "fake")
+    program = start_program("run", "fake", *PATIENT_FAKE)
     program.wait_for("holds its pose")
     assert program.process.stdout is not None
     program.process.stdout.close()
@@ -571,8 +571,8 @@ def test_fault_58_the_status_says_whether_the_loop_has_priority(
 def test_fault_58_what_a_loop_lacks_is_in_its_status_and_its_log(
     options: list[str], lacks: list[str], start_program: StartProgram, tmp_path: Path
 ) -> None:
-    patient = ("--set", "max_repeats=1000000", "--record", str(tmp_path))
-    program = start_program("run", "fake", *options, *patient)
+    words = (*options, *PATIENT_FAKE, "--record", str(tmp_path))
+    program = start_program("run", "fake", *words)
     program.wait_for("holds its pose")
     with trifinger.connect("fake") as robot:
         robot.wait_until_time_index(robot.append_desired_action(robot.new_action()) + 1)
@@ -595,7 +595,7 @@ def test_fault_58_what_a_loop_lacks_is_in_its_status_and_its_log(
 
 
 def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgram) -> None:
-    start_program("run", "fake", "--set", "max_repeats=1000000").wait_for("holds its pose")
+    start_program("run", "fake", *PATIENT_FAKE).wait_for("holds its pose")
     with trifinger.connect("fake") as robot:
         t = robot.append_desired_action(robot.new_action())
         robot.wait_until_time_index(t + 50)
@@ -611,7 +611,7 @@ def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgr
 
 
 def test_a_fault_is_shown_with_its_remedy_which_works(start_program: StartProgram) -> None:
-    program = start_program("run", "fake", "--set", "max_repeats=0")
+    program = start_program("run", "fake", *PATIENT_FAKE, "--set", "max_repeats=0")
     program.wait_for("holds its pose")
     assert "there is nothing to recover from, it is holding" in run("recover", "fake")
     robot = trifinger.connect("fake")
@@ -668,7 +668,7 @@ def test_live_lines_fit_in_the_window(start_fake: StartChild, columns: int) -> N
 
 
 def test_a_running_back_end_has_one_line_on_a_terminal() -> None:
-    screen = Screen(100, "run", "fake", "--set", "max_repeats=1000000")
+    screen = Screen(100, "run", "fake", *PATIENT_FAKE)
     screen.wait_for("fake: holds")
     with trifinger.connect("fake") as robot:
         for _ in range(50):
@@ -752,7 +752,7 @@ def test_steps_that_cannot_be_read_are_named(start_fake: StartChild) -> None:
 def test_fault_28_the_last_session_of_a_dead_back_end_can_be_read(start_fake: StartChild) -> None:
     child = start_fake("robot")
     robot = trifinger.connect("robot")
-    robot.wait_until_time_index(robot.append_desired_action(robot.new_action(setpoint=2.5)))
+    robot.get_applied_action(robot.append_desired_action(robot.new_action(setpoint=2.5)))
     child.kill()
     assert "setpoint  2.5\n" in run("read", "robot", "--series", "applied_action")
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import stable_baselines3
 import trifinger
-from conftest import StartProgram, diverging_state
+from conftest import PATIENT, StartProgram, diverging_state
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
@@ -765,7 +765,8 @@ def test_a_connected_robot_is_moved_to_the_start_and_runs_the_same_task():
 
 @pytest.mark.release
 def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
-    start_program("run", "trifinger_edu", "--name", "learner").wait_for("waits for a user")
+    robot = start_program("run", "trifinger_edu", "--name", "learner", *PATIENT)
+    robot.wait_for("waits for a user")
     environment = Environment(
         "reach",
         options=Options.of("reach", mapping="state_augmentation", duration=0.4),

@@ -294,7 +294,9 @@ def test_an_interrupted_turn_ends_with_a_report_and_a_robot_that_is_whole(
 
 
 def test_a_second_signal_ends_at_once(shared: Place, start_program: StartProgram) -> None:
-    running = started(shared, start_program, *shell("trap '' TERM; echo has begun; sleep 1000"))
+    # Nothing but the second signal ends it.
+    script = "trap '' TERM; echo has begun; sleep 1000"
+    running = started(shared, start_program, *shell(script), grace="1h")
     running.process.send_signal(signal.SIGTERM)
     running.wait_for("a second Ctrl-C ends at once")
     assert running.end(signal.SIGTERM)[0] == -signal.SIGTERM

@@ -16,7 +16,7 @@ import numpy as np
 import plotly.offline
 import pytest
 import trifinger
-from conftest import PROGRAM, StartProgram
+from conftest import PATIENT_FAKE, PROGRAM, StartProgram
 from test_log import Written, write_log
 from trifinger.log.plot import curves, panels, plot
 
@@ -322,8 +322,8 @@ def test_lateness_is_the_same_number_in_every_command(
     start_program: StartProgram, tmp_path: Path
 ) -> None:
     folder = tmp_path / "recorded"
-    patience = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
-    robot = start_program("run", "fake", "--name", "late", "--record", str(folder), *patience)
+    words = ("--name", "late", "--record", str(folder))
+    robot = start_program("run", "fake", *words, *PATIENT_FAKE)
     robot.wait_for("waits for a user")
     with trifinger.connect("late") as user:
         t = user.append_desired_action(user.new_action())

@@ -17,7 +17,7 @@ import av
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartProgram
+from conftest import PATIENT, PROGRAM, StartProgram
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
@@ -384,7 +384,7 @@ def test_a_log_that_is_the_robot_shows_its_images(
 def test_a_robot_in_real_time_is_recorded(start_program: StartProgram, tmp_path: Path) -> None:
     words = ["--set", "cameras.size=270", "--set", "cameras.rate=5"]
     running = start_program(
-        "run", "sim_cameras", *words, "--record", str(tmp_path), "--images", "raw"
+        "run", "sim_cameras", *PATIENT, *words, "--record", str(tmp_path), "--images", "raw"
     )
     running.wait_for("deliver images")
     with trifinger.connect("sim") as robot:

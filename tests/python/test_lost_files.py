@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import trifinger
-from conftest import PROGRAM, StartProgram
+from conftest import PATIENT_FAKE, PROGRAM, StartProgram
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -54,7 +54,7 @@ def test_fault_32_a_backend_can_be_stopped_whatever_became_of_its_files(
     assert f"stopped trifinger (process {robot.process.pid})" in stopped
     assert robot.process.wait() == 0
     # The name is free.
-    again = start_program("run", "fake", "--name", "x")
+    again = start_program("run", "fake", "--name", "x", *PATIENT_FAKE)
     again.wait_for("holds its pose")
     with trifinger.connect("x") as user:
         user.append_desired_action(user.new_action(setpoint=1.0))
@@ -83,7 +83,7 @@ def test_fault_32_errors_name_the_command_that_helps(
 def test_fault_18_a_second_robot_is_refused_without_the_lock_of_the_first(
     session_folder: Path, start_program: StartProgram
 ) -> None:
-    robot = start_program("run", "fake", "--name", "x")
+    robot = start_program("run", "fake", "--name", "x", *PATIENT_FAKE)
     robot.wait_for("holds its pose")
     (session_folder / "trifinger.x.lock").unlink()
     for _ in range(2):

@@ -15,13 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartChild, StartProgram
+from conftest import PATIENT_FAKE, PROGRAM, StartChild, StartProgram
 from test_processes import step
 
 pytestmark = pytest.mark.release  # these tests need the program
-
-# In these tests, a machine that stalls must not cause a fault.
-PATIENT = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
 
 
 def log_of(folder: Path) -> trifinger.LoggedSession:
@@ -39,7 +36,7 @@ def test_fault_69_a_signal_ends_everything_in_order(
     start_program: StartProgram, tmp_path: Path, mode: str, number: signal.Signals
 ) -> None:
     folder = tmp_path / "recording"
-    program = start_program("run", "fake", mode, *PATIENT, "--record", str(folder))
+    program = start_program("run", "fake", mode, *PATIENT_FAKE, "--record", str(folder))
     program.wait_for("holds its pose")
     robot = trifinger.connect("fake")
     for k in range(100):
@@ -71,7 +68,7 @@ def test_fault_69_a_signal_ends_everything_in_order(
 def test_fault_69_a_robot_that_waits_for_recovery_ends_as_well(
     start_program: StartProgram, number: signal.Signals
 ) -> None:
-    program = start_program("run", "fake", *PATIENT, "--set", "fault_after=5")
+    program = start_program("run", "fake", *PATIENT_FAKE, "--set", "fault_after=5")
     program.wait_for("waits for 'trifinger recover fake'")
     assert program.end(number)[0] == 0
 
@@ -82,8 +79,9 @@ def test_fault_69_a_terminal_that_is_closed_ends_the_robot_in_order(tmp_path: Pa
     script = "import os, sys; os.setsid(); import fcntl, termios; "
     script += "fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execv(sys.argv[1], sys.argv[1:])"
     folder = tmp_path / "recording"
+    words = ("run", "fake", *PATIENT_FAKE, "--record", str(folder))
     process = subprocess.Popen(
-        [sys.executable, "-c", script, PROGRAM, "run", "fake", *PATIENT, "--record", str(folder)],
+        [sys.executable, "-c", script, PROGRAM, *words],
         stdin=terminal,
         stdout=terminal,
         stderr=terminal,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartChild, StartProgram
+from conftest import PATIENT_FAKE, PROGRAM, StartChild, StartProgram
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from test_command_line import Screen
@@ -183,7 +183,7 @@ def test_the_official_readers_decode_a_simulation(
 def test_run_records_its_robot_from_the_first_step_to_the_last(
     mode: str, tmp_path: Path, start_program: StartProgram
 ) -> None:
-    program = start_program("run", "fake", mode, "--record", str(tmp_path / "out"))
+    program = start_program("run", "fake", mode, *PATIENT_FAKE, "--record", str(tmp_path / "out"))
     program.wait_for("records into")
     with trifinger.connect("fake") as robot:
         robot.append_desired_actions(np.repeat(robot.new_action(), STEPS))
@@ -217,7 +217,8 @@ def wait_for_end_of(pid: int) -> None:
 def test_the_recorder_of_a_killed_back_end_writes_the_end(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
-    program = start_program("run", "fake", "--real-time", "--record", str(tmp_path / "out"))
+    words = ("--real-time", *PATIENT_FAKE, "--record", str(tmp_path / "out"))
+    program = start_program("run", "fake", *words)
     program.wait_for("records into")
     recorder = child_of(program.process.pid)
     robot = trifinger.connect("fake")
@@ -235,7 +236,7 @@ def test_the_recorder_of_a_killed_back_end_writes_the_end(
 def test_a_killed_recorder_of_run_is_replaced_and_nothing_is_missing(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
-    options = ("--real-time", "--set", "max_repeats=1000000", "--record", str(tmp_path / "out"))
+    options = ("--real-time", *PATIENT_FAKE, "--record", str(tmp_path / "out"))
     program = start_program("run", "fake", *options)
     program.wait_for("records into")
     robot = trifinger.connect("fake")
@@ -277,7 +278,7 @@ def test_a_signal_finishes_the_log(
     recorder.wait_for("records into")
     with trifinger.connect("robot") as robot:
         robot.append_desired_actions(np.repeat(robot.new_action(), 10))
-        robot.wait_until_time_index(9)
+        robot.get_status(9)  # what is written last: now the step is whole, and is recorded
         status, output = recorder.end(number)
     assert status == 0
     assert "finishes the log" in output

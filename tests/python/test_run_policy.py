@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import BUILD, StartProgram
+from conftest import BUILD, PATIENT, StartProgram
 from lerobot_reader import Reader
 from trifinger import policy_file
 from trifinger.commands.export_data_set import main as export
@@ -98,7 +98,7 @@ def test_does_what_the_environment_does_to_the_last_bit(
 
 def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_path: Path) -> None:
     write_policy(tmp_path / "p.policy", "reach", Options.of("reach", duration=0.5))
-    start_program("run", "trifinger_edu", "--name", "p").wait_for("waits for a user")
+    start_program("run", "trifinger_edu", "--name", "p", *PATIENT).wait_for("waits for a user")
     done = run(tmp_path / "p.policy", "--episodes", 2, "--scheduling", "off")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "episode    1:   25 actions" in done.stdout

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 import trifinger
-from conftest import PROGRAM, Running, StartProgram
-from test_orderly_end import PATIENT, log_of
+from conftest import PATIENT_FAKE, PROGRAM, Running, StartProgram
+from test_orderly_end import log_of
 from test_recording import child_of, wait_for_end_of
 
 pytestmark = pytest.mark.release  # these tests need the program
@@ -26,7 +26,7 @@ def connected() -> trifinger.Frontend:
 
 
 def start(start_program: StartProgram, folder: Path, mode: str = "--real-time") -> Running:
-    program = start_program("run", "fake", mode, *PATIENT, "--record", str(folder))
+    program = start_program("run", "fake", mode, *PATIENT_FAKE, "--record", str(folder))
     program.wait_for("records into")
     return program
 
@@ -178,7 +178,7 @@ def test_fault_22_a_limit_of_file_sizes_is_like_a_full_disk(
 def test_fault_22_a_limit_of_file_sizes_costs_the_log_of_a_fault_and_no_more(
     start_program: StartProgram,
 ) -> None:
-    program = start_program("run", "fake", *PATIENT, "--set", "fault_after=1000")
+    program = start_program("run", "fake", *PATIENT_FAKE, "--set", "fault_after=1000")
     program.wait_for("holds its pose")
     robot = connected()
     limit_files_of(program.process.pid, 0)

@@ -81,7 +81,8 @@ class Terminal:
         """
         while self.process.poll() is None:
             self._is_readable()
-        self._is_readable()
+        while self._is_readable():  # the kernel may hand over what was written in parts
+            pass
         assert termios.tcgetattr(self.terminal) == self.before
         return self.process.returncode, self.text
 

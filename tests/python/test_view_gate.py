@@ -55,8 +55,14 @@ def get(gate: Gate, path: str = "/", **headers: str) -> tuple[int, dict[str, str
         return answer.status, dict(answer.getheaders()), answer.read()
 
 
-def browse(gate: Gate | Viewing, **headers: str) -> ClientConnection:
-    """Connects as the page does, with other headers on request."""
+def browse(
+    gate: Gate | Viewing, *, max_queue: int | None = None, **headers: str
+) -> ClientConnection:
+    """Connects as the page does, with other headers on request.
+
+    As a browser, it answers the server's pings however late a test reads its messages. With a
+    `max_queue` it takes no more than these, so the network fills up.
+    """
     origin = headers.pop("Origin", f"http://127.0.0.1:{gate.port}")
     cookies = headers.pop("Cookie", f"{gate.cookie}={gate.token}")
     return connect(
@@ -67,7 +73,7 @@ def browse(gate: Gate | Viewing, **headers: str) -> ClientConnection:
         max_size=None,
         compression=None,
         ping_interval=None,
-        max_queue=None,  # as a browser, it answers the server's pings however late a test reads
+        max_queue=max_queue,
     )
 
 
@@ -329,10 +335,10 @@ def test_fault_68_connections_are_bounded(gate: Gate) -> None:
 
 def test_fault_68_a_slow_browser_loses_frames_alone(server: Any, gate: Gate) -> None:
     """One browser reads nothing while much more is sent than buffers hold; another sees it all."""
-    frames, points = 300, np.zeros((20_000, 3), np.float32)  # 240 kB each
+    frames, points = 100, np.zeros((20_000, 3), np.float32)  # 240 kB each
     cloud = server.scene.add_point_cloud("/cloud", points, (0, 0, 0))
     mark = server.gui.add_number("mark", -1.0)
-    with browse(gate) as slow, browse(gate) as quick:
+    with browse(gate, max_queue=1) as slow, browse(gate) as quick:
         wait_for(slow, "ReplayDoneMessage")
         wait_for(quick, "ReplayDoneMessage")
         for number in range(frames):
@@ -355,5 +361,5 @@ def test_fault_68_a_slow_browser_loses_frames_alone(server: Any, gate: Gate) -> 
                 seen.append(message["updates"]["value"])
                 if seen[-1] == frames - 1:
                     break
-    assert len(seen) < frames  # it has lost some
+    assert len(seen) < frames / 2  # buffers hold a few megabytes
     assert seen == sorted(seen)

@@ -166,7 +166,7 @@ INTERRUPTED_INLINE = """
 import os, signal, threading
 import numpy as np
 import trifinger
-robot = trifinger.fake()
+robot = trifinger.fake(history=1_000_000)  # for a reader that wakes late
 actions = np.zeros(20_000_000, robot.action_dtype)
 def interrupt():
     robot.get_observation(10_000)  # another thread reads while the burst is on its way
