@@ -40,14 +40,17 @@ class ScriptedDevice final : public camera::Device {
     std::mutex mutex;
     std::condition_variable changed;
     std::deque<Frame> frames;
+    bool has_frame{false};  // the device, until it is asked for the next one
     bool is_there{true};
     std::atomic<bool> fails{false};
     std::atomic<int> failures{0};
 
-    void add(Frame frame) {
-      const std::lock_guard lock(mutex);
+    // Returns when the caller of the device has the image.
+    void deliver(Frame frame) {
+      std::unique_lock lock(mutex);
       frames.push_back(frame);
       changed.notify_all();
+      changed.wait(lock, [this] { return frames.empty() && !has_frame; });
     }
     void fail(bool does) {
       const std::lock_guard lock(mutex);
@@ -66,6 +69,8 @@ class ScriptedDevice final : public camera::Device {
 
   [[nodiscard]] bool grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) override {
     std::unique_lock lock(script_->mutex);
+    script_->has_frame = false;
+    script_->changed.notify_all();
     script_->changed.wait_for(lock, timeout, [this] {
       return !script_->frames.empty() || was_ != is_there_now() || script_->fails;
     });
@@ -77,6 +82,7 @@ class ScriptedDevice final : public camera::Device {
     if (script_->frames.empty()) return false;
     frame = script_->frames.front();
     script_->frames.pop_front();
+    script_->has_frame = true;
     fill_pattern(pixels, camera_, frame.number);
     return true;
   }
@@ -102,10 +108,11 @@ class Group {
     group.emplace(three_cameras(), std::move(devices), 10ms);
     grabbed.emplace(*group);
   }
-  // Delivers image `number` of a camera, taken `later` than planned.
+  // Delivers image `number` of a camera, taken `later` than planned. The group has it when this
+  // returns, so it does not take a camera for late whose thread is.
   void deliver(std::size_t camera, std::int64_t number, Nanoseconds later = 0ns,
                Frame::State state = Frame::State::kGood) {
-    scripts[camera]->add(
+    scripts[camera]->deliver(
         {.state = state, .number = number, .time = begin + number * 10ms + later, .exposure = 1ms});
   }
   std::array<std::int64_t, 3> next() {
@@ -242,12 +249,6 @@ TEST(CameraGroup, WithoutAReaderKeepsTheNewestImages) {
   Group group;
   for (std::int64_t i = 0; i < 50; ++i) {
     for (std::size_t c = 0; c < 3; ++c) group.deliver(c, i);
-  }
-  for (const auto& script : group.scripts) {
-    for (bool is_empty = false; !is_empty;) {
-      const std::lock_guard lock(script->mutex);
-      is_empty = script->frames.empty();
-    }
   }
   Numbers numbers{};
   while (numbers[0] < 49 && numbers[1] < 49 && numbers[2] < 49) numbers = group.next();

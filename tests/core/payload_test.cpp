@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -199,9 +201,14 @@ TEST(Payload, OfAProcessThatWasKilledIsWholeOrGone) {
       static_cast<void>(reader.view(newest.payload));  // maps the memory
     } catch (const HistoryLost&) {
     }
-    child.kill();
+    // It is stopped where it will be killed: the driver forgets a process that has ended as soon as
+    // it notices that, and with it the newest element.
+    child.send(SIGSTOP);
+    int status = 0;
+    ASSERT_EQ(::waitpid(child.pid(), &status, WUNTRACED), child.pid());
     for (TimeIndex t = 1'000'000; driver->get_companion_element(0, t, &newest);) {
     }
+    child.kill();
     int whole = 0;
     for (std::int64_t i = newest.payload.number + 4; i > newest.payload.number - 4; --i) {
       try {

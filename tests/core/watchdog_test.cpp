@@ -41,12 +41,15 @@ void wait_until(const std::function<bool()>& holds) {
   }
 }
 
-// Stops a process like Ctrl-Z does, and returns when it has stopped.
-void stop(const ChildProcess& process) {
-  process.send(SIGSTOP);
+void wait_until_stopped(const ChildProcess& process) {
   int status = 0;
   ASSERT_EQ(::waitpid(process.pid(), &status, WUNTRACED), process.pid());
   ASSERT_TRUE(WIFSTOPPED(status));
+}
+// Stops a process like Ctrl-Z does, and returns when it has stopped.
+void stop(const ChildProcess& process) {
+  process.send(SIGSTOP);
+  wait_until_stopped(process);
 }
 
 // --- The user ---
@@ -233,9 +236,8 @@ Frontend<FakeRobot> connect_to_new_robot() {
   return std::move(*robot);
 }
 
-// Stops the back-end for so long that others must notice.
-void stop_for_many_periods(const ChildProcess& backend, const Frontend<FakeRobot>& robot) {
-  stop(backend);
+// Waits until the back-end has been stopped for so long that others must notice.
+void wait_for_many_periods(const Frontend<FakeRobot>& robot) {
   wait_until(
       [&] { return robot.session().info().since_heartbeat > 6 * kManySkipped / 5 * kPeriod; });
 }
@@ -249,7 +251,8 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   auto robot = connect_to_new_robot();
   robot.append_desired_action({});
   robot.wait_until_time_index(20);
-  stop_for_many_periods(backend, robot);
+  stop(backend);
+  wait_for_many_periods(robot);
   // The back-end is not dead, and nobody can know what it will do, so waits end only at their
   // timeouts.
   EXPECT_FALSE(robot.fault().has_value());
@@ -273,18 +276,12 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   next.wait_until_time_index(5);
 }
 
-// Stays in the fifth action of its user until it may continue. The watchdog looks before and after
-// that time.
+// Stops its own process in the fifth action of its user. The watchdog looks before and after that
+// time.
 class LingeringDriver final : public IdleDriver {
  public:
   // Tells a user's action from one that holds the robot before step 0.
   static constexpr FakeAction kOfTheUser{.setpoint = 1.0};
-
-  struct Shared {
-    std::atomic<bool> is_in_call{false};
-    std::atomic<bool> may_go_on{false};
-  };
-  explicit LingeringDriver(Shared& shared) : shared_(shared) {}
 
   using IdleDriver::apply_action;
 
@@ -292,8 +289,8 @@ class LingeringDriver final : public IdleDriver {
                                           FakeAction& applied) noexcept override {
     if (desired.setpoint == kOfTheUser.setpoint && ++actions_ == 5) {
       stay();
-      shared_.is_in_call = true;
-      while (!shared_.may_go_on) std::this_thread::yield();
+      // Nobody else could do this in time on a busy machine: until then the call does hang.
+      ::raise(SIGSTOP);
       stay();
     }
     return IdleDriver::apply_action(desired, applied);
@@ -305,22 +302,19 @@ class LingeringDriver final : public IdleDriver {
     while (!end.passed()) std::this_thread::yield();
   }
 
-  Shared& shared_;
   int actions_{0};
 };
 
 TEST(StoppedBackend, fault_56_DoesNotTakeItsOwnStopForADriverThatHangs) {
   const SessionFolder folder;
-  SharedValue<LingeringDriver::Shared> shared;
-  ChildProcess backend([&] {
-    LingeringDriver driver(*shared);
+  ChildProcess backend([] {
+    LingeringDriver driver;
     return run_backend(driver);
   });
   auto robot = connect_to_new_robot();
   robot.append_desired_action(LingeringDriver::kOfTheUser);
-  wait_until([&] { return shared->is_in_call.load(); });
-  stop_for_many_periods(backend, robot);
-  shared->may_go_on = true;
+  wait_until_stopped(backend);
+  wait_for_many_periods(robot);
   backend.send(SIGCONT);
   const auto fault = fault_of([&] { robot.wait_until_time_index(1'000'000); });
   EXPECT_EQ(name_of(fault.value_or(Fault{}).code), name_of(Fault::Code::kBackendLate));

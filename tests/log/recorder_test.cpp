@@ -210,9 +210,10 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
   const NamedRobot backend("robot", {});
   {
     auto robot = connect<FakeRobot>("robot");
-    step(robot, 1);
-    recorder.wait_for_step(1);
+    recorder.wait_until([](const auto& state) { return state.robots[0].session_id != 0; });
+    // Before the step: otherwise it may be on the disk already, and nothing else is appended.
     disk.hold();
+    step(robot, 1);
     disk.wait_for_append();
     robot.finish();
   }
