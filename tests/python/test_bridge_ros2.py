@@ -14,7 +14,7 @@ import struct
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -45,9 +45,12 @@ def own_domain() -> tuple[int, socket.socket]:
     """
     for domain in range(10, 100, 2):
         holder = socket.socket(socket.AF_UNIX)
-        # The name is no file. Like the loopback interface, it is known in this network alone.
-        with suppress(OSError):
+        try:
+            # The name is no file. Like the loopback interface, it is known in this network alone.
             holder.bind(f"\0trifinger-tests-domain-{domain}")
+        except OSError:
+            holder.close()
+        else:
             return domain, holder
     raise AssertionError("there is no domain left")
 
