@@ -157,8 +157,8 @@ TEST_F(RecorderKill, fault_20_LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) 
     recorder->kill();
   }
   robot.wait_until_time_index(robot.current_time_index() + 300);
-  // This one is not killed: on a busy machine it may lose steps at any time, and a kill just then
-  // would leave a gap without the steps behind it.
+  // This one is stopped in order. On a busy machine it may lose steps at any time, and a kill just
+  // then would leave a gap that no steps follow.
   RecorderUnderTest recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
   recorder.wait_for_step(robot.current_time_index());
   recorder.stop();

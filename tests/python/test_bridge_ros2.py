@@ -26,6 +26,7 @@ from cyclonedds import idl
 from cyclonedds.idl import make_idl_struct
 from ros2_pyterfaces.core import all_msgs
 from ros2_pyterfaces.core.description import hash_rihs01
+from test_processes import step
 from trifinger import _trifinger
 from trifinger.bridges import dds, message_types, ros2, zenoh_node
 from trifinger.bridges.message_types import Field, MessageType, dds_name, parse
@@ -230,12 +231,6 @@ def bridging(robot: str, node: Node, **options: Any) -> Iterator[Ros2Bridge]:
     finally:
         stop.set()
         thread.join()
-
-
-def step(robot: trifinger.Frontend, setpoint: float) -> int:
-    t = robot.append_desired_action(robot.new_action(setpoint=setpoint))
-    robot.wait_until_time_index(t)
-    return t
 
 
 @contextmanager

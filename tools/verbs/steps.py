@@ -7,6 +7,7 @@ On a terminal, a step that runs shows its progress. If it fails, the end of its 
 """
 
 import contextlib
+import itertools
 import os
 import re
 import signal
@@ -219,6 +220,5 @@ class Steps:
         Steps.failures.append(f"{step.group}, {step.label}: {log}")
         reasons = sorted({line.strip()[:200] for line in lines if REASON.search(line)})
         Steps.failures.extend(f"  {reason}" for reason in reasons[:10])
-        crashes = [number for number, line in enumerate(lines) if CRASH.search(line)]
-        for number in crashes[:1]:
-            Steps.failures.extend(f"  | {line[:200]}" for line in lines[number : number + 30])
+        from_crash = itertools.dropwhile(lambda line: not CRASH.search(line), lines)
+        Steps.failures.extend(f"  | {line[:200]}" for line in itertools.islice(from_crash, 30))
