@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What SocketCAN does when its interface changes. Each test makes a virtual interface, which needs
-// an administrator and a kernel with vcan: ./run test has both in a virtual machine.
+// an administrator and a kernel with vcan: ./run check has both in a virtual machine.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <linux/can.h>

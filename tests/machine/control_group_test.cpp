@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A job in a control group of a kernel. ./run test runs this in a virtual machine
+// A job in a control group of a kernel. ./run check runs this in a virtual machine
 // (tools/can_machine.py), because containers have no groups of their own.
 #include "shared_robot/control_group.hpp"
 

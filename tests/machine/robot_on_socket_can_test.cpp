@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A robot on six CAN interfaces of a kernel, as users start it. ./run test runs this in a virtual
+// A robot on six CAN interfaces of a kernel, as users start it. ./run check runs this in a virtual
 // machine (tools/can_machine.py). It takes interfaces down, so it runs only where
 // TRIFINGER_TEST_MACHINE is set.
 #include <gmock/gmock.h>

@@ -13,7 +13,7 @@ from conftest import BUILD, PROGRAM, StartProgram, output_of
 from trifinger import policy_file
 from trifinger.environments import Environment, Options, policy_metadata
 
-pytestmark = pytest.mark.release  # these tests need the program
+pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # Those that control any robot. 05 is a robot of its own, 06 and 08 change a simulation from the

@@ -21,8 +21,6 @@ from pathlib import Path
 import pytest
 from conftest import PROGRAM, StartProgram
 
-pytestmark = pytest.mark.release  # these tests need the programs
-
 LISTED = re.compile(r"^ {2,4}([a-z][a-z-]*) {2,}\S", re.MULTILINE)
 SKILL = re.compile(r"^  (\w+) +.*\(trifinger run (\w+)\)$", re.MULTILINE)
 GOES_ON = {
@@ -160,6 +158,7 @@ def require_good(name: str, command: Sequence[str], folder: Path) -> None:
             assert re.search(r"--help|^usage: ", text, re.MULTILINE), said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_bare_command_works_or_says_what_it_needs(tmp_path: Path, verb: str) -> None:
     found = list(commands(verb))
@@ -195,6 +194,7 @@ def test_every_task_names_its_robot() -> None:
     assert [task for task, _ in SKILLS] == re.findall(r"^  (\w+) ", tasks, re.MULTILINE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "robot"), SKILLS, ids=[task for task, _ in SKILLS])
 def test_every_bare_skill_does_what_it_says(
     start_program: StartProgram, tmp_path: Path, task: str, robot: str

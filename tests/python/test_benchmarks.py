@@ -20,6 +20,8 @@ import run_benchmarks
 import soak
 from rows import Row, markdown
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PROGRAM = [sys.executable, str(ROOT / "benchmarks" / "run_benchmarks.py")]
 
@@ -116,7 +118,6 @@ def assert_started_fresh(row: dict[str, Any]) -> None:
     assert process["locked"] == 0
 
 
-@pytest.mark.release
 @pytest.mark.parametrize("measure", [measure.name for measure in run_benchmarks.MEASURES])
 def test_every_measure_gives_its_rows(measure: str, folder: Path) -> None:
     rows = quick_rows(folder, measure)
@@ -130,7 +131,6 @@ def test_every_measure_gives_its_rows(measure: str, folder: Path) -> None:
         assert row["value"] == 0.0 or not row["measure"].startswith("random kills")
 
 
-@pytest.mark.release
 def test_no_measure_inherits_what_another_has_set(folder: Path) -> None:
     # These pin themselves to a processor, become real-time and lock their memory.
     rows = quick_rows(folder, "lateness", "append", "python_loop", "safety_chain")
@@ -139,7 +139,6 @@ def test_no_measure_inherits_what_another_has_set(folder: Path) -> None:
         assert_started_fresh(row)
 
 
-@pytest.mark.release
 def test_the_measures_are_those_of_the_programs() -> None:
     done = subprocess.run(
         [str(measuring.cpp_program())], stderr=subprocess.PIPE, text=True, check=False
@@ -152,7 +151,6 @@ def test_the_measures_are_those_of_the_programs() -> None:
     )
 
 
-@pytest.mark.release
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_run_that_is_interrupted_keeps_its_rows_and_nothing_else(
     number: signal.Signals, folder: Path, tmp_path: Path, long_run: subprocess.Popen[str]
@@ -167,7 +165,6 @@ def test_a_run_that_is_interrupted_keeps_its_rows_and_nothing_else(
     wait_until_none_is_in(folder)
 
 
-@pytest.mark.release
 def test_what_a_killed_run_leaves_is_removed_by_the_next(
     folder: Path, tmp_path: Path, long_run: subprocess.Popen[str]
 ) -> None:
@@ -181,7 +178,6 @@ def test_what_a_killed_run_leaves_is_removed_by_the_next(
     assert remains(folder) == []
 
 
-@pytest.mark.release
 def test_a_measure_that_fails_is_named_and_the_others_are_measured(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -257,7 +253,6 @@ def test_files_that_a_process_reads_are_none_of_its_memory(tmp_path: Path) -> No
         assert soak.resident(os.getpid()) > before + 12
 
 
-@pytest.mark.release
 def test_a_soak_says_of_everything_whether_it_grew() -> None:
     output = subprocess.run(
         [sys.executable, str(ROOT / "benchmarks" / "soak.py"), "memory", "--minutes", "0.15"],
@@ -274,7 +269,6 @@ def test_a_soak_says_of_everything_whether_it_grew() -> None:
     assert "allowed 2: flat" in output
 
 
-@pytest.mark.release
 def test_a_soak_drives_robots_until_its_steps_are_done() -> None:
     done = subprocess.run(
         [sys.executable, str(ROOT / "benchmarks" / "soak.py"), "endurance", "--steps", "1e5"],

@@ -173,7 +173,6 @@ async def in_thread(work: Callable[[], object]) -> None:
     await asyncio.to_thread(work)
 
 
-@pytest.mark.release
 def test_a_client_gets_the_messages_that_the_log_has(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
@@ -403,6 +402,7 @@ def test_fault_68_a_slow_client_gets_the_newest_and_is_told_what_it_lost() -> No
     assert [struct.unpack_from("<BIQ", frame)[2] for frame in client.waiting] == [50]
 
 
+@pytest.mark.slow
 def test_fault_68_a_client_that_asks_and_does_not_read_is_sent_away(
     start_fake: StartChild,
 ) -> None:
@@ -528,7 +528,6 @@ def test_the_protocol_before_is_spoken_and_others_are_refused() -> None:
 # ---- the command ----
 
 
-@pytest.mark.release
 def test_the_command_says_where_to_connect_and_ends_cleanly(
     start_fake: StartChild, start_program: StartProgram
 ) -> None:
@@ -550,7 +549,6 @@ def test_the_command_says_where_to_connect_and_ends_cleanly(
     assert status == 0
 
 
-@pytest.mark.release
 def test_the_command_says_why_it_cannot_listen(start_program: StartProgram) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -4,6 +4,7 @@
 The subscribers are processes of their own with types of their own.
 """
 
+import atexit
 import base64
 import json
 import os
@@ -57,6 +58,7 @@ def own_domain() -> tuple[int, socket.socket]:
 
 
 DOMAIN, HOLDER = own_domain()
+atexit.register(HOLDER.close)
 
 DDS_SUBSCRIBER = f"""
 import json, sys, time
@@ -284,7 +286,6 @@ STANDARD = {
 }
 
 
-@pytest.mark.release
 def test_hashes_are_those_of_ros_2(start_program: StartProgram) -> None:
     """Against the definitions and the hashes of the package ros2-pyterfaces."""
     start_program("run", "sim", "--non-real-time").wait_for("waits for a user")
@@ -364,7 +365,6 @@ class Collected:
         self.is_open = False
 
 
-@pytest.mark.release
 def test_topics_have_the_names_that_ros_2_expects(start_program: StartProgram) -> None:
     start_program("run", "sim", "--non-real-time").wait_for("waits for a user")
     for namespace, prefix in ((None, "/sim"), ("/", ""), ("/lab/one", "/lab/one")):
@@ -440,6 +440,7 @@ def test_a_name_that_ros_2_does_not_allow_is_refused() -> None:
 # ---- DDS ----
 
 
+@pytest.mark.slow
 def test_a_subscriber_on_dds_gets_the_values_of_the_robot(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
@@ -484,6 +485,7 @@ def wait_for_subscribers(bridge: Ros2Bridge, topic: str, count: int) -> None:
         threading.Event().wait(0.001)
 
 
+@pytest.mark.slow
 def test_fault_68_a_subscriber_on_dds_that_stands_still_delays_nobody(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
@@ -513,7 +515,6 @@ def test_fault_68_a_subscriber_on_dds_that_stands_still_delays_nobody(
     assert newest[-1]["message"]["time_index"] >= 2000
 
 
-@pytest.mark.release
 def test_a_subscriber_on_dds_that_comes_later_gets_what_is_latched(
     start_program: StartProgram, start_python: StartChild
 ) -> None:
@@ -570,6 +571,7 @@ def test_a_domain_that_dds_does_not_have_is_refused() -> None:
 # ---- Zenoh ----
 
 
+@pytest.mark.slow
 def test_a_subscriber_on_zenoh_gets_the_values_of_the_robot(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
@@ -625,7 +627,6 @@ def test_a_subscriber_on_zenoh_gets_the_values_of_the_robot(
     assert "@ros2_lv/5/" in gone[-1]["token"]
 
 
-@pytest.mark.release
 def test_a_subscriber_on_zenoh_that_comes_later_gets_what_is_latched(
     start_program: StartProgram, start_python: StartChild
 ) -> None:
@@ -663,7 +664,6 @@ def test_types_are_numbered_as_rep_2016_does() -> None:
 # ---- the command ----
 
 
-@pytest.mark.release
 def test_the_command_publishes_and_ends_cleanly(
     start_fake: StartChild, start_program: StartProgram, start_python: StartChild
 ) -> None:
@@ -682,7 +682,6 @@ def test_the_command_publishes_and_ends_cleanly(
     assert bridge.end()[0] == 0
 
 
-@pytest.mark.release
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

@@ -142,7 +142,7 @@ def result(images: Path) -> Result:
 # From images.
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_rendered_boards_give_the_true_cameras(
     result: Result, cameras: dict[str, TrueCamera]
 ) -> None:
@@ -154,7 +154,7 @@ def test_rendered_boards_give_the_true_cameras(
         assert abs(each.height) < 0.0005
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_the_page_is_whole_and_asks_nobody(result: Result) -> None:
     text = page(result, "trifinger-pro")
     assert text.count("<figure>") == len(result.views)
@@ -167,7 +167,7 @@ def test_the_page_is_whole_and_asks_nobody(result: Result) -> None:
         assert sentence[1:] in text  # it may begin with a capital there
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_the_program_calibrates_checks_and_converts(
     images: Path,
     cameras: dict[str, TrueCamera],
@@ -212,6 +212,7 @@ def test_the_program_calibrates_checks_and_converts(
     assert (tmp_path / "cameras.yml").read_text() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pixels", ["bayer_rggb8", "mono8", "rgb8"])
 @pytest.mark.parametrize("turns", [(0.4, 0.3, -0.2), (2.2, 0.4, 0.45), (-0.9, -0.45, -0.3)])
 def test_corners_are_found_to_a_tenth_of_a_pixel(
@@ -229,6 +230,7 @@ def test_corners_are_found_to_a_tenth_of_a_pixel(
     assert pixels_of([image]) == pixels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("camera", "name"), [("camera60", "held_04"), ("camera60", "held_11"), ("camera180", "held_03")]
 )
@@ -262,6 +264,7 @@ def test_a_bad_image_is_called_bad(
     assert sentence in (view.reason or view.quality.trouble())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shown", "sentence"),
     [
@@ -396,6 +399,7 @@ def test_folders_say_what_they_lack(tmp_path: Path) -> None:
 # From corners.
 
 
+@pytest.mark.slow
 def test_the_truth_lies_within_the_uncertainty_that_is_told(
     cameras: dict[str, TrueCamera],
 ) -> None:
@@ -474,6 +478,7 @@ def test_fault_54_exchanged_cameras_are_found_and_named(
     assert problem.startswith("camera180 and camera300 are exchanged")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["held_03", "table_2", "mark"])
 def test_fault_54_images_of_one_instant_that_are_exchanged_are_named_and_left_out(
     name: str, cameras: dict[str, TrueCamera], poses: dict[str, np.ndarray]
@@ -488,6 +493,7 @@ def test_fault_54_images_of_one_instant_that_are_exchanged_are_named_and_left_ou
     assert_true(found.calibration, cameras)
 
 
+@pytest.mark.slow
 def test_fault_54_an_image_of_another_instant_is_named_and_left_out(
     cameras: dict[str, TrueCamera], poses: dict[str, np.ndarray]
 ) -> None:
@@ -513,6 +519,7 @@ def test_a_board_that_lay_turned_at_the_mark_is_noticed(
     assert any("turned" in problem for problem in problems)
 
 
+@pytest.mark.slow
 def test_a_wrong_size_of_print_is_found_if_heights_tell_it(
     cameras: dict[str, TrueCamera], poses: dict[str, np.ndarray]
 ) -> None:
@@ -560,6 +567,7 @@ def test_too_little_is_said_in_a_sentence(
         calibrated([dataclasses.replace(view, name="raised") for view in views])
 
 
+@pytest.mark.slow
 def test_advice_names_the_part_of_an_image_without_a_board(
     cameras: dict[str, TrueCamera], poses: dict[str, np.ndarray]
 ) -> None:
@@ -581,6 +589,7 @@ def test_advice_names_the_part_of_an_image_without_a_board(
 # The turntable of the original stack.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_turntable_gives_the_world(sign: int, cameras: dict[str, TrueCamera]) -> None:
     board = PRESETS["original"]
@@ -605,7 +614,7 @@ def test_the_turntable_gives_the_world(sign: int, cameras: dict[str, TrueCamera]
     assert any("stands 4.0 mm above the table" in remark for remark in found.remarks)
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_the_program_calibrates_with_the_turntable_of_the_original(
     cameras: dict[str, TrueCamera], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -675,6 +684,7 @@ def test_a_check_refuses_images_that_are_not_of_the_calibration(
 # Files.
 
 
+@pytest.mark.bindings
 def test_cpp_reads_what_it_has_written(cameras: dict[str, TrueCamera], tmp_path: Path) -> None:
     written = true_calibration(cameras)
     (tmp_path / "cameras.yml").write_text(written.text())
@@ -686,6 +696,7 @@ def test_cpp_reads_what_it_has_written(cameras: dict[str, TrueCamera], tmp_path:
         assert (one.lens.distortion == other.lens.distortion).all()
 
 
+@pytest.mark.bindings
 def test_lens_and_projection_are_the_same_in_both_languages(
     cameras: dict[str, TrueCamera],
 ) -> None:

@@ -16,8 +16,6 @@ from conftest import PROGRAM, StartChild, StartProgram
 from numpy.typing import NDArray
 from trifinger.cameras import Cameras, Images, LiveCameras, calibration_of, to_rgb
 
-pytestmark = pytest.mark.release
-
 CAMERAS = ("camera60", "camera180", "camera300")
 SIZE = 270
 
@@ -222,6 +220,7 @@ def has_aravis() -> bool:
     return not done.stderr
 
 
+@pytest.mark.slow
 def test_fault_51_a_camera_that_is_unplugged_is_camera_lost_until_it_is_back(
     start_program: StartProgram, start_child: StartChild
 ) -> None:
@@ -272,6 +271,7 @@ def look_until_refused(path: Path) -> str:
             return done.stderr
 
 
+@pytest.mark.slow
 def test_fault_51_look_does_not_take_old_images_for_new_ones(
     start_program: StartProgram, folder: Path, tmp_path: Path
 ) -> None:
@@ -353,6 +353,7 @@ def test_a_second_ctrl_c_does_not_wait_for_cameras_that_hang(
         pass
 
 
+@pytest.mark.slow
 def test_image_taking_threads_have_real_time_priority(
     start_program: StartProgram, folder: Path
 ) -> None:

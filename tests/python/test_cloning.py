@@ -15,8 +15,6 @@ from trifinger.environments import Environment
 from trifinger.errors import InvalidArgument
 from trifinger.evaluation import evaluate
 
-pytestmark = pytest.mark.release
-
 EPISODES = 500
 ACTIONS = 2  # of each episode: the expert's action is the same throughout
 LOW, HIGH = np.deg2rad([-70.0, 0.0, -160.0]), np.deg2rad([70.0, 70.0, -2.0])
@@ -63,6 +61,7 @@ def expert_distance() -> float:
     return float(np.median(distances))
 
 
+@pytest.mark.slow
 def test_a_cloned_policy_does_what_the_expert_does(
     episodes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +84,7 @@ def test_a_cloned_policy_does_what_the_expert_does(
     assert cloned.median < 0.3 * evaluate(lazy, "finger_reach", 20).summary().median
 
 
+@pytest.mark.slow
 def test_the_policy_of_a_linear_expert_is_the_expert(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     observations = random.normal(3.0, [1.0, 10.0, 0.1], (4000, 3)).astype(np.float32)

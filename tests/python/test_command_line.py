@@ -20,8 +20,6 @@ import pytest
 import trifinger
 from conftest import PATIENT_FAKE, PROGRAM, StartChild, StartProgram, diverging_state
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 ROOT = Path(__file__).parents[2]
 COMMANDS = (
     "run",
@@ -537,6 +535,7 @@ def test_fault_28_a_dead_back_end_is_called_dead(start_fake: StartChild) -> None
     assert "the back-end died" in run("recover", "robot", expect=1)
 
 
+@pytest.mark.slow
 def test_a_stopped_back_end_is_called_silent(start_program: StartProgram) -> None:
     program = start_program("run", "fake")
     program.wait_for("holds its pose")
@@ -959,6 +958,7 @@ def examine_robot(*arguments: str) -> list[str]:
     return can_lines(result.stdout)
 
 
+@pytest.mark.slow
 def test_the_doctor_hears_whether_emulated_boards_are_on(start_program: StartProgram) -> None:
     robot = "trifinger_edu_emulated"
     silent = (

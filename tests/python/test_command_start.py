@@ -13,8 +13,6 @@ import pytest
 from conftest import PROGRAM
 from link_into_venv import ENTRY_POINT, ROOT
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 COMMANDS: dict[str, str] = PROJECT["scripts"]
 # Python imports this module while it starts. It sends the signal at once, or at an import.

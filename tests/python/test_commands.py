@@ -22,8 +22,6 @@ from conftest import PROGRAM
 from pages import NEEDS, ROOT, Block
 from verbs.main import HELP, check_arguments
 
-pytestmark = pytest.mark.release
-
 OUTSIDE = re.compile(
     r"^ {4,}(?:\$ )?(?:trifinger|\./run|pip3?|python3?|cmake|ctest|sudo|source|ssh) .+",
     re.MULTILINE,
@@ -83,6 +81,7 @@ def test_every_command_has_its_test() -> None:
             assert re.search(rf"^def {name}\b", file.read_text(), re.MULTILINE), place
 
 
+@pytest.mark.slow
 @of("trifinger ")
 def test_is_taken(place: str, command: str, tmp_path: Path) -> None:
     if command.startswith(ELSEWHERE):

@@ -8,6 +8,8 @@ import trifinger
 from numpy.typing import NDArray
 from trifinger import control
 
+pytestmark = pytest.mark.bindings
+
 Array = NDArray[np.float64]
 INSTANCES = 2000
 
@@ -103,6 +105,7 @@ def random_torques(random: np.random.Generator) -> control.TorqueLimits:
     return control.TorqueLimits(jacobians, random.uniform(-0.1, 0.1, size=9), limits)
 
 
+@pytest.mark.slow
 def test_forces_are_those_of_another_solver() -> None:
     random = np.random.default_rng(1)
     optimizer = control.ForceOptimizer()

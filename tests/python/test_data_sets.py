@@ -32,8 +32,6 @@ from trifinger.environments import Environment, Options
 from trifinger.errors import InvalidArgument
 from trifinger.log.images import LoggedCameras
 
-pytestmark = pytest.mark.release  # the tests need programs and pictures
-
 CAMERAS = ("camera60", "camera180", "camera300")
 SIZE = 108
 OVERRIDES = {"cameras.size": SIZE, "cameras.rate": 20, "cameras.delay": 0.005}
@@ -457,6 +455,7 @@ def peak_of_export(log: Path, format_: str, folder: Path, count: int) -> float:
     return int(done.stdout.splitlines()[-1]) / 1e3
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_path: Path) -> None:
     few, many = (peak_of_export(blind.folder, "lerobot", tmp_path, n) for n in (50, 400))
     assert many - few < 10
@@ -472,6 +471,7 @@ def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_p
         assert pq.read_metadata(file).num_rows == places.count(place)
 
 
+@pytest.mark.slow
 def test_memory_of_minari_is_bounded(blind: Recorded, tmp_path: Path) -> None:
     # HDF5 keeps a cache of some MB, which is full after some hundred episodes.
     few, many = (peak_of_export(blind.folder, "minari", tmp_path, n) for n in (600, 1400))
@@ -795,6 +795,7 @@ def test_names_that_minari_would_not_find_are_refused(
     assert not list(minari_root.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("minari_root")
 def test_parts_in_which_a_log_is_read_do_not_show(
     seen: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -17,6 +17,8 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram
 
+pytestmark = pytest.mark.bindings
+
 EMULATED = "dclaw_emulated"
 # Machines of tests stall for longer than any robot's machine may.
 PATIENT = [
@@ -53,6 +55,7 @@ def test_the_file_of_its_motors_is_simulated_as_well() -> None:
     np.testing.assert_allclose(robot.latest_observation().position, START, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_page_has_the_table_that_is_measured() -> None:
     assert compare_robots.table() in PAGE.read_text()
 
@@ -64,7 +67,8 @@ def test_a_finger_of_dclaw_gives_way_to_much_larger_forces_only() -> None:
     assert dclaw > 20 * trifinger_
 
 
-@pytest.mark.release
+@pytest.mark.slow
+@pytest.mark.without_sanitizer
 def test_it_runs_on_motors_and_survives_a_pulled_plug(start_program: StartProgram) -> None:
     motors = start_program("emulate", *ROBOT)
     motors.wait_for("10 emulated motors are on")
@@ -85,7 +89,8 @@ def test_it_runs_on_motors_and_survives_a_pulled_plug(start_program: StartProgra
         hold_for_ever(robot, GOAL)
 
 
-@pytest.mark.release
+@pytest.mark.slow
+@pytest.mark.without_sanitizer
 def test_faults_of_motors_are_typed_and_named(start_program: StartProgram) -> None:
     motors = start_program("emulate", *ROBOT, typed=True)
     motors.wait_for("10 emulated motors are on")
@@ -123,7 +128,8 @@ def read_byte(port: int, motor: int, address: int) -> int:
     return answer[9]
 
 
-@pytest.mark.release
+@pytest.mark.slow
+@pytest.mark.without_sanitizer
 def test_motors_stop_by_themselves_when_the_program_is_killed(
     start_program: StartProgram, session_folder: Path
 ) -> None:
@@ -147,7 +153,8 @@ def test_motors_stop_by_themselves_when_the_program_is_killed(
     start_program("run", *settings).wait_for("holds its pose")
 
 
-@pytest.mark.release
+@pytest.mark.slow
+@pytest.mark.without_sanitizer
 def test_motors_are_not_taken_away_by_a_second_emulator(start_program: StartProgram) -> None:
     motors = start_program("emulate", *ROBOT)
     motors.wait_for("10 emulated motors are on")
@@ -161,7 +168,7 @@ def test_motors_are_not_taken_away_by_a_second_emulator(start_program: StartProg
     start_program("emulate", *ROBOT).wait_for("10 emulated motors are on")
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
@@ -180,7 +187,7 @@ def test_a_wrong_value_is_answered_with_a_sentence(setting: str, sentence: str) 
     assert sentence in done.stderr
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_it_says_what_is_missing() -> None:
     command = [PROGRAM, "run", EMULATED, "--name", "dclaw-nobody"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -13,10 +13,11 @@ from conftest import StartChild
 from trifinger.commands import program
 from trifinger.commands.demo import free_name
 
+pytestmark = pytest.mark.slow
+
 DEMO = "import sys; from trifinger.commands.demo import main; sys.exit(main())"
 
 
-@pytest.mark.release
 @pytest.mark.parametrize(
     "mode",
     [[], ["--non-real-time"], ["--emulated"]],
@@ -65,7 +66,6 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
     )
 
 
-@pytest.mark.release
 @pytest.mark.parametrize("mode", [[], ["--emulated"]], ids=["simulated", "emulated"])
 def test_no_robot_outlives_a_demo_that_was_killed(mode: list[str], tmp_path: Path) -> None:
     with subprocess.Popen(

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.release  # only the headers are used
-
 ROOT = Path(__file__).parents[2]
 COMPILERS = [name for name in ("g++", "clang++-14") if shutil.which(name)]
 

@@ -12,6 +12,8 @@ import trifinger
 from conftest import StartChild
 from hypothesis import HealthCheck, given, settings, strategies as st
 
+pytestmark = pytest.mark.bindings
+
 NOT_ACTIONS: dict[str, Callable[[trifinger.Frontend], object]] = {
     "a number": lambda _: 1.0,
     "nothing": lambda _: None,

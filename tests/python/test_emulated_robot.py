@@ -14,7 +14,7 @@ import pytest
 import trifinger
 from conftest import EMULATED, PATIENT_BOARDS, PROGRAM, StartProgram
 
-pytestmark = pytest.mark.release
+pytestmark = pytest.mark.slow
 
 NAME = "trifinger-edu-emulated"
 START = np.array([0.0, 0.9, -1.7] * 3)  # [rad]

@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 from conftest import BUILD, Running, StartProgram
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 PROGRAM = str(BUILD / "apps/trifinger-endurance")
 # Tests of one file may run in several processes at once.
 NAME = f"lasting-{os.getpid()}"
@@ -48,6 +46,7 @@ def wait_for_steps(folder: Path, steps: int) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_goes_on_after_kills_of_the_robot_and_of_itself(
     start_program: StartProgram, drive: Drive, tmp_path: Path
 ) -> None:
@@ -99,6 +98,7 @@ def test_a_signal_brings_the_robot_to_rest_and_writes_the_page(
     assert "fault" not in output
 
 
+@pytest.mark.slow
 def test_ends_when_its_time_is_over(
     start_program: StartProgram, drive: Drive, tmp_path: Path
 ) -> None:
@@ -110,6 +110,7 @@ def test_ends_when_its_time_is_over(
     assert "It has ended as it was told" in (tmp_path / "health/health.html").read_text()
 
 
+@pytest.mark.slow
 def test_asks_for_a_hand_if_nobody_starts_the_robot_again(
     start_program: StartProgram, drive: Drive, tmp_path: Path
 ) -> None:
@@ -162,6 +163,7 @@ def test_a_damaged_file_is_set_aside(
     assert counted(folder, "steps") >= 100
 
 
+@pytest.mark.slow
 def test_the_memory_of_a_drive_stays_the_same(tmp_path: Path) -> None:
     def largest(steps: int) -> int:
         command = [PROGRAM, "--simulate", "sim", "--steps", str(steps), "--output", str(tmp_path)]

@@ -20,6 +20,8 @@ from trifinger import environments
 from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
 from trifinger.picture import View
 
+pytestmark = pytest.mark.bindings
+
 # Tasks of TriFingers; test_file_environments.py has the others.
 TASKS = [name for name in environments.TASKS if not name.startswith("dclaw_")]
 
@@ -530,7 +532,7 @@ def test_options_reach_the_environment_by_name_and_are_printed():
         assert field.name in repr(vector.unwrapped)
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_picture_has_the_view_that_was_asked_for():
     pictures = {}
     for camera in ("front", "camera60"):
@@ -544,7 +546,7 @@ def test_a_picture_has_the_view_that_was_asked_for():
     assert (pictures["front"] != pictures["camera60"]).mean() > 0.5
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_picture_shows_robot_and_goals():
     environment = Environment("reach", render_mode="rgb_array")
     environment.reset(seed=0)
@@ -763,7 +765,8 @@ def test_a_connected_robot_is_moved_to_the_start_and_runs_the_same_task():
     environment.close()
 
 
-@pytest.mark.release
+@pytest.mark.slow
+@pytest.mark.without_sanitizer
 def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
     robot = start_program("run", "trifinger_edu", "--name", "learner", *PATIENT)
     robot.wait_for("waits for a user")
@@ -786,7 +789,8 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
     environment.close()
 
 
-@pytest.mark.release  # Stable-Baselines3 takes too long under sanitizers
+@pytest.mark.slow
+@pytest.mark.without_sanitizer  # Stable-Baselines3 takes too long under sanitizers
 def test_hindsight_experience_replay_takes_the_variant_with_goals(tmp_path, monkeypatch):
     monkeypatch.setenv("SB3_LOGDIR", str(tmp_path))
     environment = gymnasium.make("TriFinger/Reach-v0", observation="goal", duration=0.4)

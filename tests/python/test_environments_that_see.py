@@ -16,8 +16,6 @@ from trifinger.cameras import to_rgb
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
 
-pytestmark = pytest.mark.release
-
 CAMERAS = ("camera60", "camera180", "camera300")
 # 54 x 54 pixels are drawn fast. Images are 12 steps apart and 8 steps old when they arrive. So some
 # arrive at the very step of an observation, others before it.
@@ -136,6 +134,7 @@ def test_the_noise_of_images_is_another_in_each_episode() -> None:
     environment.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

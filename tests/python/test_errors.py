@@ -6,6 +6,8 @@ import pytest
 import trifinger
 from trifinger import errors
 
+pytestmark = pytest.mark.bindings
+
 CLASSES = [
     value
     for value in vars(errors).values()

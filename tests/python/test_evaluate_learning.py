@@ -13,8 +13,6 @@ from trifinger.evaluation import Evaluation, Summary
 
 import learning
 
-pytestmark = pytest.mark.release  # these tests belong to the trainings, which need that build
-
 
 def summary(median):
     return Summary(
@@ -92,6 +90,7 @@ def test_the_times_of_a_training_are_its_own(tmp_path, monkeypatch):
     assert run.wall_time > 0.0
 
 
+@pytest.mark.slow
 def test_a_failed_training_names_its_log(tmp_path, monkeypatch):
     monkeypatch.setattr(learning, "RUNS", tmp_path)
     kind = dataclasses.replace(learning.KINDS[0], words=("--set", "gama=1"))

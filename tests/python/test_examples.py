@@ -12,7 +12,7 @@ import pytest
 import trifinger
 from conftest import BUILD, PROGRAM, Running, StartProgram, assert_steady, patient
 
-pytestmark = pytest.mark.release  # these tests need the program
+pytestmark = pytest.mark.slow
 
 PROGRAMS = BUILD / "examples"
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -18,6 +18,8 @@ from trifinger import _trifinger, environments
 from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
 from trifinger.tasks import Start, Task
 
+pytestmark = pytest.mark.bindings
+
 gymnasium.register_envs(environments)
 
 ROOT = Path(__file__).parents[2]
@@ -251,6 +253,7 @@ def test_a_task_in_python_sees_joints_frames_and_objects(arm: str) -> None:
     assert task.view.object_position[2] < 0.9 - 0.01  # It falls.
 
 
+@pytest.mark.slow
 def test_gymnasium_makes_many_robots_and_stable_baselines_learns_on_them(arm: str) -> None:
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO

@@ -14,8 +14,6 @@ from trifinger.commands import film
 from trifinger.commands.film import find_session
 from trifinger.log.manipulation import Trace
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 
 def record_session(steps: int) -> None:
     """A session of 'sim' of that many steps."""
@@ -146,6 +144,7 @@ def test_says_what_drawing_lacks(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_film_of_the_newest_session(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record_alone(tmp_path)
     output = tmp_path / "film"

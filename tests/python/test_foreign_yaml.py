@@ -46,6 +46,7 @@ def test_spellings_of_others(text: str, value: Any) -> None:
     assert foreign_yaml.parse(text)["a"] == value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -11,6 +11,8 @@ import trifinger
 from conftest import StartChild
 from hypothesis import given, strategies as st
 
+pytestmark = pytest.mark.bindings
+
 
 def append(robot: trifinger.Frontend, count: int, start: float = 0.0) -> int:
     t = -1

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from trifinger import control
 from trifinger.control import GraspPhase
 
+pytestmark = pytest.mark.bindings
+
 Array = NDArray[np.float64]
 HALF = 0.0325  # half the edge of the cube [m]
 MASS = 0.094  # [kg]

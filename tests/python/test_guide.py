@@ -9,8 +9,6 @@ import pytest
 import trifinger
 from conftest import PATIENT, Running, StartChild, StartProgram
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 
 @pytest.fixture(params=["sim", "finger_pro"])
 def running(request: pytest.FixtureRequest, start_program: StartProgram) -> Running:

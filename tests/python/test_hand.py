@@ -12,6 +12,8 @@ import pytest
 import trifinger
 from conftest import StartChild, StartProgram
 
+pytestmark = pytest.mark.bindings
+
 TARGET = np.array([0.0, 0.0, 0.15])
 
 PULLING = """
@@ -107,7 +109,7 @@ def robot(start_program: StartProgram) -> Iterator[trifinger.Frontend]:
         yield robot
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_hand_pulls_at_a_robot_in_another_process(robot: trifinger.Frontend) -> None:
     with trifinger.hand("sim") as hand:
         assert hand.bodies == ["tip_0", "tip_1", "tip_2", "cube"]
@@ -124,7 +126,7 @@ def test_a_hand_pulls_at_a_robot_in_another_process(robot: trifinger.Frontend) -
         assert next(hands(robot)).body == -1
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_second_hand_is_refused_until_the_first_has_ended(robot: trifinger.Frontend) -> None:
     with trifinger.hand("sim") as hand:
         with pytest.raises(trifinger.Error, match=str(os.getpid())):
@@ -140,7 +142,7 @@ def test_a_second_hand_is_refused_until_the_first_has_ended(robot: trifinger.Fro
         until(robot, 1)
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_hand_whose_process_is_killed_lets_go(
     robot: trifinger.Frontend, start_python: StartChild
 ) -> None:
@@ -150,7 +152,7 @@ def test_a_hand_whose_process_is_killed_lets_go(
     until(robot, -1)
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_forked_child_has_no_hand(robot: trifinger.Frontend) -> None:
     with trifinger.hand("sim") as hand:
         hand.pull("cube", TARGET)
@@ -169,7 +171,7 @@ def test_a_forked_child_has_no_hand(robot: trifinger.Frontend) -> None:
         assert next(hands(robot)).body == 3
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_hand_lets_go_by_itself_after_its_time(robot: trifinger.Frontend) -> None:
     with trifinger.hand("sim") as hand:
         hand.pull("cube", TARGET)
@@ -178,7 +180,7 @@ def test_a_hand_lets_go_by_itself_after_its_time(robot: trifinger.Frontend) -> N
         until(robot, -1)
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_the_program_says_who_pulls_and_the_log_what(
     start_program: StartProgram, tmp_path: Path
 ) -> None:
@@ -202,7 +204,7 @@ def test_the_program_says_who_pulls_and_the_log_what(
     assert os.getpid() in elements["process"]
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_a_hand_needs_a_simulation_that_runs(start_program: StartProgram) -> None:
     with pytest.raises(trifinger.SessionNotFound):
         trifinger.hand("sim")

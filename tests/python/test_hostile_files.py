@@ -12,8 +12,6 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 
 def run(*arguments: str, expect: int) -> str:
     """Runs the program to its end and returns all that it printed. pytest ends a hang."""

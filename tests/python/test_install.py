@@ -12,8 +12,6 @@ import trifinger
 from conftest import BUILD, StartProgram, output_of
 from trifinger.commands import plot
 
-pytestmark = pytest.mark.release
-
 SOURCES = Path(__file__).parents[2]
 CONSUMERS = SOURCES / "tests" / "consumer"
 VERSION = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]["version"]
@@ -134,6 +132,7 @@ def without(*packages: str) -> list[str]:
     return [f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in packages]
 
 
+@pytest.mark.slow
 def test_others_build_a_robot_of_their_own_on_the_core_alone(prefix: Path, tmp_path: Path) -> None:
     options = without("yaml-cpp", "Eigen3", "MuJoCo", "PkgConfig")
     program = build_consumer(CONSUMERS / "core", tmp_path, prefix, *options)
@@ -141,6 +140,7 @@ def test_others_build_a_robot_of_their_own_on_the_core_alone(prefix: Path, tmp_p
     assert re.search("mujoco|zstd|lz4|deflate", run("ldd", program)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("layer", "missing"), [("mcap", ["yaml-cpp", "Eigen3", "MuJoCo"]), ("log", ["MuJoCo"])]
 )
@@ -153,16 +153,19 @@ def test_others_write_and_read_files_without_simulation(
     assert "mujoco" not in run("ldd", program)
 
 
+@pytest.mark.slow
 def test_others_build_programs_that_simulate(prefix: Path, tmp_path: Path) -> None:
     program = build_consumer(CONSUMERS / "sim", tmp_path, prefix)
     assert run(program) == "at step 100 the cube is 0.032 m above the table\n"
 
 
+@pytest.mark.slow
 def test_others_build_controllers_without_simulation(prefix: Path, tmp_path: Path) -> None:
     program = build_consumer(CONSUMERS / "control", tmp_path, prefix, *without("Eiquadprog"))
     assert run(program) == "each of two tips presses with 1.30 N\n"
 
 
+@pytest.mark.slow
 def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
     prefix: Path, tmp_path: Path, start_program: StartProgram
 ) -> None:

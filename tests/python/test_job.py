@@ -24,7 +24,6 @@ from job_place import (
 )
 
 pytestmark = [
-    pytest.mark.release,  # these tests need the program
     pytest.mark.skipif(
         not PROGRAM.exists() or not may_be_used(),
         reason="nobody may not start the programs under test",
@@ -130,6 +129,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_limit_ends_a_program_that_goes_too_far(shared: Place, name: str) -> None:
     options, script, limit = HOSTILE[name]
@@ -169,6 +169,7 @@ def test_fault_79_memory_is_counted_or_refused(shared: Place) -> None:
         shared.run(*limits, *run, SEMAPHORES, expect=0)
 
 
+@pytest.mark.slow
 def test_a_fork_bomb_stays_small(shared: Place) -> None:
     script = "f() { f & f & sleep 1; }; while true; do f; done"
     words = shared.words("--processes", "40", "--time", "3s", *shell(script))
@@ -205,6 +206,7 @@ def test_a_program_that_does_harm_harms_itself(shared: Place, script: str, expec
     assert (shared.folder / "kept").exists()
 
 
+@pytest.mark.slow
 def test_a_fault_is_cleared_after_the_turn(turn: Place, start_program: StartProgram) -> None:
     robot = start_program(
         "run",
@@ -226,6 +228,7 @@ def test_a_fault_is_cleared_after_the_turn(turn: Place, start_program: StartProg
     assert report["driving"]["rejected"] >= 10
 
 
+@pytest.mark.slow
 def test_leftovers_in_shared_memory_are_removed(shared: Place) -> None:
     program = """
 import os, time
@@ -249,6 +252,7 @@ def started(place: Place, start_program: StartProgram, *options: str, **others: 
     return running
 
 
+@pytest.mark.slow
 def test_control_that_is_held_ends_with_the_turn(
     shared: Place, start_program: StartProgram
 ) -> None:

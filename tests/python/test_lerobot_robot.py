@@ -19,8 +19,6 @@ from conftest import PATIENT, StartProgram
 from trifinger.cameras import Cameras
 from trifinger.errors import CameraLost, InvalidArgument
 
-pytestmark = pytest.mark.release
-
 SOURCES = Path(__file__).parents[2]
 STAND_IN = Path(__file__).with_name("lerobot_stand_in")
 NAME = "lerobot_robot_trifinger"
@@ -75,6 +73,7 @@ def configured(base: str, kind: str, **options: Any) -> Any:
     return getattr(module, f"{base.capitalize()}Config").known[kind](**options)
 
 
+@pytest.mark.slow
 def test_the_name_in_the_wheel_keeps_its_underscores(installed: Path) -> None:
     (file,) = installed.glob("*.dist-info/METADATA")
     assert Parser().parsestr(file.read_text())["Name"] == NAME
@@ -85,6 +84,7 @@ def start_stepped(start_program: StartProgram, name: str, *settings: str) -> Non
     robot.wait_for("waits for a user")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plugin")
 def test_the_robot_does_what_it_is_sent_for_one_frame(start_program: StartProgram) -> None:
     start_stepped(start_program, "stepped")
@@ -134,6 +134,7 @@ def test_in_real_time_an_action_stays_until_the_next_one(start_program: StartPro
     robot.disconnect()
 
 
+@pytest.mark.slow
 def test_in_real_time_connect_waits_for_the_first_step(
     start_program: StartProgram, plugin: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,6 +21,8 @@ import trifinger
 from conftest import BUILD
 from hypothesis import given, strategies as st
 
+pytestmark = pytest.mark.bindings
+
 SERIES = ("desired_action", "applied_action", "observation", "status")
 STEPS = 600
 
@@ -255,6 +257,7 @@ def test_fault_64_a_log_opened_before_a_fork_is_read_by_the_child(
     assert read()
 
 
+@pytest.mark.slow
 def test_fault_64_a_log_that_a_thread_reads_during_a_fork_is_whole_in_the_child(
     trifinger_log: Written,
 ) -> None:
@@ -469,6 +472,7 @@ def test_pandas_has_a_column_per_number(written: Written) -> None:
     assert len(session.to_pandas(10, 20)) == 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [7, 100_000])
 def test_csv_and_parquet_read_back_the_same(
     written: Written, tmp_path: Path, rows: int, monkeypatch: pytest.MonkeyPatch

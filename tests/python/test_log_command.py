@@ -20,8 +20,6 @@ from conftest import PATIENT_FAKE, PROGRAM, StartProgram
 from test_log import Written, write_log
 from trifinger.log.plot import curves, panels, plot
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 COMMANDS = ("info", "check", "recover", "cut", "plot", "export")
 STEPS = 600
 
@@ -209,6 +207,7 @@ def test_cut_takes_steps_and_seconds(written: Written, tmp_path: Path) -> None:
 # ---- plot and export ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "suffix"), [("trifinger", "png"), ("trifinger", "svg"), ("odd", "svg")]
 )
@@ -255,6 +254,7 @@ class Page:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["trifinger", "odd"])
 def test_a_page_needs_nothing_but_itself_and_has_every_step(
     robot: str, written: Written, odd: Written, tmp_path: Path, python_programs: dict[str, str]
@@ -284,6 +284,7 @@ def test_a_page_needs_nothing_but_itself_and_has_every_step(
     assert (np.diff(times) > 0).all()
 
 
+@pytest.mark.slow
 def test_a_page_of_a_long_log_keeps_every_peak(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

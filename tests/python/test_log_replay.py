@@ -12,8 +12,6 @@ import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 from trifinger import Status
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 STEPS = 400
 PERIOD = 0.001
 

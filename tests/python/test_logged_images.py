@@ -27,8 +27,6 @@ from trifinger.errors import CameraLost, HistoryLost, InvalidArgument, NotInLog
 from trifinger.log import camera_film, original
 from trifinger.log.images import LoggedCameras, LoggedImages
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 NAMES = ("camera60", "camera180", "camera300")
 SIZE = 270
 STEPS = 401
@@ -381,6 +379,7 @@ def test_a_log_that_is_the_robot_shows_its_images(
             np.testing.assert_array_equal(images.raw("camera300"), raw.seen[number]["camera300"])
 
 
+@pytest.mark.slow
 def test_a_robot_in_real_time_is_recorded(start_program: StartProgram, tmp_path: Path) -> None:
     words = ["--set", "cameras.size=270", "--set", "cameras.rate=5"]
     running = start_program(

@@ -9,8 +9,6 @@ import pytest
 import trifinger
 from conftest import PATIENT_FAKE, PROGRAM, StartProgram
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 
 def run(*arguments: str, expect: int | None = None) -> str:
     """Runs the program to its end and returns all that it printed. pytest ends a hang."""
@@ -36,6 +34,7 @@ def overwrite(path: Path) -> None:
 LOSSES = [remove, cut, overwrite]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("files", ["*.state", "*.action", "*.lock", "*"])
 @pytest.mark.parametrize("lose", LOSSES)
 def test_fault_32_a_backend_can_be_stopped_whatever_became_of_its_files(

@@ -12,8 +12,6 @@ import pytest
 from conftest import BUILD, StartProgram
 from trifinger.commands import film
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 PROGRAM = BUILD / "apps/trifinger-manipulate"
 # A short lift with a plan that is made at once, by a robot that waits.
 ROBOT = ("--non-real-time", "--set", "fingers.height=0.3")
@@ -35,6 +33,7 @@ def command(output: Path, **changes: str) -> list[str]:
     return [str(PROGRAM), "lift", "--robot", "m", *settings, "--output", str(output)]
 
 
+@pytest.mark.slow
 def test_lifts_a_cube_and_leaves_a_report_and_pictures(
     start_program: StartProgram, tmp_path: Path
 ) -> None:
@@ -107,6 +106,7 @@ ERRORS = {
 """What a skill with a goal reports of its last pose."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("config", "words"), SKILLS, ids=[words for _, words in SKILLS])
 def test_carries_out_a_skill(
     start_program: StartProgram, tmp_path: Path, config: str, words: str

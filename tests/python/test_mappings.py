@@ -24,6 +24,8 @@ from trifinger.mappings import (
     hold_position,
 )
 
+pytestmark = pytest.mark.bindings
+
 Connect = Callable[[], trifinger.Frontend]
 State = AugmentedState | trifinger.Element
 

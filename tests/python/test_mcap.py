@@ -380,6 +380,7 @@ def test_their_readers_read_ours_that_was_cut_off_and_gone_on_with(
         )
 
 
+@pytest.mark.slow
 @given(
     items=ITEMS,
     compression=st.sampled_from(CompressionType),

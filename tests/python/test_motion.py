@@ -14,7 +14,6 @@ from hypothesis import assume, example, given, settings, strategies as st
 from trifinger.motion import JointFacts, Motion, MotionFileError, Plan, play
 
 # Motions are computed in Python, in which a sanitizer sees nothing.
-pytestmark = pytest.mark.release
 
 ROBOT = {"joints": ("a", "b"), "robot": "rig"}
 seeds = st.integers(0, 2**32 - 1)
@@ -426,6 +425,7 @@ def stays(robot: trifinger.Frontend, pose: np.ndarray) -> bool:
     return bool(np.abs(robot.get_observation(t).position - pose).max() < 0.01)
 
 
+@pytest.mark.slow
 @given(seed=seeds, feedforward=st.booleans())
 @settings(max_examples=25)
 @example(seed=926, feedforward=False)  # fingers that are in each other
@@ -529,6 +529,7 @@ def test_a_motion_that_does_not_end_where_it_began_can_be_repeated(seed: int, ti
     assert not steps[-50:].any()
 
 
+@pytest.mark.slow
 @given(seed=seeds, after=st.integers(0, 60), by_signal=st.booleans())
 @settings(max_examples=20)
 def test_a_motion_that_is_stopped_anywhere_brakes_within_the_limits(

@@ -125,7 +125,7 @@ def test_what_cannot_be_done_is_said_in_one_sentence(
     assert not Path("x.motion").exists()
 
 
-@pytest.mark.release
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_a_figure_is_drawn(file: str, tmp_path: Path, ending: str) -> None:
     output = tmp_path / f"wave.{ending}"
@@ -135,13 +135,11 @@ def test_a_figure_is_drawn(file: str, tmp_path: Path, ending: str) -> None:
     assert output.stat().st_size > 10_000
 
 
-@pytest.mark.release
 def test_a_motion_without_a_configuration_is_drawn_without_limits(tmp_path: Path) -> None:
     Motion([0, 1], [[0], [1]], ("a",), "rig").save(tmp_path / "a.motion")
     assert main(["plot", str(tmp_path / "a.motion"), "-o", str(tmp_path / "a.png")]) == 0
 
 
-@pytest.mark.release
 def test_a_log_becomes_a_motion(tmp_path: Path) -> None:
     robot = trifinger.simulate("trifinger_edu", record=tmp_path / "log")
     play(robot, wave())
@@ -162,7 +160,7 @@ def robot(start_program: StartProgram) -> str:
     return "sim"
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_a_running_robot_plays_a_motion_and_takes_the_next(file: str, robot: str) -> None:
     for _ in range(2):
         text = output_of(sys.executable, "-c", COMMAND, "play", file, "--robot", robot)
@@ -171,7 +169,7 @@ def test_a_running_robot_plays_a_motion_and_takes_the_next(file: str, robot: str
     assert "holding" in text
 
 
-@pytest.mark.release
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_fault_69_a_signal_ends_a_motion_and_the_robot_brakes(
     file: str, robot: str, number: signal.Signals
@@ -197,7 +195,6 @@ def test_fault_69_a_signal_ends_a_motion_and_the_robot_brakes(
     assert not steps[-50:].any()
 
 
-@pytest.mark.release
 def test_fault_67_a_running_robot_refuses_a_motion_of_another_one(
     tmp_path: Path, robot: str
 ) -> None:

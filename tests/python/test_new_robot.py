@@ -7,8 +7,6 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, output_of
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 MJCF = """<mujoco model="gantry">
   <compiler angle="radian"/>
   <worldbody>

@@ -10,7 +10,7 @@ from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from website.pages import MADE
 
-pytestmark = pytest.mark.release  # pictures, a training
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 FOLDER = Path("docs/notebooks")

@@ -14,6 +14,8 @@ import trifinger
 from conftest import PROGRAM
 from trifinger import policy_file
 
+pytestmark = pytest.mark.bindings
+
 # Paths are bytes; these are no text in any encoding.
 ODD = b"a\xff\xfe b\n\xc3"
 
@@ -128,7 +130,7 @@ def test_fault_75_a_name_that_looks_like_an_option_is_refused() -> None:
         trifinger.run_fake("-x")
 
 
-@pytest.mark.release  # this test needs the program
+@pytest.mark.without_sanitizer  # this test needs the program
 def test_fault_75_programs_take_any_path_and_no_name_that_looks_like_an_option(
     odd_folder: Path, tmp_path: Path
 ) -> None:
@@ -180,7 +182,8 @@ robots[0].get_observation(robots[0].append_desired_action(robots[0].new_action()
 """
 
 
-@pytest.mark.release  # a sanitizer has mappings of its own
+@pytest.mark.slow
+@pytest.mark.without_sanitizer  # a sanitizer has mappings of its own
 def test_fault_75_hundreds_of_simulations_are_in_one_process() -> None:
     result = subprocess.run(
         [sys.executable, "-c", MANY, "500"], capture_output=True, text=True, check=False

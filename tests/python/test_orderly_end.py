@@ -18,8 +18,6 @@ import trifinger
 from conftest import PATIENT_FAKE, PROGRAM, StartChild, StartProgram
 from test_processes import step
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 
 def log_of(folder: Path) -> trifinger.LoggedSession:
     """The recorded session that has steps. `trifinger log check` must find nothing wrong."""
@@ -162,6 +160,7 @@ def test_fault_63_however_a_control_loop_ends_the_robot_is_there_for_the_next(
         assert step(robot) == 0
 
 
+@pytest.mark.slow
 def test_fault_63_ctrl_c_at_any_line_lets_go_of_the_robot(
     start_fake: StartChild, start_python: StartChild
 ) -> None:

@@ -19,8 +19,6 @@ from trifinger.log.film import Scene
 from trifinger.view.live import LiveRun
 from trifinger.view.scene import scene_of
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 ROOT = Path(__file__).parents[2]
 FETCHED = ROOT / "build/robots"
 STEPS = 300
@@ -95,6 +93,7 @@ def run(request: pytest.FixtureRequest, start_program: StartProgram, tmp_path: P
     return Run(name, OTHERS[name], configuration, log, status, lines)
 
 
+@pytest.mark.slow
 def test_a_robot_of_others_is_like_one_of_ours(run: Run, tmp_path: Path) -> None:
     assert f"steps of {run.other.period * 1e3:g} ms" in run.status
     assert "runs" in run.lines

@@ -12,7 +12,7 @@ from pages import ROOT, Page, blocks, documents, pictures
 from website.contents import CONTENTS
 from website.pages import MADE
 
-pytestmark = pytest.mark.release  # programs, pictures, trainings
+pytestmark = pytest.mark.slow
 
 DOCS = ROOT / "docs"
 PICTURES = MADE[Path("docs/images/tutorials")]

@@ -11,7 +11,6 @@ from trifinger import InvalidArgument
 from trifinger.picture import CAMERAS, SURROUND_GROUP, TABLE, Painter, Sight, View
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # the default of Painter
-pytestmark = pytest.mark.release  # these tests need the program
 
 SCENES = {
     "edu": (),
@@ -83,6 +82,7 @@ def test_robot_and_objects_fill_the_picture(scene, camera):
     assert max(np.ptp(up), np.ptp(across)) > 1.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_neither_frame_nor_wall_hides_the_scene(scene, camera):

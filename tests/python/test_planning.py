@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from trifinger import control
 from trifinger.control import CostKind, CostShape, CostTerm, PlannedCommand, PlanningMethod
 
+pytestmark = pytest.mark.bindings
+
 Array = NDArray[np.float64]
 WATCHDOG = 60.0  # [s]
 METHODS = [
@@ -64,7 +66,7 @@ def model() -> control.PlanningModel:
 # ---- the same as in C++ ----
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("command", [PlannedCommand.POSITION, PlannedCommand.TORQUE])
 def test_the_same_seed_finds_the_same_plan_as_in_cpp(

@@ -16,6 +16,8 @@ import trifinger
 from numpy.typing import NDArray
 from trifinger import policy_file
 
+pytestmark = pytest.mark.bindings
+
 Array = NDArray[np.float64]
 FUNCTIONS = {"identity": lambda x: x, "relu": lambda x: np.maximum(x, 0), "tanh": np.tanh}
 
@@ -309,7 +311,7 @@ def test_does_not_import_what_trains() -> None:
 # ---- networks of PyTorch, models of Stable-Baselines3 ----
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("hidden", ["ReLU", "Tanh"])
 @pytest.mark.parametrize("widths", WIDTHS)
@@ -367,7 +369,8 @@ def environment(*, is_dictionary: bool = False) -> Any:
     return made
 
 
-@pytest.mark.release
+@pytest.mark.slow
+@pytest.mark.without_sanitizer
 @pytest.mark.parametrize("is_dictionary", [False, True], ids=["box", "dictionary"])
 @pytest.mark.parametrize("algorithm", ["DDPG", "TD3", "SAC", "PPO", "A2C"])
 def test_equals_stable_baselines3(algorithm: str, is_dictionary: bool, tmp_path: Path) -> None:
@@ -399,7 +402,7 @@ def test_equals_stable_baselines3(algorithm: str, is_dictionary: bool, tmp_path:
         np.testing.assert_allclose(policy(flat), action[0], rtol=0, atol=1e-6)
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_loads_a_saved_model_and_takes_its_normalizer_beside_it(tmp_path: Path) -> None:
     package = pytest.importorskip("stable_baselines3")
     environment_ = environment()
@@ -414,7 +417,7 @@ def test_loads_a_saved_model_and_takes_its_normalizer_beside_it(tmp_path: Path) 
     assert not np.array_equal(without(observation), expected(observation))
 
 
-@pytest.mark.release
+@pytest.mark.without_sanitizer
 def test_refuses_models_that_look_at_more_than_numbers(tmp_path: Path) -> None:
     gymnasium = pytest.importorskip("gymnasium")
     package = pytest.importorskip("stable_baselines3")

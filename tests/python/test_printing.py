@@ -22,8 +22,6 @@ from trifinger.commands.command_line import say
 from trifinger.text import MOST_PRINTED, printable, printable_lines
 from trifinger_compat import check
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 TITLE = "\x1b]0;evil\x07"  # sets the title of a terminal
 HOSTILE = f"{TITLE}\x1b[2J\x9b31m\u202e"
 TURNING = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}  # order of writing
@@ -113,6 +111,7 @@ def log(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [HOSTILE, HUGE], ids=["hostile", "huge"])
 def test_fault_78_no_text_of_a_log_reaches_the_terminal_as_it_is(
     log: Path, tmp_path: Path, text: str

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import trifinger
 
+pytestmark = pytest.mark.bindings
+
 HISTORY = 16384
 
 
@@ -120,7 +122,7 @@ def leave_quietly(recorder, path):
         Path(path).write_text("refused")
 
 
-@pytest.mark.release  # AddressSanitizer may leave the child a lock that a thread held at the fork.
+@pytest.mark.without_sanitizer  # its lock may be held by another thread at the fork
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
 def test_fault_64_a_forked_child_leaves_the_recorder_alone(tmp_path):
     simulation = trifinger.Simulation()

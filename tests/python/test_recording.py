@@ -18,8 +18,6 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from test_command_line import Screen
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 STEPS = 300
 Messages = dict[str, list[Any]]
 
@@ -233,6 +231,7 @@ def test_the_recorder_of_a_killed_back_end_writes_the_end(
     assert recorded == list(range(steps))
 
 
+@pytest.mark.slow
 def test_a_killed_recorder_of_run_is_replaced_and_nothing_is_missing(
     tmp_path: Path, start_program: StartProgram
 ) -> None:

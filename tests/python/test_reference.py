@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 from conftest import PROGRAM
 
-pytestmark = pytest.mark.release  # it needs the program
-
 WRITER = Path(__file__).parents[2] / "tools" / "write_reference.py"
 
 

@@ -10,8 +10,6 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-pytestmark = pytest.mark.release
-
 ROOT = Path(__file__).parents[2]
 PROJECTS = [ROOT / "pyproject.toml", *ROOT.glob("packages/*/pyproject.toml")]
 OWN = {tomllib.loads(path.read_text())["project"]["name"].replace("_", "-") for path in PROJECTS}

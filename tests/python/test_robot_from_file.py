@@ -13,6 +13,8 @@ import trifinger
 from conftest import ARM, output_of
 from trifinger.view.scene import scene_of
 
+pytestmark = pytest.mark.bindings
+
 # Seven joints in a row, which stand for the arm of the page.
 CHAIN = """<mujoco>
   <compiler angle="radian"/>

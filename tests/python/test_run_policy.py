@@ -17,8 +17,6 @@ from trifinger.data_sets.marks import read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.environments import Environment, Options, policy_metadata
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 PROGRAM = BUILD / "apps/trifinger-run-policy"
 
 
@@ -96,6 +94,7 @@ def test_does_what_the_environment_does_to_the_last_bit(
     assert report["repeated_steps"] == 0
 
 
+@pytest.mark.slow
 def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_path: Path) -> None:
     write_policy(tmp_path / "p.policy", "reach", Options.of("reach", duration=0.5))
     start_program("run", "trifinger_edu", "--name", "p", *PATIENT).wait_for("waits for a user")

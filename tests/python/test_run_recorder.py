@@ -13,8 +13,6 @@ from conftest import PATIENT_FAKE, PROGRAM, Running, StartProgram
 from test_orderly_end import log_of
 from test_recording import child_of, wait_for_end_of
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 INCOMPLETE = 3
 
 
@@ -58,6 +56,7 @@ def assert_complete(path: Path, robot: trifinger.Frontend) -> None:
     assert log.fault == robot.fault()
 
 
+@pytest.mark.slow
 def test_fault_74_a_recorder_that_stands_still_is_told_of_and_so_is_its_return(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
@@ -77,6 +76,7 @@ def test_fault_74_a_recorder_that_stands_still_is_told_of_and_so_is_its_return(
     assert_complete(tmp_path / "out", robot)
 
 
+@pytest.mark.slow
 def test_fault_74_a_recorder_that_stands_still_at_the_end_is_replaced(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
@@ -92,6 +92,7 @@ def test_fault_74_a_recorder_that_stands_still_at_the_end_is_replaced(
     wait_for_end_of(recorder)
 
 
+@pytest.mark.slow
 def test_fault_74_a_recorder_that_is_killed_again_and_again_is_replaced_each_time(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
@@ -130,6 +131,7 @@ def test_fault_74_an_end_that_cannot_be_written_stays_in_memory(
     assert again.end()[0] == 0
 
 
+@pytest.mark.slow
 def test_fault_74_run_can_be_started_again_as_soon_as_it_was_killed(
     tmp_path: Path, start_program: StartProgram
 ) -> None:

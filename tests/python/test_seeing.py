@@ -14,8 +14,6 @@ import trifinger
 from conftest import PATIENT, PROGRAM, StartProgram
 from trifinger.cameras import Cameras
 
-pytestmark = pytest.mark.release
-
 SMALL = ["--set", "cameras.size=270", "--set", "cameras.rate=10", "--set", "cameras.delay=0.05"]
 SHORT = ["lift.height=0.05", "lift.time=1", "lift.hold_time=0.5", "lift.lower_time=1"]
 
@@ -25,6 +23,7 @@ def manipulate(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_a_cube_is_lifted_by_sight(start_program: StartProgram, tmp_path: Path) -> None:
     words = ["sim_tracked", "--non-real-time", *SMALL, "--set", "fingers.height=0.3"]
     start_program("run", *words).wait_for("waits for a user")
@@ -76,6 +75,7 @@ def test_the_same_simulation_sees_the_same() -> None:
     assert poses() == first
 
 
+@pytest.mark.slow
 def test_eyes_that_die_are_started_again_and_end_with_the_robot(
     start_program: StartProgram,
 ) -> None:

@@ -14,6 +14,8 @@ import pytest
 import trifinger
 from conftest import diverging_state
 
+pytestmark = pytest.mark.bindings
+
 
 def step(simulation: trifinger.Simulation) -> None:
     with simulation.connect() as robot:

@@ -24,7 +24,7 @@ DAEMONS = [SBIN / name for name in ("munged", "slurmctld", "slurmd")]
 PAGE = Path(__file__).parents[2] / "docs/shared_robot.md"
 
 pytestmark = [
-    pytest.mark.release,
+    pytest.mark.slow,
     pytest.mark.skipif(os.geteuid() != 0, reason="only root can start jobs of other users"),
     pytest.mark.skipif(
         not all(daemon.exists() for daemon in DAEMONS),

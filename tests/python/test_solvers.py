@@ -14,7 +14,7 @@ from trifinger.control import Pose
 from trifinger.environments import Environment
 
 # These are hundreds of plans. The tests of their parts run under sanitizers.
-pytestmark = pytest.mark.release
+pytestmark = pytest.mark.slow
 
 HALF = solvers.SIZE / 2
 LIFTED = (0.02, -0.03, 0.08)

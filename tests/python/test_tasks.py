@@ -10,6 +10,8 @@ from gymnasium.utils.env_checker import check_env
 from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
 from trifinger.tasks import Random, Start, Task, View
 
+pytestmark = pytest.mark.bindings
+
 CUBE = {"objects": [{"name": "cube", "type": "cube"}]}
 
 

@@ -15,8 +15,6 @@ import trifinger
 from conftest import PATIENT, Running, StartProgram
 from trifinger.motion import Motion
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 
 @pytest.fixture
 def robot(start_program: StartProgram) -> Running:

@@ -10,8 +10,6 @@ import trifinger
 from conftest import PATIENT, Running, StartProgram
 from trifinger.teaching import Teaching, teach
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 GOAL = np.array([0.1, 0.9, -1.6] * 3)
 
 

@@ -19,8 +19,6 @@ import trifinger
 from conftest import PATIENT, Running, StartProgram
 from trifinger.commands.command_line import wait_until_measured
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 PROGRAM = "import sys; from trifinger.commands.teleop import main; sys.exit(main())"
 # What Linux would say of a gamepad.
 PAD = """
@@ -152,6 +150,7 @@ def wait_until_at_rest(tips: Tips) -> None:
         before = now
 
 
+@pytest.mark.slow
 def test_keys_move_a_tip_and_q_ends_the_session_in_order(
     start_teleop: type[Terminal], robot: Running, tips: Tips
 ) -> None:
@@ -215,6 +214,7 @@ def test_fault_63_a_robot_that_dies_ends_the_teleoperation(
     assert "the back-end died" in text
 
 
+@pytest.mark.slow
 @one_robot
 @pytest.mark.parametrize("end", ["x", "q", signal.SIGINT])
 def test_fault_69_a_back_end_that_stands_still_keeps_nobody_from_ending(

@@ -220,7 +220,6 @@ def in_terminal(terminal: int, end: str) -> subprocess.Popen[bytes]:
     )
 
 
-@pytest.mark.release
 @pytest.mark.parametrize(
     "end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, "raise KeyError", "sys.exit(3)"]
 )

@@ -14,8 +14,6 @@ from trifinger.colours import Samples
 from trifinger.commands import calibrate_colours
 from trifinger.tracking import Tracker, faces_in_blocks, tracked_object
 
-pytestmark = pytest.mark.release
-
 POSITION = np.array([0.05, -0.04, 0.0325])
 ORIENTATION = np.array([np.cos(0.4), 0.0, 0.0, np.sin(0.4)])
 
@@ -70,6 +68,7 @@ def test_a_box_has_the_size_and_the_colours_of_its_configuration(box: dict) -> N
     assert not usual.track(shown).is_sure
 
 
+@pytest.mark.slow
 def test_colours_are_learned_from_images_of_a_known_pose(
     renderer: trifinger.CameraRenderer,
 ) -> None:
@@ -120,6 +119,7 @@ def saved_images(renderer: trifinger.CameraRenderer, parent: Path) -> list[str]:
     return folders
 
 
+@pytest.mark.slow
 def test_the_command_learns_colours_from_saved_images(
     renderer: trifinger.CameraRenderer,
     tmp_path: Path,
@@ -146,6 +146,7 @@ def test_the_command_learns_colours_from_saved_images(
     assert "camera60.png is missing" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_colours_of_a_laboratory_are_learned_and_used(
     renderer: trifinger.CameraRenderer,
     start_program: StartProgram,

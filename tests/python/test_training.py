@@ -34,8 +34,6 @@ from trifinger.training.ddpg import QuickDDPG
 from trifinger.training.model import MODELS
 from trifinger.training.replay import FingerReplayBuffer
 
-pytestmark = pytest.mark.release  # these tests take too long under sanitizers
-
 ROOT = Path(__file__).parents[2]
 
 # The shortest training that has all parts of a long one.
@@ -71,6 +69,7 @@ def undisturbed(tmp_path_factory):
     return trained(short_plan(), tmp_path_factory.mktemp("undisturbed")).folder
 
 
+@pytest.mark.slow
 def test_a_short_training_comes_within_3_cm(tmp_path):
     training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=40), tmp_path)
     assert training.run().median < 0.03
@@ -125,6 +124,7 @@ STEP = ("trifinger.environments", "Environment.step")
 TRAIN = ("trifinger.training.ddpg", "QuickDDPG.train")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "count"), [(STEP, 5), (STEP, 17), (STEP, 40), (TRAIN, 23)])
 def test_fault_65_a_killed_training_ends_as_if_it_had_not_been(place, count, undisturbed, tmp_path):
     run_until_killed(tmp_path, short_plan(), *place, count)
@@ -133,6 +133,7 @@ def test_fault_65_a_killed_training_ends_as_if_it_had_not_been(place, count, und
     assert_same_training(tmp_path, undisturbed)
 
 
+@pytest.mark.slow
 def test_fault_65_a_training_may_be_killed_again_and_again(undisturbed, tmp_path):
     for _ in range(3):
         run_until_killed(tmp_path, short_plan(), *STEP, 15)
@@ -140,6 +141,7 @@ def test_fault_65_a_training_may_be_killed_again_and_again(undisturbed, tmp_path
     assert_same_training(tmp_path, undisturbed)
 
 
+@pytest.mark.slow
 def test_fault_65_a_killed_training_of_many_robots_goes_on_with_what_it_knows(tmp_path):
     # Updates come at the ends of episodes, so the kill loses no episode.
     settings = {"num_envs": 2, "rollout": 10}
@@ -505,6 +507,7 @@ def test_a_training_goes_on_as_it_was_begun(words, undisturbed, capsys):
     assert "no other options" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_interrupted_training_goes_on_from_the_command_line(tmp_path, capsys, monkeypatch):
     folder = tmp_path / "run"
     settings = [f"--set={name}={value}" for name, value in SHORT.items()]
@@ -531,6 +534,7 @@ def test_tensorboard_has_every_evaluation(undisturbed):
     np.testing.assert_allclose(told, medians, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     folder = tmp_path / "run"
     settings = [f"--set={name}={value}" for name, value in SHORT.items()]
@@ -554,6 +558,7 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["push", "dclaw_turn_fixed"])
 def test_the_recipes_of_the_pages_train(task, tmp_path):
     settings = SHORT | {"num_envs": 2, "rollout": 10}
@@ -605,6 +610,7 @@ def test_evaluate_says_how_near_a_policy_comes(undisturbed, capsys):
     assert evaluate.main([policy, "--episodes", "0"]) == 2
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_readme_train_evaluate_and_run(tmp_path, monkeypatch, start_program):
     monkeypatch.chdir(tmp_path)
     settings = [f"--set={name}={value}" for name, value in SHORT.items()]

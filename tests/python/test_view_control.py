@@ -22,8 +22,6 @@ from trifinger.view.pilot import PATIENCE, WISH_PERIOD, Pilot
 from trifinger.view.stop import Stop
 from viewing import StartView
 
-pytestmark = pytest.mark.release  # sanitizers have nothing to find here
-
 
 class FakeGuide:
     """A guide that notes what it is asked for."""
@@ -445,6 +443,7 @@ def test_steering_needs_a_name(words: list[str], capsys: pytest.CaptureFixture[s
     assert "needs the name of a robot" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_terminal_says_that_the_page_waits_and_what_runs(
     start_view: StartView, start_program: StartProgram
 ) -> None:

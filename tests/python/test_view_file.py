@@ -23,7 +23,7 @@ from trifinger.view.page import GHOST_ANGLE, smaller
 from trifinger.view.playing import FASTEST, SLOWEST, TimeLine
 
 pytestmark = [
-    pytest.mark.release,
+    pytest.mark.slow,
     # An exception in a check is shown by Python, and is meant here.
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]

@@ -22,8 +22,6 @@ from trifinger.view.gate import Gate, page_server
 from viewing import Viewing
 from websockets.sync.client import ClientConnection, connect
 
-pytestmark = pytest.mark.release  # sanitizers have nothing to find here
-
 VERSION = f"viser-v{viser.__version__}"
 
 
@@ -333,6 +331,7 @@ def test_fault_68_connections_are_bounded(gate: Gate) -> None:
         assert refused.value.response.status_code == 503
 
 
+@pytest.mark.slow
 def test_fault_68_a_slow_browser_loses_frames_alone(server: Any, gate: Gate) -> None:
     """One browser reads nothing while much more is sent than buffers hold; another sees it all."""
     frames, points = 100, np.zeros((20_000, 3), np.float32)  # 240 kB each

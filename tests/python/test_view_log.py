@@ -196,6 +196,7 @@ def assert_is_of_the_log(course: Course, run: LoggedRun) -> None:
             np.testing.assert_array_equal(course.objects[name][row], pose)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(rate=st.floats(1.0, 3000.0), ends=st.lists(st.floats(0.0, 1.6), min_size=2, max_size=2))
 def test_frames_of_a_part_are_steps_of_the_log_at_the_asked_times(

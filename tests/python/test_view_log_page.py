@@ -14,8 +14,6 @@ from trifinger.view.log_page import LogPage
 from trifinger.view.logged import LoggedRun
 from trifinger.view.page import Page
 
-pytestmark = pytest.mark.release
-
 
 class Clock:
     def __init__(self) -> None:

@@ -21,7 +21,7 @@ from trifinger.view.words import Line
 from viewing import StartView
 
 pytestmark = [
-    pytest.mark.release,
+    pytest.mark.slow,
     # An exception in a check is shown by Python, and is meant here.
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]

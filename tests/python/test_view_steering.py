@@ -18,7 +18,7 @@ from trifinger.view.scene import scene_of
 from viewing import StartView, Viewing
 from websockets.exceptions import ConnectionClosed
 
-pytestmark = pytest.mark.release  # sanitizers have nothing to find here
+pytestmark = pytest.mark.slow
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -18,7 +18,7 @@ from trifinger.view.control_panel import HANDLE_SIZE
 from trifinger.view.scene import Scene, scene_of
 from viewing import StartView
 
-pytestmark = pytest.mark.release
+pytestmark = pytest.mark.slow
 
 NEVER = 280_000.0  # tests have watchdogs of their own [ms]
 HANG = """

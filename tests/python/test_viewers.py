@@ -15,8 +15,6 @@ from conftest import PROGRAM
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-pytestmark = pytest.mark.release  # these tests need the program
-
 TOPICS = ("robot_description", "tf_static", "tf", "joint_states")
 STEPS = 450
 EVERY = 125  # steps between messages for viewers

@@ -14,6 +14,8 @@ import pytest
 import trifinger
 from conftest import Child, StartChild
 
+pytestmark = pytest.mark.bindings
+
 
 def is_asleep(process: int, thread: int) -> bool:
     """True if the thread sleeps in a wait of the core: not for the GIL, whose futex is private."""

@@ -23,8 +23,6 @@ from trifinger.view.gate import Gate, page_server
 from viewing import StartView, Viewing
 from websockets.sync.client import ClientConnection, connect
 
-pytestmark = pytest.mark.release  # sanitizers have nothing to find here
-
 # A page with few files, so that a test needs few strangers.
 FEW_FILES = """
 import resource

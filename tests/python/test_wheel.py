@@ -16,7 +16,7 @@ import pytest
 from conftest import BUILD, output_of
 from make_wheel import make_wheel
 
-pytestmark = pytest.mark.release
+pytestmark = pytest.mark.slow
 
 SOURCES = Path(__file__).parents[2]
 PROJECT = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]

@@ -208,6 +208,7 @@ save_film(images(), Path(sys.argv[1]), 30)
 """
 
 
+@pytest.mark.slow
 def test_a_killed_film_has_not_its_final_name(tmp_path: Path) -> None:
     path = tmp_path / "film.mp4"
     for before in (None, b"an earlier film"):

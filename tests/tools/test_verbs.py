@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from verbs import counting, steps, test as stages
 from verbs.counting import Count
-from verbs.machine import NotRun
 from verbs.main import VERBS
-from verbs.steps import StepFailed, Steps
+from verbs.steps import NotRun, StepFailed, Steps
 
 ROOT = Path(__file__).parents[2]
 PYTHON = sys.executable
@@ -61,22 +60,32 @@ def test_where_a_process_crashed_is_among_the_reasons() -> None:
 
 
 def test_a_stage_that_cannot_run_here_is_neither_passed_nor_failed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def not_run(_: Count) -> bool:
         raise NotRun("there is no kernel")
 
-    monkeypatch.setattr(stages, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(stages, "setup", lambda: None)
     monkeypatch.setattr(stages, "fetch_robots", lambda: None)
-    for name in ("lint", *(name for name in vars(stages) if name.startswith("test_"))):
-        monkeypatch.setattr(stages, name, lambda _: True)
-    monkeypatch.setattr(stages, "test_in_machine", not_run)
-    assert stages.test() == 0
+    assert stages.run_stages([("first", lambda _: True), ("SocketCAN", not_run)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "  not run: there is no kernel" in lines
     (line,) = (line for line in lines if "not run " in line)
-    assert line.split()[:2] == ["SocketCAN", "on"]
+    assert line.split()[:1] == ["SocketCAN"]
+
+
+def test_a_stage_that_fails_does_not_keep_others_from_running(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def does_not_compile(_: Count) -> bool:
+        raise StepFailed
+
+    monkeypatch.setattr(stages, "setup", lambda: None)
+    monkeypatch.setattr(stages, "fetch_robots", lambda: None)
+    assert stages.run_stages([("first", does_not_compile), ("second", lambda _: True)]) == 1
+    summary = capsys.readouterr().out.partition("summary\n")[2].splitlines()
+    assert [line.split()[1] for line in summary[:2]] == ["FAILED", "ok"]
+    assert summary[2].startswith("0 passed, 1 failed")
 
 
 def test_variables_reach_the_command() -> None:
@@ -113,13 +122,13 @@ def test_counts_the_tests_of_processes_and_those_that_left_no_result(tmp_path: P
     all_steps = Steps("dev")
     # Two processes failed: b, and one that crashed without leaving a file.
     line = "33% tests passed, 2 tests failed out of 3"
-    step = count.begin_ctest(all_steps, "s", "dev", ["echo", line])
+    step = count.begin_ctest(all_steps, "s", ["echo", line])
     counts = {"a": (10, 0, 1), "b": (5, 2, 0)}  # tests, failures, disabled
     for name, (tests, failures, disabled) in counts.items():
         suites = f'<testsuites tests="{tests}" failures="{failures}" disabled="{disabled}"/>'
         (folder / f"{name}.xml").write_text(suites)
     (folder / "python.xml").write_text('<testsuites name="pytest tests"/>')
-    count.end_ctest(all_steps, step, "dev")
+    count.end_ctest(all_steps, step)
     assert (count.passed, count.failed) == (9 + 3, 2 + 1)
 
 

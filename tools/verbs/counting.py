@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .steps import ROOT, Command, Step, Steps
 
-RESULTS = ROOT / "build" / "results"  # PRESET/*.xml: the result of every test
+RESULTS = ROOT / "build" / "results"  # GROUP/*.xml: the result of every test
 
 
 class Count:
@@ -29,19 +29,19 @@ class Count:
             print(f"    {line}")
         return step
 
-    def begin_ctest(self, steps: Steps, label: str, preset: str, command: Command) -> Step:
+    def begin_ctest(self, steps: Steps, label: str, command: Command) -> Step:
         """Starts ctest as a step beside others; a hang ends after half an hour.
 
-        Older results of this preset go, because all that are there are counted in the end.
+        Older results of these steps go, because all that are there are counted in the end.
         """
-        folder = RESULTS / preset
+        folder = RESULTS / steps.group
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         limit = ["timeout", "--foreground", "--kill-after=1m", "30m"]
         variables = {"GTEST_BRIEF": "1", "TRIFINGER_TEST_RESULTS": str(folder)}
         return steps.begin(label, [*limit, *command], **variables)
 
-    def end_ctest(self, steps: Steps, step: Step, preset: str) -> None:
+    def end_ctest(self, steps: Steps, step: Step) -> None:
         """Waits for ctest and adds the numbers of its tests.
 
         ctest counts processes. The number of tests comes from the files that the processes write.
@@ -50,7 +50,7 @@ class Count:
         line = step.last_line("% tests passed, ")
         numbers = re.search(r"(\d+) tests failed out of (\d+)", line)
         failed_processes, processes = map(int, numbers.groups()) if numbers else (0, 0)
-        suites = _suites(RESULTS / preset)
+        suites = _suites(RESULTS / steps.group)
         tests, failed = _numbers(suites)
         # A process without a file counts as one test; it has failed if it crashed.
         tests += processes - len(suites)

@@ -14,9 +14,8 @@ from typing import Any
 from make_release import VARIABLES, builder, pythons
 
 from .build import build, uses
-from .machine import NotRun
 from .setup import PYTHON
-from .steps import ROOT, Step, Steps
+from .steps import ROOT, NotRun, Step, Steps
 
 STEPS = Steps("soak")
 LEROBOT_PYTHON = "3.12"  # the oldest that it runs with

@@ -6,13 +6,9 @@ import can_machine
 from .build import build
 from .counting import RESULTS, Count
 from .setup import PYTHON, setup
-from .steps import Steps
+from .steps import NotRun, Steps
 
 TARGETS = ("trifinger_program", "can_test", "machine_test")
-
-
-class NotRun(Exception):
-    """A stage cannot run on this machine; the sentence says why."""
 
 
 def test_in_machine(count: Count) -> bool:

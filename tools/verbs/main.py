@@ -13,9 +13,10 @@ from types import FrameType
 
 from . import product
 from .build import build, jobs, presets
+from .check import check
 from .counting import Count
 from .docs import docs
-from .lint import lint
+from .lint import clang_tidy, lint
 from .machine import machine
 from .release import release
 from .setup import setup
@@ -28,8 +29,9 @@ usage: ./run VERB [ARGUMENT ...]
 
   demo             lift a cube with a simulated TriFinger at 1 kHz; arguments go to the demo
   examples [NAME]  run all examples in C++ and Python, or those that begin with NAME, such as 05
-  test             lint, then all tests: under sanitizers and in the release build
+  test             the tests that tell that all works here, in minutes
   test LAYER ...   the C++ tests of layers such as core, under AddressSanitizer
+  check            what test leaves out: clang-tidy, sanitizers, pages, browsers, trainings, wheels
   setup            install missing system packages and Python packages
   build [PRESET]   compile into build/PRESET: {", ".join(presets())}; dev if none is given
   wheel            make a Python wheel in build/wheels that needs no compiler
@@ -43,7 +45,7 @@ usage: ./run VERB [ARGUMENT ...]
                    learning, push: train policies; tracking: find the cube in images;
                    robots: print a table of TriFinger and D'Claw
   soak [PART ...]  the long versions of the tests, a night: {", ".join(PARTS)}
-  machine          SocketCAN with a robot in a virtual machine; ./run test does this, too
+  machine          SocketCAN with a robot in a virtual machine; ./run check does this, too
   clean            remove all builds; the Python packages stay
 
 Each verb first installs what it needs. The full output of every step is in build/logs.
@@ -79,7 +81,7 @@ def build_verb(preset: str = "dev", *targets: str) -> None:
 
 
 def test_verb(*names: str) -> int:
-    """Runs all tests, or those of some layers."""
+    """Runs the quick tests, or those of some layers."""
     check_names("layer", names, layers())
     return test_layers(*names) if names else test()
 
@@ -87,7 +89,8 @@ def test_verb(*names: str) -> int:
 def lint_verb() -> int:
     """Runs all checks."""
     setup()
-    return 0 if lint(Count()) else 1
+    passed = [lint(Count()), clang_tidy(Steps("lint")).succeeded]
+    return 0 if all(passed) else 1
 
 
 def evaluate_verb(experiment: str, *arguments: str) -> None:
@@ -122,6 +125,7 @@ VERBS: dict[str, Callable[..., int | None]] = {
     "demo": product.demo,
     "examples": product.examples,
     "test": test_verb,
+    "check": check,
     "setup": setup,
     "build": build_verb,
     "wheel": product.wheel,

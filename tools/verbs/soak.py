@@ -6,20 +6,19 @@ import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-from .build import build, configure, uses
-from .counting import Count
-from .environments import lerobot, oldest
-from .lint import clang_tidy
-from .machine import NotRun
-from .setup import PYTHON, fetch_robots, setup
-from .steps import Step, StepFailed, Steps
-from .test import (
-    python_tests,
+from .build import build, uses
+from .check import (
     run_fuzzers,
     test_release,
     test_with_address_sanitizer,
     test_with_thread_sanitizer,
 )
+from .counting import Count
+from .environments import lerobot, oldest
+from .lint import clang_tidy
+from .setup import PYTHON, fetch_robots, setup
+from .steps import NotRun, Step, StepFailed, Steps
+from .test import quick_tests
 
 STEPS = Steps("soak")
 
@@ -82,19 +81,10 @@ def kills() -> bool:
 
 
 def tests() -> bool:
-    """Runs all other tests of faults: 10^8 reads of a ring, 10^7 wakes, 10^7 hostile actions.
-
-    It also runs those tests of the bindings in the release build that `./run test` runs only under
-    sanitizers.
-    """
+    """Runs all other tests of faults: 10^8 reads of a ring, 10^7 wakes, 10^7 hostile actions."""
     build("release")
     programs = "ipc realtime can core mcap mcap_damage log log_damage config joint sim"
-    return all(
-        [
-            python_tests(Count(), "release", "-m", "not release"),
-            long_tests("release", programs, "*fault_*:*UnderHostileActions*-*Kill*:*HostileQueue*"),
-        ]
-    )
+    return long_tests("release", programs, "*fault_*:*UnderHostileActions*-*Kill*:*HostileQueue*")
 
 
 @contextmanager
@@ -114,7 +104,7 @@ def busy() -> bool:
 
     No test may ask for a quick machine.
     """
-    stages = [test_with_address_sanitizer, test_with_thread_sanitizer, test_release]
+    stages = [quick_tests, test_release, test_with_address_sanitizer, test_with_thread_sanitizer]
     with busy_processes(4):
         return all_true(stage(Count()) for _ in range(3) for stage in stages)
 
@@ -130,7 +120,6 @@ def fuzz() -> bool:
 
 def analyser() -> bool:
     """Runs clang's analyser, and clang-tidy over the tests: too long for `./run lint`."""
-    configure("lint")
     steps = [clang_tidy(STEPS, mode) for mode in ("tests", "analyser")]
     return all(step.succeeded for step in steps)
 

@@ -29,8 +29,8 @@ PROGRESS = re.compile(r"^\[ *\d+/\d+\]|^ *\d+/\d+(?= Test)", re.MULTILINE)
 SANITIZER = re.compile(r"runtime error: |ERROR: AddressSanitizer|WARNING: ThreadSanitizer")
 # The lines of pytest, GoogleTest, ctest, compilers and clang-tidy that name what failed.
 REASON = re.compile(
-    r"^FAILED |^\[  FAILED  \] [^ ]+\.|^\s+\d+ - .*\((Failed|Timeout|SEGFAULT|Subprocess aborted)\)"
-    r"|: (error|fatal error): "
+    r"^FAILED |^ERROR [a-z]|^\[  FAILED  \] [^ ]+\."
+    r"|^\s+\d+ - .*\((Failed|Timeout|SEGFAULT|Subprocess aborted)\)|: (error|fatal error): "
 )
 # The first line of what is printed when a process ends at once, or a watchdog ends it.
 CRASH = re.compile(r"^Fatal Python error: |^Timeout \(\d|ERROR: AddressSanitizer")
@@ -38,6 +38,10 @@ CRASH = re.compile(r"^Fatal Python error: |^Timeout \(\d|ERROR: AddressSanitizer
 
 class StepFailed(Exception):
     """A step failed that others need. Its line is printed already."""
+
+
+class NotRun(Exception):
+    """A step or stage cannot run on this machine; the sentence says why."""
 
 
 def duration(seconds: float) -> str:

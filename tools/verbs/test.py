@@ -1,38 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs lint, then each test in the build that says most about it."""
+"""Runs the tests that tell a newcomer that all works here, in minutes; check.py has the others."""
 
-import platform
 import shutil
-import subprocess
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 from .build import build, jobs, uses
 from .counting import RESULTS, Count, slowest_tests
-from .docs import build_site, look_at_site
 from .lint import lint
-from .machine import NotRun, test_in_machine
 from .setup import PYTHON, fetch_robots, setup
-from .steps import ROOT, StepFailed, Steps, duration
+from .steps import ROOT, NotRun, StepFailed, Steps, duration
+
+Stage = tuple[str, Callable[[Count], bool]]
 
 
-def test() -> int:
-    """Runs all stages, also after one failed, and prints a summary."""
+def run_stages(stages: Sequence[Stage]) -> int:
+    """Runs all stages, also after one failed, prints a summary, and returns the exit status."""
     begin = time.monotonic()
     setup()
     fetch_robots()
-    shutil.rmtree(RESULTS, ignore_errors=True)
-    RESULTS.mkdir(parents=True)
-    stages: list[tuple[str, Callable[[Count], bool]]] = [
-        ("lint", lint),
-        ("AddressSanitizer and UBSan", test_with_address_sanitizer),
-        ("ThreadSanitizer, a fuzzer beside it", test_with_thread_sanitizer),
-        ("release build", test_release),
-        ("documentation site", test_site),
-        ("SocketCAN on a real-time kernel", test_in_machine),
-        ("every fault has its test", test_every_fault),
-    ]
     count = Count()
     summary = []
     all_passed = True
@@ -63,6 +49,26 @@ def test() -> int:
     return 0 if all_passed else 1
 
 
+# The layers that rest on what differs between machines: kernels, processors, disks, clocks.
+QUICK_LAYERS = ("ipc", "realtime", "core", "log", "sim")
+
+
+def test() -> int:
+    """Checks sources, then runs the quick tests of what users get."""
+    shutil.rmtree(RESULTS, ignore_errors=True)
+    return run_stages([("lint", lint), ("tests of what users get", quick_tests)])
+
+
+def quick_tests(count: Count) -> bool:
+    """Runs the C++ tests of some layers, and the quick Python tests, in the release build."""
+    programs = [f"{layer}_test" for layer in QUICK_LAYERS]
+    build("release", "apps/all", "bindings/all", "tests/python/all", *programs)
+    labels = f"^({'|'.join(QUICK_LAYERS)})(_without_sanitizer)?$"
+    ctest = ["ctest", "--preset", "release", "-L", labels]
+    passed = cpp_tests(count, "quick", f"C++ tests of {', '.join(QUICK_LAYERS)}", *ctest)
+    return python_tests(count, "quick", "release", "-m", "not slow") and passed
+
+
 def layers() -> list[str]:
     """Returns the layers that have tests in C++."""
     folders = {file.parent.name for file in (ROOT / "tests").glob("*/CMakeLists.txt")}
@@ -73,13 +79,11 @@ def test_layers(*names: str) -> int:
     """Runs the C++ tests of some layers under AddressSanitizer and UBSan, for the one who edits."""
     setup()
     build("dev", *(f"tests/{name}/all" for name in names))
-    count = Count()
-    labels = f"^({'|'.join(names)})(_.*)?$"
-    passed = cpp_tests(count, "dev", "C++ tests", "ctest", "--preset", "dev", "-L", labels)
-    return 0 if passed else 1
+    ctest = ["ctest", "--preset", "dev", "-L", f"^({'|'.join(names)})(_.*)?$"]
+    return 0 if cpp_tests(Count(), "dev", "C++ tests", *ctest) else 1
 
 
-def python_tests(count: Count, preset: str, *arguments: str, **variables: str) -> bool:
+def python_tests(count: Count, group: str, preset: str, *arguments: str, **variables: str) -> bool:
     """Runs the Python tests that `arguments` of pytest select, and says whether they passed.
 
     Each process makes the fixtures of a file again, so few files should be split between processes.
@@ -89,128 +93,17 @@ def python_tests(count: Count, preset: str, *arguments: str, **variables: str) -
     killed a minute later.
     """
     limit = ["timeout", "--foreground", "--signal=INT", "--kill-after=1m", "60m"]
-    results = f"--junitxml={RESULTS / preset / 'python.xml'}"
+    results = f"--junitxml={RESULTS / group / 'python.xml'}"
     pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal", results]
     command = [*limit, *pytest, *arguments, "tests/python"]
     return count.pytest(
-        Steps(preset), "Python tests", command, **uses(preset), **variables
+        Steps(group), "Python tests", command, **uses(preset), **variables
     ).succeeded
 
 
-def cpp_tests(count: Count, preset: str, label: str, *command: str) -> bool:
+def cpp_tests(count: Count, group: str, label: str, *command: str) -> bool:
     """Runs ctest and says whether all tests passed."""
-    steps = Steps(preset)
-    step = count.begin_ctest(steps, label, preset, command)
-    count.end_ctest(steps, step, preset)
-    return step.succeeded
-
-
-def test_with_address_sanitizer(count: Count) -> bool:
-    """Runs all C++ tests, and the Python tests that need no release build."""
-    build("dev", "tests/all", "bindings/all")
-    # The sanitizer keeps its shadow memory of large blocks and does not map it again for each.
-    options = f"clear_shadow_mmap_threshold={2**30}"
-    ctest = ["env", f"ASAN_OPTIONS={options}", "ctest", "--preset", "dev", "-LE", "examples"]
-    passed = cpp_tests(count, "dev", "C++ tests", *ctest)
-    # Python itself is not instrumented and frees little at its end, so only the C++ tests look for
-    # leaks. libstdc++ must be loaded before the runtime looks for the functions that it wraps.
-    # --capture=sys keeps pytest from hiding the runtime's reports.
-    variables = {
-        "LD_PRELOAD": " ".join(preloaded_libraries()),
-        "ASAN_OPTIONS": f"{options}:detect_leaks=0",
-        "UBSAN_OPTIONS": "print_stacktrace=1",
-        "PYTHONMALLOC": "malloc",
-    }
-    return python_tests(count, "dev", "-m", "not release", "--capture=sys", **variables) and passed
-
-
-def preloaded_libraries() -> list[str]:
-    """Returns the libraries that Python loads first, to run under AddressSanitizer."""
-    folder = answer("clang++-14", "--print-runtime-dir")
-    return [
-        f"{folder}/libclang_rt.asan-{platform.machine()}.so",
-        answer("g++", "-print-file-name=libstdc++.so"),
-    ]
-
-
-def answer(*command: str) -> str:
-    """Returns the line that a command prints."""
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-
-
-# Layers with threads of their own; the preset "tsan" has their labels.
-THREADED = ("ipc", "realtime", "can", "dynamixel", "core")
-
-
-def test_with_thread_sanitizer(count: Count) -> bool:
-    """Runs the C++ tests of the layers up to core, with a fuzzer beside them."""
-    fuzzer_steps = Steps("fuzz")
-    fuzzer = fuzzer_steps.begin("fuzzers of logs and motor boards", run_fuzzers(seconds=10))
-    try:
-        build("tsan", *(f"tests/{layer}/all" for layer in THREADED))
-        ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
-        passed = cpp_tests(count, "tsan", f"C++ tests of {', '.join(THREADED)}", *ctest)
-    finally:
-        fuzzer_steps.end(fuzzer)
-    return passed and fuzzer.succeeded
-
-
-def fixed_addresses() -> list[str]:
-    """Returns how to begin a command that runs under ThreadSanitizer.
-
-    The runtime of g++ 12 and clang 14 finds no room for its shadow memory if addresses have more
-    than 28 random bits.
-    """
-    bits = Path("/proc/sys/vm/mmap_rnd_bits")
-    return ["setarch", "-R"] if bits.exists() and int(bits.read_text()) > 28 else []
-
-
-def run_fuzzers(seconds: int) -> list[str]:
-    """Returns the command that builds the fuzzers and runs each for `seconds`, on one processor.
-
-    Each corpus is kept, and the next run starts with it.
-    """
-    folder = "build/fuzz"
-    script = f"""
-        cmake --preset fuzz
-        cmake --build --preset fuzz --parallel 1
-        run() {{  # NAME PROGRAM LONGEST_INPUT
-            mkdir -p {folder}/$1/corpus {folder}/$1/seeds
-            {folder}/tests/$2 -max_total_time={seconds} -max_len=$3 -rss_limit_mb=2048 -timeout=10 \
-                -artifact_prefix={folder}/$1/ {folder}/$1/corpus {folder}/$1/seeds
-        }}
-        {folder}/tests/mcap/fuzzer_seeds {folder}/reader/seeds
-        run reader mcap/reader_fuzzer 20000
-        run motor_board can/motor_board_fuzzer 600
-        run dynamixel_packet dynamixel/dynamixel_packet_fuzzer 5000
-    """
-    return ["bash", "-e", "-c", script]
-
-
-def test_release(count: Count) -> bool:
-    """Runs the programs, the examples, and what a sanitizer hinders."""
-    folders = ["apps", "bindings", "examples", "benchmarks", "tests/python"]
-    targets = ["tests_without_sanitizer", "evaluate_teach"]
-    build("release", *(f"{folder}/all" for folder in folders), *targets)
-    # Both run at once, because many Python tests only wait for a robot in real time.
-    steps = Steps("release")
-    ctest = ["ctest", "--preset", "release", "-L", "^examples$|_without_sanitizer$"]
-    step = count.begin_ctest(steps, "C++ tests that need no sanitizer", "release", ctest)
-    passed = python_tests(count, "release", "-m", "release")
-    count.end_ctest(steps, step, "release")
-    return passed and step.succeeded
-
-
-def test_site(count: Count) -> bool:
-    """Builds the site, with pictures of the pages that the release build has carried out."""
-    build_site()
-    return look_at_site(count)
-
-
-def test_every_fault(count: Count) -> bool:  # noqa: ARG001
-    """Compares the results with the fault matrix."""
-    step = Steps("faults").check("fault matrix", [PYTHON, "tools/fault_matrix.py"])
-    for line in step.output.splitlines():
-        if line.startswith("not run"):
-            print(f"    {line}")
+    steps = Steps(group)
+    step = count.begin_ctest(steps, label, command)
+    count.end_ctest(steps, step)
     return step.succeeded

@@ -13,7 +13,7 @@ from trifinger_compat.generation import VARIABLE
 from trifinger_compat.scopes import loaded_by
 from trifinger_compat.symbols import MISSING, PACKAGES
 
-pytestmark = pytest.mark.release
+pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
 PLATFORM = """

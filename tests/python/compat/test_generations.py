@@ -242,7 +242,6 @@ def test_the_environment_of_2020() -> None:
     assert np.array_equal(observation["achieved_goal"]["position"], now)
 
 
-@pytest.mark.release
 @pytest.mark.parametrize(("name", "step"), [("2020", 0.004), ("2021", 0.001)])
 def test_the_environment_names_a_generation(name: str, step: float) -> None:
     text = (
@@ -337,7 +336,7 @@ def test_tips_around_a_point_are_at_0_and_minus_120_and_minus_240_degrees() -> N
     assert list(alone) == [0.1, 0.2, 0.3]
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_cameras_see_the_cube_where_their_calibration_says() -> None:
     platform = trifinger_simulation.TriFingerPlatform()
     folder = trifinger_simulation.get_data_dir() / "camera_params"
@@ -392,7 +391,7 @@ def projected_as_opengl_does(number: int, point: Any, size: int) -> Any:
     return (on_screen + 1) * size / 2 - 0.5
 
 
-@pytest.mark.release
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "size"),
     [
@@ -429,7 +428,6 @@ def test_the_platform_has_the_picture_of_the_original(make: Any, size: int) -> N
     assert max(miss for _, miss in whole) < 0.7
 
 
-@pytest.mark.release
 def test_simple_cameras_have_the_size_that_was_asked_for() -> None:
     platform = trifinger_simulation.TriFingerPlatform()
     cameras = camera.TriFingerCameras(
@@ -547,7 +545,7 @@ def test_an_object_that_has_gone_ends_the_wait_for_its_poses() -> None:
     backend.stop()
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_a_policy_is_run_and_its_log_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

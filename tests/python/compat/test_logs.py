@@ -105,6 +105,7 @@ def camera_log(has_object: bool) -> bytes:
     return data + (np.arange(16.0).tobytes() if has_object else b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_compressed", [True, False])
 @pytest.mark.parametrize(
     ("data", "reader"),
@@ -249,7 +250,7 @@ def test_a_camera_log_in_hdf5_has_the_layout_of_the_sheet(tmp_path: Path) -> Non
         camera_hdf5.write(path, [], ())
 
 
-@pytest.mark.release
+@pytest.mark.slow
 def test_a_recorded_run_becomes_files_that_a_platform_log_reads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

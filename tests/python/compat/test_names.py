@@ -206,7 +206,6 @@ def test_matrices_of_opencv_are_arrays() -> None:
     assert np.array_equal(np.array(camera_types.cvMat(image)), image)
 
 
-@pytest.mark.release
 def test_a_camera_sees_what_it_looks_at() -> None:
     platform = TriFingerPlatform()
     client = platform.simfinger._pybullet_client_id
@@ -219,7 +218,6 @@ def test_a_camera_sees_what_it_looks_at() -> None:
     assert np.nonzero(moved)[1].mean() > 32
 
 
-@pytest.mark.release
 def test_cameras_of_a_folder_can_get_company() -> None:
     platform = TriFingerPlatform()
     folder = trifinger_simulation.get_data_dir() / "camera_params"

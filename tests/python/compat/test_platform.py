@@ -246,7 +246,6 @@ def test_25_dice_lie_on_the_table() -> None:
     assert np.abs(after - before).max() < 0.002
 
 
-@pytest.mark.release
 def test_dice_are_light_blue_in_images() -> None:
     rearrange_dice.seed(1)
     platform = TriFingerPlatform(object_type=ObjectType.DICE)

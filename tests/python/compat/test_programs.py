@@ -21,7 +21,7 @@ from trifinger_compat.robot_data import VARIABLE
 from trifinger_compat.symbols import PACKAGES, SAME
 
 PROGRAMS = Path(__file__).parent / "programs"
-pytestmark = pytest.mark.release
+pytestmark = pytest.mark.slow
 
 
 def said(program: str, *words: str | Path, **variables: str) -> str:

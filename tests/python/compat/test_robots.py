@@ -33,7 +33,6 @@ from trifinger_simulation.camera import load_camera_parameters
 from trifinger_simulation.real_finger import RealFinger
 
 HOME = [0, 0.9, -1.7] * 3
-pytestmark = pytest.mark.release
 
 
 @pytest.fixture
@@ -128,6 +127,7 @@ def test_a_robot_that_runs_stands_for_a_simulated_finger() -> None:
         RealFinger("nothing")
 
 
+@pytest.mark.slow
 def test_images_and_poses_of_a_robot_are_numbered(monkeypatch: pytest.MonkeyPatch) -> None:
     with running("--render-images") as name:
         monkeypatch.setenv(robot_data.VARIABLE, name)
@@ -240,6 +240,7 @@ def test_a_logger_of_cameras_that_never_began_can_be_stopped(tmp_path: Path) -> 
     assert tricamera.LogReader(tmp_path / "camera_data.dat").data == []
 
 
+@pytest.mark.slow
 def test_images_of_a_robot_without_an_object_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -260,6 +261,7 @@ def test_images_of_a_robot_without_an_object_are_kept(
             wrong.stop_and_save(path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("frontend")
 def test_the_first_name_gives_poses_too() -> None:
     old = robot_fingers.TriFingerPlatformFrontend()
@@ -267,6 +269,7 @@ def test_the_first_name_gives_poses_too() -> None:
     assert old.get_camera_observation(t).object_pose.position.shape == (3,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "status"), [(1000, 0), (1000000, 20)])
 def test_the_original_programs_for_data_and_robot_work_together(
     limit: int, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -301,6 +304,7 @@ def test_the_original_programs_for_data_and_robot_work_together(
     assert len(read) >= min(500, limit)
 
 
+@pytest.mark.slow
 def test_a_late_action_is_repeated_whatever_the_configuration_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -333,6 +337,7 @@ def test_a_log_of_cameras_needs_cameras(program: str, words: list[str], tmp_path
         assert "the robot has no cameras; give --render-images to pybullet_backend" in errors
 
 
+@pytest.mark.slow
 def test_the_data_of_a_robot_without_cameras_has_no_log_of_cameras(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -389,6 +394,7 @@ def test_a_robot_of_another_type_is_never_controlled(monkeypatch: pytest.MonkeyP
         assert (now.controller_pid, now.session_id) == (None, claw.session_id)
 
 
+@pytest.mark.slow
 def test_a_back_end_leaves_another_robot_of_its_name_alone() -> None:
     with running() as name:
         data = robot_interfaces.trifinger.MultiProcessData(name, True)
@@ -401,6 +407,7 @@ def test_a_back_end_leaves_another_robot_of_its_name_alone() -> None:
         assert data.is_available()
 
 
+@pytest.mark.slow
 def test_a_back_end_waits_for_the_robot_that_it_started() -> None:
     class Late(robot_interfaces.trifinger.MultiProcessData):  # type: ignore[name-defined,misc]
         """Another process starts a robot of this name after the first look."""
@@ -455,6 +462,7 @@ def wait_for_end(process: int) -> None:
             os.close(descriptor)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_during_the_start_leaves_no_robot_behind(number: int) -> None:
     with started("pybullet_backend", "--name", new_name(), stderr=subprocess.DEVNULL) as process:
@@ -477,6 +485,7 @@ def test_a_robot_ends_with_the_program_that_has_started_it() -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_a_limit_of_actions_is_known_whatever_the_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -497,6 +506,7 @@ def test_a_limit_of_actions_is_known_whatever_the_environment(
         assert robot.wait() == 0
 
 
+@pytest.mark.slow
 def test_a_log_that_could_not_be_written_is_refused_at_once(tmp_path: Path) -> None:
     for log in (tmp_path / "none" / "robot_data.dat", tmp_path):
         words = ["--name", new_name(), "-a", "20", "--robot-logfile", log]
@@ -507,6 +517,7 @@ def test_a_log_that_could_not_be_written_is_refused_at_once(tmp_path: Path) -> N
                 assert f"the log {log} cannot be written: " in errors
 
 
+@pytest.mark.slow
 def test_a_run_whose_log_cannot_be_written_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
