@@ -3,12 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -203,9 +201,7 @@ TEST(Payload, OfAProcessThatWasKilledIsWholeOrGone) {
     }
     // It is stopped where it will be killed: the driver forgets a process that has ended as soon as
     // it notices that, and with it the newest element.
-    child.send(SIGSTOP);
-    int status = 0;
-    ASSERT_EQ(::waitpid(child.pid(), &status, WUNTRACED), child.pid());
+    child.stop();
     for (TimeIndex t = 1'000'000; driver->get_companion_element(0, t, &newest);) {
     }
     child.kill();

@@ -41,17 +41,6 @@ void wait_until(const std::function<bool()>& holds) {
   }
 }
 
-void wait_until_stopped(const ChildProcess& process) {
-  int status = 0;
-  ASSERT_EQ(::waitpid(process.pid(), &status, WUNTRACED), process.pid());
-  ASSERT_TRUE(WIFSTOPPED(status));
-}
-// Stops a process like Ctrl-Z does, and returns when it has stopped.
-void stop(const ChildProcess& process) {
-  process.send(SIGSTOP);
-  wait_until_stopped(process);
-}
-
 // --- The user ---
 
 class StoppedUser : public ::testing::Test {
@@ -71,7 +60,7 @@ class StoppedUser : public ::testing::Test {
       return then(robot) ? 0 : 1;
     });
     wait_until([&] { return has_appended_->load(); });
-    stop(*user_);
+    user_->stop();
   }
   void go_on() {
     may_go_on_->store(true);
@@ -251,7 +240,7 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   auto robot = connect_to_new_robot();
   robot.append_desired_action({});
   robot.wait_until_time_index(20);
-  stop(backend);
+  backend.stop();
   wait_for_many_periods(robot);
   // The back-end is not dead, and nobody can know what it will do, so waits end only at their
   // timeouts.
@@ -313,7 +302,7 @@ TEST(StoppedBackend, fault_56_DoesNotTakeItsOwnStopForADriverThatHangs) {
   });
   auto robot = connect_to_new_robot();
   robot.append_desired_action(LingeringDriver::kOfTheUser);
-  wait_until_stopped(backend);
+  backend.wait_until_stopped();
   wait_for_many_periods(robot);
   backend.send(SIGCONT);
   const auto fault = fault_of([&] { robot.wait_until_time_index(1'000'000); });

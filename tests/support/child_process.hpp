@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <stdexcept>
 
 #include "trifinger/base/error.hpp"
 
@@ -43,6 +44,16 @@ class ChildProcess {
   void send(int signal) const noexcept {
     if (is_running_) ::kill(pid_, signal);
   }
+  /// Stops the process like Ctrl-Z does. Returns when it has stopped.
+  void stop() {
+    send(SIGSTOP);
+    wait_until_stopped();
+  }
+  /// Returns when a signal has stopped the process.
+  void wait_until_stopped() {
+    look(WUNTRACED);
+    if (!is_running_) throw std::logic_error("a process that should stop has ended");
+  }
   /// Sends SIGKILL. Returns when the process has ended.
   void kill() noexcept {
     send(SIGKILL);
@@ -65,7 +76,7 @@ class ChildProcess {
     do {
       ended = ::waitpid(pid_, &status, options);
     } while (ended < 0 && errno == EINTR);
-    if (ended == 0) return;
+    if (ended == 0 || WIFSTOPPED(status)) return;
     is_running_ = false;
     result_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
   }
