@@ -8,7 +8,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -27,18 +26,15 @@
 #include "conversion/garbage.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
-#include "conversion/timeout.hpp"
 #include "docstrings.hpp"
+#include "episodes.hpp"
 #include "simulation/simulation.hpp"
-#include "task.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
 #include "trifinger/realtime/processors.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -66,194 +62,6 @@ nb::object view(nb::handle owner, T* values, std::size_t size, std::size_t rows 
 template <class T>
 nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) {
   return view(owner, values.data(), values.size(), rows);
-}
-
-Nanoseconds period_of(const RobotConfig& config) {
-  return std::visit([](const auto& options) { return options.period; }, config.simulation);
-}
-
-Nanoseconds period_of(const AnyRobotConfig& config) {
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    return file->robot.model->period();
-  }
-  return period_of(std::get<RobotConfig>(config));
-}
-
-Environment make_environment(const TaskDescription& task, const EnvironmentOptions& options,
-                             const AnyRobotConfig& config) {
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    return {task, options, file->robot};
-  }
-  const auto& robot = std::get<RobotConfig>(config);
-  return {task, options, description_of(robot), period_of(robot)};
-}
-
-// Age of the newest pose just before the next one arrives; `is_elsewhere`: of a robot in another
-// process, whose poses may be a little late [steps].
-TimeIndex oldest_sure_age_of(const AnyRobotConfig& config, bool is_elsewhere) {
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    return (is_elsewhere ? 2 : 1) * file->robot.object_period - 1;
-  }
-  const auto& robot = std::get<RobotConfig>(config);
-  return is_elsewhere ? rendering::oldest_sure_age_elsewhere(robot)
-                      : rendering::oldest_sure_age(robot);
-}
-
-// What a configuration names as the files of its robot, none of which is opened.
-std::vector<std::string> files_of(const config::File& file) {
-  std::vector<std::string> files;
-  if (!is_from_file(file)) return files;
-  const config::Node robot = file.root().section("robot");
-  for (const char* key : {"mjcf", "urdf", "mesh_folder"}) {
-    const auto node = robot.find(key);
-    files.push_back(node ? node->as<std::string>() : "");
-  }
-  return files;
-}
-
-// Reads the configuration of a robot that anybody may have started: only files that `expected`
-// names too are opened.
-AnyRobotConfig read_foreign_config(const std::string& text, const AnyRobotConfig& expected) {
-  const auto file = config::File::parse(text, "configuration.yml");
-  const auto& session = std::visit(
-      [](const auto& robot) -> const SessionOptions& { return robot.session; }, expected);
-  const auto own = config::File::parse(session.documents.at(0).text, "configuration.yml");
-  const std::vector<std::string> files = files_of(file);
-  if (!files.empty() && files != files_of(own)) {
-    throw InvalidArgument("the robot is a '" + file.root().required<std::string>("name") +
-                          "' made of " + files[0] + files[1] +
-                          ", which is not the file that `config` names");
-  }
-  return read_any_robot_config(file);
-}
-
-// Throws InvalidArgument if `actual` is another robot than `expected`.
-void check_same_robot(const AnyRobotConfig& actual, const AnyRobotConfig& expected) {
-  const auto is_same = [&] {
-    if (actual.index() != expected.index()) return false;
-    if (const auto* const file = std::get_if<FileRobotConfig>(&actual)) {
-      const auto names_of = [](const FileRobotConfig& config) {
-        std::vector<std::string> names;
-        for (const FileJoint& joint : config.robot.model->joints()) names.push_back(joint.name);
-        return names;
-      };
-      return names_of(*file) == names_of(std::get<FileRobotConfig>(expected));
-    }
-    const RobotDescription description = description_of(std::get<RobotConfig>(actual));
-    const RobotDescription wanted = description_of(std::get<RobotConfig>(expected));
-    return description.variant == wanted.variant && description.arrangement == wanted.arrangement;
-  };
-  if (!is_same()) {
-    throw InvalidArgument("the robot is a '" +
-                          std::visit([](const auto& robot) { return robot.name; }, actual) +
-                          "', which is not what `config` says");
-  }
-  if (period_of(actual) != period_of(expected)) {
-    throw InvalidArgument("the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
-                          " s, `config` says " + std::to_string(to_seconds(period_of(expected))) +
-                          " s");
-  }
-}
-
-// `Environment`, one episode of it, and what was seen last.
-struct Episodes {
-  Episodes(nb::object its_task, const EnvironmentOptions& options, AnyRobotConfig its_config,
-           std::vector<camera::Camera> its_cameras)
-      : task(std::move(its_task)),
-        environment(make_environment(nb::isinstance<nb::str>(task)
-                                         ? find_task(nb::cast<std::string>(task))
-                                         : describe_task(task, failure),
-                                     options, its_config)),
-        config(std::move(its_config)),
-        oldest_sure_age(oldest_sure_age_of(config, /*is_elsewhere=*/false)),
-        cameras(std::move(its_cameras)),
-        observation(environment.observation_size()),
-        achieved(environment.goal_size()),
-        desired(environment.goal_size()) {}
-
-  // A task may refer to its environment.
-  int traverse(visitproc visit, void* arg) const noexcept {
-    Py_VISIT(task.ptr());
-    return 0;
-  }
-  void clear() noexcept { task.reset(); }
-
-  nb::object task;  // a name, or an object of Python's class
-  std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
-  Environment environment;
-  AnyRobotConfig config;
-  TimeIndex oldest_sure_age;            // of a pose [steps]
-  std::vector<camera::Camera> cameras;  // that are observed
-  Start start;
-  Episode episode;
-  Outcome outcome;
-  std::vector<float> observation;
-  std::vector<double> achieved;
-  std::vector<double> desired;
-};
-
-// Where the hinges and slides of a robot from a file begin.
-std::vector<double> model_positions(const Episodes& episodes, const Start& start) {
-  const auto* const file = std::get_if<FileRobotConfig>(&episodes.config);
-  if (file == nullptr) return {};
-  const std::size_t joints =
-      std::min(file->robot.model->model_joints().size(), start.model_position.size());
-  return {start.model_position.begin(),
-          start.model_position.begin() + static_cast<std::ptrdiff_t>(joints)};
-}
-
-// A pose from position and quaternion, if there is one.
-std::optional<ObjectPose> to_pose(nb::handle given) {
-  if (given.is_none()) return std::nullopt;
-  const auto [at, turned] =
-      nb::cast<std::tuple<Array<Eigen::Vector3d>, Array<Eigen::Vector4d>>>(given);
-  ObjectPose pose;
-  std::copy_n(at.value.data(), 3, pose.position.begin());
-  std::copy_n(turned.value.data(), 4, pose.orientation.begin());
-  return pose;
-}
-
-// Torques, positions and velocities of the model, and poses of free bodies.
-using More = std::tuple<Array<Eigen::VectorXd>, Array<Eigen::VectorXd>, Array<Eigen::VectorXd>,
-                        std::vector<nb::object>>;
-
-void add_measurement_of_file(const Episodes& episodes, const More& more,
-                             std::vector<ObjectPose>& bodies, Measurement& measurement) {
-  const auto* const file = std::get_if<FileRobotConfig>(&episodes.config);
-  if (file == nullptr) throw InvalidArgument("more is for robots from files");
-  const auto& [torque, position, velocity, poses] = more;
-  const ModelFile& model = *file->robot.model;
-  const auto span_of = [](const auto& array, std::size_t size, const char* name) {
-    const auto given = static_cast<std::size_t>(array.value.size());
-    if (given == size) return std::span(array.value.data(), size);
-    throw InvalidArgument(std::string(name) + " has " + std::to_string(given) +
-                          " numbers, must have " + std::to_string(size));
-  };
-  const std::size_t joints = model.drives_all() ? 0 : model.model_joints().size();
-  measurement.torque = span_of(torque, model.joints().size(), "torque");
-  measurement.model_position = span_of(position, joints, "joint_position");
-  measurement.model_velocity = span_of(velocity, joints, "joint_velocity");
-  if (poses.size() != model.free_bodies().size()) {
-    throw InvalidArgument("there are " + std::to_string(poses.size()) + " poses for " +
-                          std::to_string(model.free_bodies().size()) + " free bodies");
-  }
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const std::optional<ObjectPose> pose = to_pose(poses[i]);
-    if (!pose) {
-      throw InvalidArgument("the pose of '" + model.free_bodies()[i].name + "' is missing");
-    }
-    bodies.push_back(*pose);
-  }
-  measurement.bodies = bodies;
-}
-
-// The cameras that an environment with these options observes.
-std::vector<camera::Camera> observed_cameras(const EnvironmentOptions& options,
-                                             const AnyRobotConfig& config) {
-  if (options.layout != Layout::kImages) return {};
-  const auto* const robot = std::get_if<RobotConfig>(&config);
-  if (robot == nullptr) return {};  // The environment refuses the layout.
-  return camera_calibration(*robot, robot->name).cameras;
 }
 
 nb::list describe_cameras(const std::vector<camera::Camera>& cameras) {
@@ -335,6 +143,12 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
           "achieved"_a, "desired"_a, "One reward for each row.");
 }
 
+nb::tuple told(const Episodes& self, const Episodes::Seen& seen) {
+  const Outcome& outcome = self.outcome;
+  return nb::make_tuple(seen.time_index, outcome.reward, outcome.terminated, outcome.truncated,
+                        outcome.success, seen.object_age);
+}
+
 void bind_episodes(nb::module_& m) {
   nb::class_<Episodes> type(
       m, "Episodes", nb::type_slots(garbage_collected<Episodes>()),
@@ -343,10 +157,7 @@ void bind_episodes(nb::module_& m) {
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
-            AnyRobotConfig robot = load_any_config(config, overrides);
-            const EnvironmentOptions wanted = read_options(options);
-            std::vector<camera::Camera> cameras = observed_cameras(wanted, robot);
-            new (self) Episodes(task, wanted, std::move(robot), std::move(cameras));
+            new (self) Episodes(task, read_options(options), load_any_config(config, overrides));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, config: str, "
@@ -354,8 +165,7 @@ void bind_episodes(nb::module_& m) {
       .def(
           "begin",
           [](Episodes& self, std::uint64_t seed, std::uint64_t number) {
-            self.start = self.environment.begin(seed, number, self.episode);
-            self.failure->rethrow();
+            self.begin(seed, number);
             const Start& start = self.start;
             const auto list = [](const auto& numbers, std::size_t count) {
               return std::vector<double>(numbers.begin(), numbers.begin() + count);
@@ -363,7 +173,7 @@ void bind_episodes(nb::module_& m) {
             return nb::make_tuple(list(start.position, self.environment.num_joints()),
                                   list(start.object.position, 3), list(start.object.orientation, 4),
                                   list(start.object_velocity.linear, 3), start.variation,
-                                  start.random.episode, model_positions(self, start));
+                                  start.random.episode, self.model_positions());
           },
           "seed"_a, "number"_a,
           nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
@@ -376,10 +186,7 @@ the series of random numbers, and positions of the first hinges and slides of a 
       .def(
           "check_robot",
           [](Episodes& self, const std::optional<std::string>& configuration) {
-            const AnyRobotConfig actual =
-                configuration ? read_foreign_config(*configuration, self.config) : self.config;
-            check_same_robot(actual, self.config);
-            self.oldest_sure_age = oldest_sure_age_of(actual, /*is_elsewhere=*/true);
+            self.check_robot(configuration);
           },
           "configuration"_a.none(),
           "Refuses another robot than that of `config`, by its configuration if that is known, and "
@@ -410,78 +217,30 @@ the series of random numbers, and positions of the first hinges and slides of a 
           "Joint positions that bring a robot to where the episode begins: a row for each action "
           "[rad].")
       .def(
-          "take_action",
-          [](Episodes& self, const Actions& numbers) {
-            const std::size_t joints = self.environment.num_joints();
-            if (numbers.ndim() != 1 || numbers.size() != joints) {
-              throw InvalidArgument("an action must be an array of " + std::to_string(joints) +
-                                    " numbers");
-            }
-            Eigen::VectorXd torque(static_cast<Eigen::Index>(joints));
-            Eigen::VectorXd position(static_cast<Eigen::Index>(joints));
-            if (!self.environment.take_action({numbers.data(), joints}, self.episode,
-                                              {torque.data(), joints}, {position.data(), joints})) {
-              throw InvalidArgument("an action must be finite");
-            }
-            return std::pair(torque, position);
+          "step",
+          [](Episodes& self, PythonFrontend& robot, const Actions& numbers,
+             const PythonFrontend* poses, const PythonSimulation* simulation) {
+            return told(self,
+                        self.step(robot, {numbers.data(), numbers.size()}, poses, simulation));
           },
-          "numbers"_a,
-          nb::sig(
-              "def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> "
-              "tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]"),
-          "Torques [Nm] and positions [rad] of the joints for one action.")
+          "robot"_a, "numbers"_a, "poses"_a.none(), "simulation"_a.none(),
+          nb::sig("def step(self, robot: Frontend, numbers: numpy.typing.NDArray[numpy.float32], "
+                  "poses: Frontend | None, simulation: Simulation | None) -> tuple[int, float, "
+                  "bool, bool, bool, int]"),
+          "Applies an action, and looks at what follows it: `look`.")
       .def(
-          "observe",
-          [](Episodes& self, const Array<Eigen::VectorXd>& position,
-             const Array<Eigen::VectorXd>& velocity, nb::handle object, nb::handle true_object,
-             const std::optional<More>& more) {
-            const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
-            if (position.value.size() != joints || velocity.value.size() != joints) {
-              throw InvalidArgument("a measurement must have " + std::to_string(joints) +
-                                    " positions and velocities");
-            }
-            if (object.is_none() != self.environment.object_name().empty()) {
-              throw InvalidArgument("the pose of an object is for tasks that have one");
-            }
-            if (!more && std::holds_alternative<FileRobotConfig>(self.config)) {
-              throw InvalidArgument(
-                  "a measurement of a robot from a file needs `more`: torques, positions and "
-                  "velocities of its joints, poses of its bodies");
-            }
-            const std::optional<ObjectPose> pose = to_pose(object);
-            const std::optional<ObjectPose> truth = to_pose(true_object);
-            const auto size = static_cast<std::size_t>(joints);
-            Measurement measurement{.position = {position.value.data(), size},
-                                    .velocity = {velocity.value.data(), size},
-                                    .object = pose ? &*pose : nullptr,
-                                    .true_object = truth ? &*truth : nullptr};
-            std::vector<ObjectPose> bodies;
-            if (more) add_measurement_of_file(self, *more, bodies, measurement);
-            self.outcome = self.environment.observe(measurement, self.episode, self.observation,
-                                                    self.achieved, self.desired);
-            self.failure->rethrow();
-            const Outcome& outcome = self.outcome;
-            return nb::make_tuple(outcome.reward, outcome.terminated, outcome.truncated,
-                                  outcome.success);
+          "look",
+          [](Episodes& self, PythonFrontend& robot, TimeIndex t, const PythonFrontend* poses,
+             const PythonSimulation* simulation) {
+            return told(self, self.look(robot, t, poses, simulation));
           },
-          "position"_a, "velocity"_a, "object"_a = nb::none(), "true_object"_a = nb::none(),
-          "more"_a.none() = nb::none(),
-          nb::sig("def observe(self, position: numpy.typing.ArrayLike, velocity: "
-                  "numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, "
-                  "numpy.typing.ArrayLike] | None = None, true_object: "
-                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, more: "
-                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike, numpy.typing.ArrayLike, "
-                  "list[tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike]]] | None = None) -> "
-                  "tuple[float, bool, bool, bool]"),
-          also(
-              docs::Environment::observe,
-              R"(`more` is for robots from files: torques, positions and velocities of all hinges and slides (empty if
-each has a motor), and poses of the free bodies. Returns reward, terminated, truncated, success; the arrays below
-change.)")
-              .c_str());
-  type.def_prop_ro("is_from_file", [](const Episodes& self) {
-    return std::holds_alternative<FileRobotConfig>(self.config);
-  });
+          "robot"_a, "t"_a, "poses"_a.none(), "simulation"_a.none(),
+          nb::sig("def look(self, robot: Frontend, t: int, poses: Frontend | None, simulation: "
+                  "Simulation | None) -> tuple[int, float, bool, bool, bool, int]"),
+          "Looks at what the robot measured at step `t`. `poses` is the companion with the poses "
+          "of objects;\n`simulation` knows where they really are. Returns the step, reward, "
+          "terminated, truncated, success\nand the age of the object's pose [steps], -1 if it was "
+          "not found yet; the arrays below change.");
   type.def_prop_ro(
       "bodies",
       [](const Episodes& self) {

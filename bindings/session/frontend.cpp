@@ -156,6 +156,35 @@ TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, nb::handle 
   return t;
 }
 
+TimeIndex PythonFrontend::act(const std::byte* actions, std::size_t count, bool is_first,
+                              std::byte* observation) {
+  const Appending appending(*this);
+  return without_gil(open(), [&](UntypedFrontend& frontend) {
+    // The first action is appended alone, to know its step. A burst returns only its last step, and
+    // in real time its steps need not be successive.
+    TimeIndex t = frontend.append_desired_action(actions, kForever);
+    if (count > 1) {
+      const std::size_t size = frontend.session().description().action.size();
+      const TimeIndex last = frontend.append_desired_actions(actions + size, count - 1, kForever);
+      if (!is_first) t = last;
+    }
+    frontend.get(Series::kObservation, t, observation, kForever);
+    return t;
+  });
+}
+
+void PythonFrontend::copy(TimeIndex t, std::byte* observation) const {
+  without_gil(open(), [&](const UntypedFrontend& frontend) {
+    frontend.get(Series::kObservation, t, observation, kForever);
+  });
+}
+
+bool PythonFrontend::copy_latest_at(TimeIndex t, std::byte* element) const {
+  return without_gil(open(), [&](const UntypedFrontend& frontend) {
+    return frontend.get_latest_at(t, element, kForever);
+  });
+}
+
 nb::object PythonFrontend::new_action(const nb::kwargs& fields) const {
   const std::shared_ptr<Handle> handle = open();
   const ElementType& type = type_of(Series::kDesiredAction);

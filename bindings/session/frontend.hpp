@@ -49,6 +49,19 @@ class PythonFrontend {
   /// The payload of an element of this companion, as a Payload.
   [[nodiscard]] nanobind::object payload(nanobind::handle element) const;
   void wait_until_time_index(TimeIndex t, nanobind::handle timeout) const;
+
+  /// @name For other classes in C++
+  /// @{
+  /// Appends `count` actions, one per step, waits for the observation of the first or of the last
+  /// of these steps, copies it to `observation` and returns the step.
+  TimeIndex act(const std::byte* actions, std::size_t count, bool is_first, std::byte* observation);
+  /// Copies the observation of step `t`; waits for it.
+  void copy(TimeIndex t, std::byte* observation) const;
+  /// For companions: copies the newest element that arrived at or before step `t`. False if none.
+  [[nodiscard]] bool copy_latest_at(TimeIndex t, std::byte* element) const;
+  [[nodiscard]] const Session& session() const { return open()->frontend.session(); }
+  /// @}
+
   [[nodiscard]] TimeIndex current_time_index() const;
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const;
 

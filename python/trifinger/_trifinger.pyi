@@ -3495,22 +3495,15 @@ class Episodes:
         Joint positions that bring a robot to where the episode begins: a row for each action [rad].
         """
 
-    def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
-        """Torques [Nm] and positions [rad] of the joints for one action."""
+    def step(self, robot: Frontend, numbers: numpy.typing.NDArray[numpy.float32], poses: Frontend | None, simulation: Simulation | None) -> tuple[int, float, bool, bool, bool, int]:
+        """Applies an action, and looks at what follows it: `look`."""
 
-    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, true_object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, more: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike, numpy.typing.ArrayLike, list[tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike]]] | None = None) -> tuple[float, bool, bool, bool]:
+    def look(self, robot: Frontend, t: int, poses: Frontend | None, simulation: Simulation | None) -> tuple[int, float, bool, bool, bool, int]:
         """
-        Computes the observation after the actions that `episode` counts. The outcome is judged by
-        the goal that was shown before, which is written to `desired`. If a new goal begins now, it
-        is in `observation`.
-
-        `more` is for robots from files: torques, positions and velocities of all hinges and slides (empty if
-        each has a motor), and poses of the free bodies. Returns reward, terminated, truncated, success; the arrays below
-        change.
+        Looks at what the robot measured at step `t`. `poses` is the companion with the poses of objects;
+        `simulation` knows where they really are. Returns the step, reward, terminated, truncated, success
+        and the age of the object's pose [steps], -1 if it was not found yet; the arrays below change.
         """
-
-    @property
-    def is_from_file(self) -> bool: ...
 
     @property
     def bodies(self) -> list[str]:

@@ -133,6 +133,10 @@ class DecisionProcess(ABC, Generic[State_co]):
         """
         return self._time_index
 
+    def stepped_to(self, time_index: int) -> None:
+        """Says that `robot` was given its actions elsewhere, up to a state at `time_index`."""
+        self._time_index = time_index
+
     def finish(self) -> None:
         """Ends the session after the last action; its series can still be read.
 

@@ -77,19 +77,15 @@ def test_the_official_checkers_pass(robot: str, observation: str, capsys: Any) -
     environment.close()
 
 
-def test_a_measurement_of_a_robot_from_a_file_has_all_its_parts(arm: str) -> None:
+def test_a_robot_without_what_an_environment_needs_is_refused(arm: str) -> None:
     options = Options(frames=("hand",)).to_json()
     core = _trifinger.Episodes("reach", options, arm, {})
     core.begin(0, 0)
-    joints, none = np.zeros(2), np.zeros(0)
-    with pytest.raises(trifinger.InvalidArgument, match="needs `more`"):
-        core.observe(joints, joints)
-    model = np.zeros(3)
-    missing: Any = [None]
-    with pytest.raises(trifinger.InvalidArgument, match="the pose of 'ball' is missing"):
-        core.observe(joints, joints, more=(joints, model, model, missing))
-    with pytest.raises(trifinger.InvalidArgument, match="joint_position has 0 numbers"):
-        core.observe(joints, joints, more=(joints, none, none, missing))
+    action = np.zeros(2, np.float32)
+    with pytest.raises(trifinger.InvalidArgument, match="no field 'torque' of 2 numbers"):
+        core.step(trifinger.Simulation().connect(), action, None, None)
+    with pytest.raises(trifinger.InvalidArgument, match="nobody has said where the ball is"):
+        core.step(trifinger.Simulation(arm).connect(), action, None, None)
 
 
 @pytest.mark.parametrize("task", DCLAW)

@@ -40,7 +40,6 @@ from trifinger.tasks import Task
 
 OBJECT = "object"  # the companion with the poses of objects
 NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
-NOT_FOUND = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
     "approximation": mappings.Approximation,
     "state_augmentation": mappings.StateAugmentation,
@@ -103,13 +102,15 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         super().__init__(task if isinstance(task, str) else task.name, options, core)
         self.render_mode = render_mode
         self._object = self._core.object_name
-        self._is_from_file = self._core.is_from_file
-        self._bodies: list[str] = self._core.bodies
+        self._sees_objects = bool(self._object or core.bodies)
         self._scene = (config, overrides)
         self._simulation = None
         if connect is None:
             self._simulation = Simulation(config, overrides)
             connect = self._simulation.connect
+        # What knows where the object really is, if that decides about the outcome.
+        self._judge = self._simulation if core.judges_by_truth else None
+        self._poses: Frontend | None = None
         self._process: mappings.DecisionProcess[Any] = _MAPPINGS[options.mapping](
             connect, options.steps_per_action
         )
@@ -194,11 +195,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self._captured[name] = NEVER
         try:
             state = self._begin_session()
+            robot = self._process.robot
             if self._image:
-                self._cameras = Cameras(self._process.robot)
+                self._cameras = Cameras(robot)
             if simulation is None:
-                state = self._move_there(state)
-            *_, success = self._look(state)
+                self._move_there(state)
+            self._poses = robot.companion(OBJECT) if self._sees_objects else None
+            seen = self._core.look(robot, self._process.time_index, self._poses, self._judge)
+            self._take(seen)
         except BaseException:
             # A robot that has begun to move must not stay without control.
             self._process.close()
@@ -206,7 +210,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._is_running = True
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info(is_success=success)
+        return self._observation(), self._info(is_success=seen[4])
 
     def _begin_session(self) -> Any:
         try:
@@ -234,15 +238,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             raise InvalidArgument(
                 f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
             )
-        torque, position = self._core.take_action(numbers)
-        robot = self._process.robot
         try:
-            state = self._process.step(robot.new_action(torque=torque, position=position))
-            reward, terminated, truncated, success = self._look(state)
+            seen = self._core.step(self._process.robot, numbers, self._poses, self._judge)
+            self._take(seen)
         except RobotStopped as stopped:
             self._is_running = False
             info = self._info(is_success=False, fault=_code_of(stopped), fault_text=str(stopped))
             return self._observation(), self._last_reward, False, True, info
+        _, reward, terminated, truncated, success, _ = seen
         if terminated or truncated:
             self._is_running = False
             # Actions that have not acted yet may cause a fault; the episode has ended before it.
@@ -270,54 +273,17 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         """Gives the robot back and closes the drawing."""
         self._is_running = False
         self._process.close()
+        self._poses = None
         if self._drawing is not None:
             self._drawing.close()
             self._drawing = None
 
-    def _look(self, state: Any) -> tuple[float, bool, bool, bool]:
-        observation = _observed(state)
-        pose = truth = None
-        if self._object:
-            pose = self._look_for_object()
-            if self._simulation is not None and self._core.judges_by_truth:
-                truth = self._simulation.observed_object_pose(self._object)
+    # Takes in what C++ has seen, and what the cameras have.
+    def _take(self, seen: tuple[int, float, bool, bool, bool, int]) -> None:
+        time_index, self._last_reward, *_, self._object_age_now = seen
+        self._process.stepped_to(time_index)
         if self._cameras is not None:
             self._look_at_images(self._cameras)
-        more = self._look_at_model(observation) if self._is_from_file else None
-        outcome = self._core.observe(observation.position, observation.velocity, pose, truth, more)
-        self._last_reward = outcome[0]
-        return outcome
-
-    # What is only measured of robots from files.
-    def _look_at_model(self, observation: Observed) -> tuple[Array, Array, Array, list[Any]]:
-        bodies: list[Any] = []
-        if self._bodies:
-            now = self._process.time_index
-            seen = self._process.robot.companion(OBJECT).get_latest_at(now)
-            if seen is None:
-                raise InvalidArgument(f"nobody has said where the {self._bodies[0]} is")
-            bodies = [(seen[name]["position"], seen[name]["orientation"]) for name in self._bodies]
-        none = np.zeros(0)
-        names = observation.dtype.names or ()
-        joints = (
-            (observation.joint_position, observation.joint_velocity)
-            if "joint_position" in names
-            else (none, none)
-        )
-        return (observation.torque, *joints, bodies)
-
-    # The newest pose of the object that has arrived.
-    def _look_for_object(self) -> tuple[Array, Array]:
-        now = self._process.time_index
-        seen = self._process.robot.companion(OBJECT).get_latest_at(now)
-        if seen is None:
-            if self.options.object_poses != "tracked":
-                raise InvalidArgument(f"nobody has said where the {self._object} is")
-            self._object_age_now = -1
-            return NOT_FOUND
-        self._object_age_now = now - int(seen["stamp"]["capture_index"])
-        part = seen[self._object]
-        return part["position"], part["orientation"]
 
     # Takes the good ones of the newest images. Of a camera without a good one, the last one stays.
     def _look_at_images(self, cameras: Cameras) -> None:
@@ -336,8 +302,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                     f"camera_size is {self.options.camera_size}"
                 )
             self._image[name], self._captured[name] = image, captured
-        oldest = self._core.oldest_image_age
-        ages = [min(now - step, oldest) for step in self._captured.values()]
+        ages = [min(now - step, self._oldest_image_age) for step in self._captured.values()]
         self._image_age = np.array(ages, np.float32)
 
     def _observation(self) -> Observation:
@@ -356,17 +321,17 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         return info | more
 
     # Moves a connected robot to where the episode begins.
-    def _move_there(self, state: Any) -> Any:
+    def _move_there(self, state: Any) -> None:
         self._core.check_robot(self._process.robot.documents().get("configuration.yml"))
+        self._oldest_sure_age = self._core.oldest_sure_age
         if self._object:
             self._process.robot.companion(OBJECT)  # raises if there is none
         for point in self._core.way(_observed(state).position):
-            state = self._process.step(self._process.robot.new_action(position=point))
-        return state
+            self._process.step(self._process.robot.new_action(position=point))
 
     # The centres of the balls that show goals: none if goals are no places.
     def _marks(self) -> Array:
-        goal = self._core.desired
+        goal = self._arrays["desired"]
         if not self.goal_unit.startswith("m"):
             return np.zeros(0)
         if len(goal) % 3 == 0:

@@ -16,6 +16,11 @@ Info = dict[str, Any]
 Part = Literal["", "final_"]
 
 AGE = "image_age"
+# Arrays of the part in C++, one row for each simulation. Those of many simulations have all.
+ARRAYS = (
+    *("observation", "achieved", "desired", "distance", "finger_rewards", "scores"),
+    *("reward", "terminated", "truncated", "success", "fault", "object_age", "image_age"),
+)
 FARTHEST = 10.0  # bound of all coordinates of goals [m]
 
 
@@ -29,6 +34,19 @@ class TaskEnvironment:
         self.task = task
         self.options = options
         self._core = core
+        # Memory that C++ writes: it stays the same as long as `core` lives.
+        self._arrays: dict[str, Array] = {
+            f"{part}{name}": getattr(core, f"{part}{name}")
+            for part in ("", "final_")
+            for name in ARRAYS
+            if hasattr(core, f"{part}{name}")
+        }
+        # What is read after each step: each question to C++ takes its time.
+        self._score_names: list[str] = core.score_names
+        self._has_goals_of_fingers: bool = core.has_goals_of_fingers
+        self._tells_age = bool(core.object_name) and options.observation != "images"
+        self._oldest_sure_age: int = core.oldest_sure_age
+        self._oldest_image_age: int = core.oldest_image_age
         place = {name: index for index, name in enumerate(core.flat_names)}
         self._slices: dict[str, slice] = {}
         self._flat: dict[str, tuple[list[int], Array, Array]] = {}  # places, bounds
@@ -90,8 +108,8 @@ class TaskEnvironment:
     # Views of the newest arrays, or of those of the `final_` state of episodes, in the form that
     # the options ask for.
     def _views(self, part: Part = "") -> Observation:
-        core = self._core
-        observation: Array = getattr(core, f"{part}observation")
+        arrays = self._arrays
+        observation = arrays[f"{part}observation"]
         if self.options.observation == "flat":
             return observation
         if self.options.observation in ("dictionary", "images"):
@@ -99,8 +117,8 @@ class TaskEnvironment:
             return entries | self._images(part)
         return {
             "observation": observation,
-            "achieved_goal": getattr(core, f"{part}achieved"),
-            "desired_goal": getattr(core, f"{part}desired"),
+            "achieved_goal": arrays[f"{part}achieved"],
+            "desired_goal": arrays[f"{part}desired"],
         }
 
     # The images that are observed, with their ages.
@@ -113,21 +131,20 @@ class TaskEnvironment:
 
     # What single and vector environments tell, as of now or of the `final_` state of episodes.
     def _measures(self, part: Part = "") -> Info:
-        core = self._core
-        info = {
-            f"{goal}_goal": getattr(core, f"{part}{goal}").copy()
-            for goal in ("achieved", "desired")
+        arrays = self._arrays
+        info: Info = {
+            f"{goal}_goal": arrays[f"{part}{goal}"].copy() for goal in ("achieved", "desired")
         }
-        distance = getattr(core, f"{part}distance")
-        scores = getattr(core, f"{part}scores")
-        info |= {name: scores[..., i].copy() for i, name in enumerate(core.score_names)}
-        if core.object_name and self.options.observation != "images":
+        scores = arrays[f"{part}scores"]
+        info |= {name: scores[..., i].copy() for i, name in enumerate(self._score_names)}
+        if self._tells_age:
             age = self._object_age(part)
             info["object_age"] = age
-            info["object_is_sure"] = (age >= 0) & (age <= core.oldest_sure_age)
-        if not core.has_goals_of_fingers:
+            info["object_is_sure"] = (age >= 0) & (age <= self._oldest_sure_age)
+        distance = arrays[f"{part}distance"]
+        if not self._has_goals_of_fingers:
             return info | {"distance": distance[..., 0].copy()}
-        rewards = getattr(core, f"{part}finger_rewards")
+        rewards = arrays[f"{part}finger_rewards"]
         return info | {"distance": distance.copy(), "finger_rewards": rewards.copy()}
 
     def _reward_of(self, achieved: npt.ArrayLike, desired: npt.ArrayLike) -> Any:

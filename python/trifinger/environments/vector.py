@@ -85,6 +85,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         self.render_mode = None
         self._mode: str = mode.value
         self._copy = copy
+        self._cameras = [name for name, *_ in core.cameras]
         self._has_begun = False
         self._has_ended = np.zeros(num_envs, bool)
         self.single_observation_space = self._observation_space()
@@ -172,12 +173,13 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             raise InvalidArgument(
                 f"the actions have shape {numbers.shape}, must have {self.action_space.shape}"
             )
-        core = self._core
+        arrays = self._arrays
         try:
-            core.step(numbers, self._mode)
+            self._core.step(numbers, self._mode)
         finally:
             # Episodes in which an image could not be drawn have ended, too.
-            terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+            terminated = arrays["terminated"].astype(bool)
+            truncated = arrays["truncated"].astype(bool)
             self._has_ended = ended = terminated | truncated
         info = self._info(np.ones(self.num_envs, bool))
         if self._mode == "SameStep" and ended.any():
@@ -189,7 +191,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             info["fault"] = np.where(ended, 0, info["fault"])
             info["final_obs"] = last
             info["_final_obs"] = info["_final_info"] = ended
-        return self._observation(), core.reward.copy(), terminated, truncated, info
+        return self._observation(), arrays["reward"].copy(), terminated, truncated, info
 
     def compute_reward(
         self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
@@ -202,20 +204,17 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         return copied(seen) if self._copy else seen
 
     def _images(self, part: Part) -> dict[str, Array]:
-        core = self._core
-        if not core.cameras:
+        if not self._cameras:
             return {}
-        images = core.final_images if part else core.images
-        names = [name for name, *_ in core.cameras]
-        age = core.final_image_age if part else core.image_age
-        return dict(zip(names, images, strict=True)) | {AGE: age}
+        images = self._core.final_images if part else self._core.images
+        age = self._arrays[f"{part}{AGE}"]
+        return dict(zip(self._cameras, images, strict=True)) | {AGE: age}
 
     def _object_age(self, part: Part) -> Array:
-        return (self._core.final_object_age if part else self._core.object_age).copy()
+        return self._arrays[f"{part}object_age"].copy()
 
     def _info(self, mask: Array, part: Part = "") -> Info:
-        core = self._core
         info = self._measures(part)
-        info["is_success"] = getattr(core, f"{part}success").astype(bool)
-        info["fault"] = core.fault.copy()
+        info["is_success"] = self._arrays[f"{part}success"].astype(bool)
+        info["fault"] = self._arrays["fault"].copy()
         return info | {f"_{name}": mask.copy() for name in info}
