@@ -38,7 +38,8 @@ auto array_of(M T::* member) {
 
 /// Copies the numbers of `object` to `value`. Vectors must have one dimension, matrices two. The
 /// number of rows must be that of `M` or, if `M` leaves it open, at most the maximum of `M`, if
-/// any. Returns false, without setting an error in Python, if `object` does not fit.
+/// any; columns must be those of `M`, unless it leaves them open. Returns false, without setting an
+/// error in Python, if `object` does not fit.
 template <class M>
 bool read_array(nanobind::handle object, M& value) noexcept {
   const nanobind::object array =
@@ -56,7 +57,7 @@ bool read_array(nanobind::handle object, M& value) noexcept {
   constexpr int kMostRows = M::MaxRowsAtCompileTime;
   constexpr bool kHasMost = kMostRows != Eigen::Dynamic;
   if (kAnyRows ? kHasMost && rows > kMostRows : rows != M::RowsAtCompileTime) return false;
-  if (columns != M::ColsAtCompileTime) return false;
+  if (M::ColsAtCompileTime != Eigen::Dynamic && columns != M::ColsAtCompileTime) return false;
   value =
       Eigen::Map<const RowMajor>(static_cast<const double*>(PyArray_DATA(numbers)), rows, columns);
   return true;

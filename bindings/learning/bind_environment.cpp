@@ -23,12 +23,12 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
-#include "conversion/garbage.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "episodes.hpp"
 #include "simulation/simulation.hpp"
+#include "task.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/learning/environment.hpp"
@@ -137,7 +137,6 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
               rewards[static_cast<Eigen::Index>(i)] = environment.reward(
                   {achieved.data() + i * size, size}, {desired.data() + i * size, size});
             }
-            if constexpr (std::is_same_v<T, Episodes>) self.failure->rethrow();
             return rewards;
           },
           "achieved"_a, "desired"_a, "One reward for each row.");
@@ -151,13 +150,14 @@ nb::tuple told(const Episodes& self, const Episodes::Seen& seen) {
 
 void bind_episodes(nb::module_& m) {
   nb::class_<Episodes> type(
-      m, "Episodes", nb::type_slots(garbage_collected<Episodes>()),
+      m, "Episodes",
       also(docs::Environment::Environment, R"(`trifinger.environments` uses it.)").c_str());
   type.def(
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
-            new (self) Episodes(task, read_options(options), load_any_config(config, overrides));
+            new (self) Episodes(describe_task(task), read_options(options),
+                                load_any_config(config, overrides));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, config: str, "
@@ -291,10 +291,11 @@ void bind_batch(nb::module_& m) {
                                         .c_str());
   type.def(
           "__init__",
-          [](EnvironmentBatch* self, const std::string& task, const std::string& options, int size,
+          [](EnvironmentBatch* self, const nb::object& named, const std::string& options, int size,
              int num_threads, const std::string& config, const nb::dict& overrides) {
             const AnyRobotConfig any = load_any_config(config, overrides);
             const EnvironmentOptions wanted = read_options(options);
+            const TaskDescription task = describe_task(named);
             if (const auto* const file = std::get_if<FileRobotConfig>(&any)) {
               new (self) EnvironmentBatch(task, wanted, file->robot, size, num_threads);
               return;
@@ -310,7 +311,7 @@ void bind_batch(nb::module_& m) {
                 robot.simulation);
           },
           "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a,
-          nb::sig("def __init__(self, task: str, options: str, size: int, "
+          nb::sig("def __init__(self, task: object, options: str, size: int, "
                   "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
@@ -415,10 +416,7 @@ void bind_batch(nb::module_& m) {
 }  // namespace
 
 void bind_environment(nb::module_& m) {
-  nb::class_<Random>(m, "Random", docs::Random::Random)
-      .def("uniform", &Random::uniform, "low"_a, "high"_a, docs::Random::uniform)
-      .def("normal", &Random::normal, docs::Random::normal)
-      .def("integer", &Random::integer, "low"_a, "high"_a, docs::Random::integer);
+  bind_random(m);
   bind_episodes(m);
   bind_batch(m);
   m.def("task_names", [] { return task_names(); }, docs::task_names);

@@ -14,8 +14,6 @@
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 
-namespace nb = nanobind;
-
 namespace trifinger::bindings {
 namespace {
 
@@ -145,13 +143,9 @@ ObjectPose read_pose(const ElementDescription& type, std::span<const std::byte> 
 
 }  // namespace
 
-Episodes::Episodes(nb::object its_task, const EnvironmentOptions& options,
+Episodes::Episodes(const TaskDescription& task, const EnvironmentOptions& options,
                    AnyRobotConfig its_config)
-    : task(std::move(its_task)),
-      environment(make_environment(nb::isinstance<nb::str>(task)
-                                       ? find_task(nb::cast<std::string>(task))
-                                       : describe_task(task, failure),
-                                   options, its_config)),
+    : environment(make_environment(task, options, its_config)),
       config(std::move(its_config)),
       oldest_sure_age(oldest_sure_age_of(config, /*is_elsewhere=*/false)),
       cameras(observed_cameras(options, config)),
@@ -160,8 +154,8 @@ Episodes::Episodes(nb::object its_task, const EnvironmentOptions& options,
       desired(environment.goal_size()) {}
 
 void Episodes::begin(std::uint64_t seed, std::uint64_t number) {
-  start = environment.begin(seed, number, episode);
-  failure->rethrow();
+  const Beginning one{.seed = seed, .number = number, .episode = &episode, .start = &start};
+  environment.begin({&one, 1});
 }
 
 std::vector<double> Episodes::model_positions() const {
@@ -278,8 +272,14 @@ Episodes::Seen Episodes::judge(const ElementDescription& type, std::span<const s
     }
     measurement.bodies = bodies;
   }
-  outcome = environment.observe(measurement, episode, observation, achieved, desired);
-  failure->rethrow();
+  Observed one;
+  one.measurement = measurement;
+  one.episode = &episode;
+  one.observation = observation;
+  one.achieved = achieved;
+  one.desired = desired;
+  environment.observe({&one, 1});
+  outcome = one.outcome;
   return seen;
 }
 

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <nanobind/nanobind.h>
-
 #include <cstddef>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,9 +9,9 @@
 
 #include "session/frontend.hpp"
 #include "simulation/simulation.hpp"
-#include "task.hpp"
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
+#include "trifinger/learning/task.hpp"
 #include "trifinger/sim/any_robot_config.hpp"
 
 namespace trifinger::bindings {
@@ -22,8 +19,7 @@ namespace trifinger::bindings {
 /// `Environment`, one episode of it on a robot, and what was seen last.
 class Episodes {
  public:
-  /// `task` is a name, or an object of Python's class.
-  Episodes(nanobind::object task, const learning::EnvironmentOptions& options,
+  Episodes(const learning::TaskDescription& task, const learning::EnvironmentOptions& options,
            AnyRobotConfig config);
 
   /// What is known after an action.
@@ -50,15 +46,6 @@ class Episodes {
     return std::holds_alternative<FileRobotConfig>(config);
   }
 
-  // For the garbage collector: a task may refer to its environment.
-  int traverse(visitproc visit, void* arg) const noexcept {
-    Py_VISIT(task.ptr());
-    return 0;
-  }
-  void clear() noexcept { task.reset(); }
-
-  nanobind::object task;
-  std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
   learning::Environment environment;
   AnyRobotConfig config;
   TimeIndex oldest_sure_age;            // of a pose [steps]

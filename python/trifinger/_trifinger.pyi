@@ -3432,28 +3432,34 @@ class Policy:
 
 class Random:
     """
-    The random numbers of one episode: Philox4x32-10 with `seed` as its key, and with `count`
-    and `episode` as its counter.
-
-    Only these three numbers decide which number comes next. A copy therefore continues exactly
-    like the original, and episodes may run in any order. The numbers are the same on every
-    machine, bit for bit.
+    Random numbers for robots, one series for each, which only the seed and the number of its
+    episode decide.
     """
 
-    def uniform(self, low: float, high: float) -> float:
+    @property
+    def robots(self) -> numpy.typing.NDArray[numpy.int64]:
+        """Places of these robots in their environment, from 0."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, which: numpy.typing.ArrayLike) -> Random:
         """
-        A number from `low` up to but not including `high`. Their difference must be finite. Returns
-        `low` if they are equal.
+        Those of some of the robots, by marks (bool) or indices: to draw again where a draw is not fit.
         """
 
-    def normal(self) -> float:
-        """A normally distributed number with mean 0 and standard deviation 1."""
+    def uniform(self, low: numpy.typing.ArrayLike, high: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Numbers from `low` up to but not including `high`: one for each robot, or with k bounds a row of k
+        numbers for each.
+        """
 
-    def integer(self, low: int, high: int) -> int:
+    def normal(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        An integer from `low` up to but not including `high`, each with exactly the same
-        probability. Returns `low` if there is no integer between them.
+        A normally distributed number with mean 0 and standard deviation 1 for each robot.
         """
+
+    def integer(self, low: int, high: int) -> numpy.typing.NDArray[numpy.int64]:
+        """An integer from `low` up to but not including `high` for each robot."""
 
 class Episodes:
     """
@@ -3600,7 +3606,7 @@ class EnvironmentBatch:
     `trifinger.environments.VectorEnvironment` uses it.
     """
 
-    def __init__(self, task: str, options: str, size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
+    def __init__(self, task: object, options: str, size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
 
     def __len__(self) -> int: ...
 

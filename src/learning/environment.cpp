@@ -67,6 +67,13 @@ double distance_between(std::span<const double> a, std::span<const double> b) no
   return std::sqrt(square);
 }
 
+// The distance between the first three numbers of two goals.
+double distance_of_places(std::span<const double> achieved,
+                          std::span<const double> desired) noexcept {
+  const std::size_t size = std::min<std::size_t>(achieved.size(), 3);
+  return distance_between(achieved.first(size), desired.first(size));
+}
+
 // A quaternion and its negative mean the same; the one with w >= 0 is shown.
 ObjectPose upward(const ObjectPose& pose) noexcept {
   ObjectPose shown = pose;
@@ -184,6 +191,8 @@ struct Environment::Implementation {
         joints(figures_of(*kinematics)),
         workspace(workspace_of(joints, &*kinematics, nullptr)),
         task(make_task(its_task, workspace)),
+        of_one(dynamic_cast<const Task*>(task.get())),
+        of_many(dynamic_cast<const TaskOfMany*>(task.get())),
         goal(task->goal()),
         num_points(static_cast<std::size_t>(kinematics->num_fingers())) {
     if (!options.frames.empty()) {
@@ -202,6 +211,8 @@ struct Environment::Implementation {
         joints(figures_of(*file)),
         workspace(workspace_of(joints, nullptr, file.get())),
         task(make_task(its_task, workspace)),
+        of_one(dynamic_cast<const Task*>(task.get())),
+        of_many(dynamic_cast<const TaskOfMany*>(task.get())),
         goal(task->goal()),
         num_points(file->num_frames()) {
     set_up(its_task, robot.model->period());
@@ -339,27 +350,154 @@ struct Environment::Implementation {
         view.bodies, {view.tips.data(), 3 * num_points});
   }
 
+  // Computes what a task sees of a robot.
+  void look(Observed& one) const noexcept {
+    const Measurement& measurement = one.measurement;
+    const std::size_t n = num_joints;
+    const std::size_t num_model = measurement.model_position.size();
+    std::ranges::copy(measurement.position, one.position.begin());
+    std::ranges::copy(measurement.velocity, one.velocity.begin());
+    std::ranges::copy(measurement.model_position, one.model_position.begin());
+    const auto add_noise = [&one](std::span<double> numbers, double deviation) {
+      if (!(deviation > 0.0)) return;
+      for (double& value : numbers) value += deviation * one.episode->noise.normal();
+    };
+    add_noise(std::span(one.position).first(n), options.position_noise);
+    add_noise(std::span(one.velocity).first(n), options.velocity_noise);
+    add_noise(std::span(one.model_position).first(num_model), options.position_noise);
+
+    View& view = one.view;
+    view.object = {};
+    view.time = time_of(*one.episode);
+    view.position = std::span(one.position).first(n);
+    view.velocity = std::span(one.velocity).first(n);
+    view.torque = measurement.torque;
+    view.model_position = std::span(one.model_position).first(num_model);
+    view.model_velocity = measurement.model_velocity;
+    view.bodies = measurement.bodies;
+    if (num_model == 0) {
+      view.model_position = view.position;
+      view.model_velocity = view.velocity;
+    }
+    find_points(measurement, view);
+    if (measurement.object == nullptr) return;
+    one.shown_object = upward(*measurement.object);
+    view.object =
+        measurement.true_object != nullptr ? upward(*measurement.true_object) : one.shown_object;
+  }
+
   // Computes what was achieved and compares it with the goal.
-  Outcome judge(const View& view, Episode& episode, std::span<double> achieved,
-                std::span<double> desired) const noexcept {
-    const std::size_t goal_size = goal.low.size();
-    task->achieve(view, episode, achieved);
-    std::copy_n(episode.goal.begin(), goal_size, desired.begin());
-    Outcome outcome;
-    outcome.reward = task->reward(achieved, desired) - task->cost(view);
-    outcome.success = task->is_success(achieved, desired, episode);
-    outcome.terminated = episode.actions > 0 && task->has_ended(view, episode);
+  void judge(Observed& one) const noexcept {
+    Episode& episode = *one.episode;
+    Outcome& outcome = one.outcome;
+    of_one->achieve(one.view, episode, one.achieved);
+    std::copy_n(episode.goal.begin(), goal.low.size(), one.desired.begin());
+    outcome = {};
+    outcome.reward = of_one->reward(one.achieved, one.desired) - of_one->cost(one.view);
+    outcome.success = of_one->is_success(one.achieved, one.desired, episode);
+    outcome.terminated = of_one->has_ended(one.view, episode);
+    of_one->score(one.view, one.achieved, one.desired,
+                  std::span(outcome.scores).first(scores.size()));
+    one.goals = of_one->num_goals(one.view.time);
+  }
+
+  // Adds to what the task has judged whether the episode has ended, and the distances.
+  void complete(Observed& one) const noexcept {
+    const Episode& episode = *one.episode;
+    Outcome& outcome = one.outcome;
+    outcome.terminated = outcome.terminated && episode.actions > 0;
     outcome.truncated = !outcome.terminated && episode.actions >= episode_actions;
-    task->score(view, achieved, desired, std::span(outcome.scores).first(scores.size()));
     if (!task->has_goals_of_fingers()) {
-      outcome.distance[0] = task->distance(achieved, desired);
-      return outcome;
+      outcome.distance[0] = of_one != nullptr ? of_one->distance(one.achieved, one.desired)
+                                              : distance_of_places(one.achieved, one.desired);
+      return;
     }
     for (std::size_t i = 0; i < num_parts; ++i) {
-      outcome.distance[i] = distance_between(achieved.subspan(3 * i, 3), desired.subspan(3 * i, 3));
+      outcome.distance[i] =
+          distance_between(one.achieved.subspan(3 * i, 3), one.desired.subspan(3 * i, 3));
       outcome.finger_rewards[i] = -outcome.distance[i];
     }
-    return outcome;
+  }
+
+  // Whether the next goal of the episode begins now; it is counted then.
+  [[nodiscard]] static bool takes_next_goal(const Observed& one) noexcept {
+    if (one.outcome.truncated || one.episode->goals >= one.goals) return false;
+    ++one.episode->goals;
+    return true;
+  }
+
+  // Writes the observation. `shown` is what the task shows, if it says what is observed.
+  void write(const Observed& one, std::span<const double> shown) const noexcept {
+    std::array<double, kMaxValues> values;  // NOLINT(*-member-init)
+    double* next = std::ranges::copy(shown, values.data()).out;
+    if (!has_own_entries) {
+      next = std::ranges::copy(one.view.position, next).out;
+      next = std::ranges::copy(one.view.velocity, next).out;
+      if (!task->object_name().empty()) next = std::ranges::copy(one.view.tips, next).out;
+      if (shows_object()) {
+        next = std::ranges::copy(one.shown_object.position, next).out;
+        next = std::ranges::copy(one.shown_object.orientation, next).out;
+      }
+    }
+    if (shows_action) next = std::copy_n(one.episode->action.begin(), num_joints, next);
+    if (options.layout != Layout::kGoal && !has_own_entries) show_goal(*one.episode, next);
+
+    for (std::size_t i = 0; i < flat.size(); ++i) {
+      const std::size_t k = flat[i];
+      const double value = std::clamp(values[k], low[k], high[k]);
+      const double scaled = 2.0 * (value - low[k]) / (high[k] - low[k]) - 1.0;
+      one.observation[i] = static_cast<float>(is_flat() ? scaled : value);
+    }
+  }
+
+  // Observes a robot whose task is asked about it alone.
+  void observe(Observed& one) const noexcept {
+    look(one);
+    // The outcome is judged by the goal that was shown before this action.
+    judge(one);
+    complete(one);
+    while (takes_next_goal(one)) {
+      of_one->draw_goal(workspace, one.episode->random, goal_of(*one.episode));
+    }
+    std::array<double, kMaxValues> shown;  // NOLINT(*-member-init)
+    if (has_own_entries) of_one->show(one.view, *one.episode, std::span(shown).first(own_values));
+    write(one, std::span(shown).first(own_values));
+  }
+
+  [[nodiscard]] std::span<double> goal_of(Episode& episode) const noexcept {
+    return std::span(episode.goal).first(goal.low.size());
+  }
+
+  // What is known of an episode before its task draws anything.
+  [[nodiscard]] Start prepare(std::uint64_t seed, std::uint64_t number,
+                              Episode& episode) const noexcept {
+    const std::uint64_t stream = kStreams * number;
+    episode = {};
+    episode.random = {.seed = seed, .episode = stream};
+    episode.noise = {.seed = seed, .episode = stream + kJointNoise};
+    Start start;
+    start.random = {.seed = seed, .episode = stream + kPoseNoise};
+    std::ranges::copy(joints.initial, start.position.begin());
+    return start;
+  }
+
+  // Draws what does not depend on the task, after the task has drawn.
+  void complete(Start& start, Episode& episode) const noexcept {
+    start.variation = {.object_mass = draw(episode.random, options.object_mass),
+                       .friction = draw(episode.random, options.friction),
+                       .motor_gain = draw(episode.random, options.motor_gain),
+                       .torque_delay = episode.random.integer(options.torque_delay.low,
+                                                              options.torque_delay.high + 1)};
+    draw_what_varies(options, episode.random, start);
+    for (std::size_t i = 0; i < num_joints; ++i) {
+      const double lowest = workspace.low[i];
+      const double highest = workspace.high[i];
+      episode.target[i] = std::clamp(start.position[i], lowest, highest);
+      // The robot holds its position. Among changes of position, zero says that. No torque says it.
+      if (options.action == ActionKind::kPosition) {
+        episode.action[i] = (2.0 * episode.target[i] - lowest - highest) / (highest - lowest);
+      }
+    }
   }
 
   EnvironmentOptions options;
@@ -367,7 +505,9 @@ struct Environment::Implementation {
   std::unique_ptr<const FileBody> file{};  // a robot from a file
   JointFigures joints;
   Workspace workspace;
-  std::unique_ptr<const Task> task;
+  std::unique_ptr<const AnyTask> task;
+  const Task* of_one;         // the task; nullptr if it is one of many
+  const TaskOfMany* of_many;  // the task; nullptr if it is one of one
   Entry goal;
   std::size_t num_points;    // tips or frames
   std::size_t num_parts{1};  // of a goal
@@ -387,8 +527,7 @@ struct Environment::Implementation {
 
 double Task::distance(std::span<const double> achieved,
                       std::span<const double> desired) const noexcept {
-  const std::size_t size = std::min<std::size_t>(achieved.size(), 3);
-  return distance_between(achieved.first(size), desired.first(size));
+  return distance_of_places(achieved, desired);
 }
 
 Environment::Environment(const TaskDescription& task, const EnvironmentOptions& options,
@@ -462,35 +601,28 @@ std::vector<std::string> Environment::flat_names() const {
   return ordered;
 }
 
+bool Environment::is_of_many() const noexcept {
+  return checked(implementation_)->of_many != nullptr;
+}
+
 Start Environment::begin(std::uint64_t seed, std::uint64_t number,
                          Episode& episode) const noexcept {
   const Implementation& self = *checked(implementation_);
-  const std::uint64_t stream = kStreams * number;
-  episode = {};
-  episode.random = {.seed = seed, .episode = stream};
-  episode.noise = {.seed = seed, .episode = stream + kJointNoise};
-  Start start;
-  start.random = {.seed = seed, .episode = stream + kPoseNoise};
-  std::ranges::copy(self.joints.initial, start.position.begin());
-  self.task->begin(self.workspace, start, episode,
-                   std::span(episode.goal).first(self.goal.low.size()));
-  const EnvironmentOptions& options = self.options;
-  start.variation = {.object_mass = draw(episode.random, options.object_mass),
-                     .friction = draw(episode.random, options.friction),
-                     .motor_gain = draw(episode.random, options.motor_gain),
-                     .torque_delay = episode.random.integer(options.torque_delay.low,
-                                                            options.torque_delay.high + 1)};
-  draw_what_varies(options, episode.random, start);
-  for (std::size_t i = 0; i < self.num_joints; ++i) {
-    const double low = self.workspace.low[i];
-    const double high = self.workspace.high[i];
-    episode.target[i] = std::clamp(start.position[i], low, high);
-    // The robot holds its position. Among changes of position, zero says that. No torque says it.
-    if (options.action == ActionKind::kPosition) {
-      episode.action[i] = (2.0 * episode.target[i] - low - high) / (high - low);
-    }
-  }
+  Start start = self.prepare(seed, number, episode);
+  self.of_one->begin(self.workspace, start, episode, self.goal_of(episode));
+  self.complete(start, episode);
   return start;
+}
+
+void Environment::begin(std::span<const Beginning> robots) const {
+  const Implementation& self = *checked(implementation_);
+  for (const Beginning& one : robots) {
+    *one.start = self.of_many != nullptr ? self.prepare(one.seed, one.number, *one.episode)
+                                         : begin(one.seed, one.number, *one.episode);
+  }
+  if (self.of_many == nullptr) return;
+  self.of_many->begin(robots);
+  for (const Beginning& one : robots) self.complete(*one.start, *one.episode);
 }
 
 std::int64_t Environment::way_actions() const noexcept {
@@ -540,81 +672,47 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
 Outcome Environment::observe(const Measurement& measurement, Episode& episode,
                              std::span<float> observation, std::span<double> achieved,
                              std::span<double> desired) const noexcept {
+  Observed one;
+  one.measurement = measurement;
+  one.episode = &episode;
+  one.observation = observation;
+  one.achieved = achieved;
+  one.desired = desired;
+  checked(implementation_)->observe(one);
+  return one.outcome;
+}
+
+void Environment::observe(std::span<Observed> robots) const {
   const Implementation& self = *checked(implementation_);
-  const EnvironmentOptions& options = self.options;
-  const std::size_t n = self.num_joints;
-  const auto goal_size = self.goal.low.size();
-
-  // Only what is filled in is read.
-  std::array<double, kMaxValues> values;                           // NOLINT(*-member-init)
-  std::array<double, kMaxCountedJoints> position;                  // NOLINT(*-member-init)
-  std::array<double, kMaxCountedJoints> velocity;                  // NOLINT(*-member-init)
-  std::array<double, FileBody::kMaxConfiguration> model_position;  // NOLINT(*-member-init)
-  const std::size_t num_model = measurement.model_position.size();
-  std::ranges::copy(measurement.position, position.begin());
-  std::ranges::copy(measurement.velocity, velocity.begin());
-  std::ranges::copy(measurement.model_position, model_position.begin());
-  const auto add_noise = [&episode](std::span<double> numbers, double deviation) {
-    if (!(deviation > 0.0)) return;
-    for (double& value : numbers) value += deviation * episode.noise.normal();
-  };
-  add_noise(std::span(position).first(n), options.position_noise);
-  add_noise(std::span(velocity).first(n), options.velocity_noise);
-  add_noise(std::span(model_position).first(num_model), options.position_noise);
-
-  View view{.time = self.time_of(episode),
-            .position = std::span(position).first(n),
-            .velocity = std::span(velocity).first(n),
-            .torque = measurement.torque,
-            .model_position = std::span(model_position).first(num_model),
-            .model_velocity = measurement.model_velocity,
-            .bodies = measurement.bodies};
-  if (num_model == 0) {
-    view.model_position = view.position;
-    view.model_velocity = view.velocity;
+  if (self.of_many == nullptr) {
+    for (Observed& one : robots) self.observe(one);
+    return;
   }
-  self.find_points(measurement, view);
-
-  double* next = values.data();
-  if (!self.has_own_entries) {
-    next = std::ranges::copy(view.position, next).out;
-    next = std::ranges::copy(view.velocity, next).out;
+  for (Observed& one : robots) {
+    self.look(one);
+    one.outcome = {};
+    std::copy_n(one.episode->goal.begin(), self.goal.low.size(), one.desired.begin());
   }
-  if (measurement.object != nullptr) {
-    view.object = upward(*measurement.object);
-    if (!self.has_own_entries) next = std::ranges::copy(view.tips, next).out;
-    if (!self.has_own_entries && self.shows_object()) {
-      next = std::ranges::copy(view.object.position, next).out;
-      next = std::ranges::copy(view.object.orientation, next).out;
+  self.of_many->judge(robots);
+  for (Observed& one : robots) self.complete(one);
+  for (std::vector<Beginning> next;; next.clear()) {
+    for (const Observed& one : robots) {
+      if (!Implementation::takes_next_goal(one)) continue;
+      next.push_back({.robot = one.robot, .episode = one.episode});
     }
-    if (measurement.true_object != nullptr) view.object = upward(*measurement.true_object);
+    if (next.empty()) break;
+    self.of_many->draw_goals(next);
   }
-
-  // The outcome is judged by the goal that was shown before this action.
-  const Outcome outcome = self.judge(view, episode, achieved, desired);
-  while (!outcome.truncated && episode.goals < self.task->num_goals(view.time)) {
-    ++episode.goals;
-    self.task->draw_goal(self.workspace, episode.random, std::span(episode.goal).first(goal_size));
+  std::vector<double> shown(robots.size() * self.own_values);
+  if (self.has_own_entries) self.of_many->show(robots, shown);
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    self.write(robots[i], std::span(shown).subspan(i * self.own_values, self.own_values));
   }
-  if (self.has_own_entries) {
-    self.task->show(view, episode, {next, self.own_values});
-    next += self.own_values;
-  }
-  if (self.shows_action) next = std::copy_n(episode.action.begin(), n, next);
-  if (options.layout != Layout::kGoal && !self.has_own_entries) self.show_goal(episode, next);
-
-  for (std::size_t i = 0; i < self.flat.size(); ++i) {
-    const std::size_t k = self.flat[i];
-    const double value = std::clamp(values[k], self.low[k], self.high[k]);
-    const double scaled = 2.0 * (value - self.low[k]) / (self.high[k] - self.low[k]) - 1.0;
-    observation[i] = static_cast<float>(self.is_flat() ? scaled : value);
-  }
-  return outcome;
 }
 
 double Environment::reward(std::span<const double> achieved,
                            std::span<const double> desired) const noexcept {
-  return checked(implementation_)->task->reward(achieved, desired);
+  return checked(implementation_)->of_one->reward(achieved, desired);
 }
 
 }  // namespace trifinger::learning

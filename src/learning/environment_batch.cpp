@@ -169,7 +169,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         const std::optional<rendering::SightOptions>& sight)
       : Implementation(std::move(its_environment), count, sight),
         simulator_(std::move(physics)),
-        simulations_(count) {
+        simulations_(count),
+        is_of_many_(environment.is_of_many()) {
     if constexpr (kIsFromFile) {
       oldest_sure_age = simulator_.options().object_period - 1;
     } else {
@@ -212,6 +213,96 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   [[nodiscard]] int num_threads() const noexcept override { return mjb_nthread(batch_.get()); }
 
   void run(std::span<const int> which) override {
+    if (!is_of_many_) {
+      run_physics(which);
+      return;
+    }
+    try {
+      run_for_many(which);
+    } catch (...) {
+      // Nobody knows how these episodes go on.
+      for (const int i : which) {
+        const auto index = static_cast<std::size_t>(i);
+        simulations_[index].is_due = false;
+        results.truncated[index] = 1;
+        runs[index].must_reset = true;
+      }
+      throw;
+    }
+  }
+
+ private:
+  using Action = typename Physics::Action;
+  static constexpr bool kIsFromFile = std::is_same_v<Physics, FileSimulator>;
+
+  // A task of many is asked before and after the physics.
+  void run_for_many(std::span<const int> which) {
+    due_.clear();
+    for (const int i : which) {
+      if (begins_in_call(static_cast<std::size_t>(i))) due_.push_back(i);
+    }
+    draw_starts(due_);
+    run_physics(which);
+    observe_due(which);
+    if (call != Call::kStep || autoreset != Autoreset::kSameStep) return;
+    due_.clear();
+    for (const int i : which) {
+      if (runs[static_cast<std::size_t>(i)].must_reset) due_.push_back(i);
+    }
+    if (due_.empty()) return;
+    for (const int i : due_) keep_final(static_cast<std::size_t>(i));
+    draw_starts(due_);
+    call = Call::kBegin;
+    run_physics(due_);
+    observe_due(due_);
+  }
+
+  // Whether an episode begins in this simulation.
+  [[nodiscard]] bool begins_in_call(std::size_t i) const noexcept {
+    return call != Call::kStep || (autoreset != Autoreset::kDisabled && runs[i].must_reset);
+  }
+
+  void draw_starts(std::span<const int> which) {
+    if (which.empty()) return;
+    std::vector<Beginning> beginnings;
+    for (const int i : which) {
+      const auto index = static_cast<std::size_t>(i);
+      Run& run = runs[index];
+      beginnings.push_back({.robot = index,
+                            .seed = seeds[index],
+                            .number = run.next_episode++,
+                            .episode = &run.episode,
+                            .start = &simulations_[index].start});
+    }
+    environment.begin(beginnings);
+  }
+
+  // Lets the task judge those that have moved or begun, all at once.
+  void observe_due(std::span<const int> which) {
+    std::vector<std::size_t> moved;
+    for (const int i : which) {
+      const auto index = static_cast<std::size_t>(i);
+      if (std::exchange(simulations_[index].is_due, false)) moved.push_back(index);
+    }
+    if (moved.empty()) return;
+    std::vector<Observed> robots(moved.size());
+    for (std::size_t k = 0; k < moved.size(); ++k) {
+      const std::size_t i = moved[k];
+      robots[k].robot = i;
+      robots[k].measurement = simulations_[i].measurement;
+      robots[k].episode = &runs[i].episode;
+      robots[k].observation = row(results.seen.observation, i, size);
+      robots[k].achieved = row(results.seen.achieved, i, size);
+      robots[k].desired = row(results.seen.desired, i, size);
+    }
+    environment.observe(robots);
+    for (const Observed& one : robots) {
+      keep(one.robot, one.outcome);
+      if (runs[one.robot].episode.actions > 0) end_of_step(one.robot, one.outcome);
+    }
+  }
+
+  void run_physics(std::span<const int> which) {
     apply(which);
     given_up_.clear();
     const int* const status = mjb_status(batch_.get());
@@ -223,17 +314,14 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       keep_final(index);
       given_up_.push_back(i);
     }
-    if (!given_up_.empty() && call == Call::kStep && autoreset == Autoreset::kSameStep) {
+    const bool resets = call == Call::kStep && autoreset == Autoreset::kSameStep && !is_of_many_;
+    if (!given_up_.empty() && resets) {
       call = Call::kBegin;
       apply(given_up_);
     }
     // Only now, when all simulations are in order.
     if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
   }
-
- private:
-  using Action = typename Physics::Action;
-  static constexpr bool kIsFromFile = std::is_same_v<Physics, FileSimulator>;
 
   [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept {
     if constexpr (kIsFromFile) {
@@ -283,6 +371,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     Action action{};  // The action in effect.
     std::optional<rendering::Sight> sight{};
     bool is_blind{false};  // Drawing or reading an image has failed.
+    // For tasks of many: where the next episode begins, what was measured in this call, and whether
+    // it must be observed.
+    Start start{};
+    Measurement measurement{};
+    bool is_due{false};
   };
   static constexpr TimeIndex kNeverSeen = -2;  // Step -1 is that before the first one.
 
@@ -295,7 +388,9 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
     do_call(model, data, i);
     // Whoever has called gets the exception, and this episode does not go on.
-    if (std::exchange(simulations_[i].is_blind, false)) end_with_fault(i, results.fault[i]);
+    if (!std::exchange(simulations_[i].is_blind, false)) return;
+    end_with_fault(i, results.fault[i]);
+    simulations_[i].is_due = false;
   }
 
   void do_call(const mjModel& model, mjData& data, std::size_t i) noexcept {
@@ -303,7 +398,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       reset(model, data, i);
       return;
     }
-    if (call == Call::kReset || (autoreset != Autoreset::kDisabled && runs[i].must_reset)) {
+    if (begins_in_call(i)) {
       reset(model, data, i);
       results.reward[i] = 0.0;
       results.terminated[i] = 0;
@@ -313,8 +408,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     }
     if (runs[i].must_reset) return;
     step(model, data, i);
-    runs[i].must_reset = results.terminated[i] != 0 || results.truncated[i] != 0;
-    if (!runs[i].must_reset || autoreset != Autoreset::kSameStep) return;
+    if (!runs[i].must_reset || autoreset != Autoreset::kSameStep || is_of_many_) return;
     keep_final(i);
     reset(model, data, i);
   }
@@ -341,7 +435,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   void reset(const mjModel& model, mjData& data, std::size_t i) noexcept {
     Simulation& one = simulations_[i];
     Run& run = runs[i];
-    const Start start = environment.begin(seeds[i], run.next_episode++, run.episode);
+    const Start start =
+        is_of_many_ ? one.start : environment.begin(seeds[i], run.next_episode++, run.episode);
     run.must_reset = false;
     if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
     one.state.memory.variation = start.variation;
@@ -402,11 +497,17 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       see(one.state.memory.step, model, data, one);
     }
     one.action = next;
-    const Outcome outcome = observe(i);
+    results.terminated[i] = 0;
+    results.truncated[i] = 0;
+    results.fault[i] = 0;
+    if (const auto outcome = observe(i)) end_of_step(i, *outcome);
+  }
+
+  void end_of_step(std::size_t i, const Outcome& outcome) noexcept {
     results.reward[i] = outcome.reward;
     results.terminated[i] = outcome.terminated ? 1 : 0;
     results.truncated[i] = outcome.truncated ? 1 : 0;
-    results.fault[i] = 0;
+    runs[i].must_reset = outcome.terminated || outcome.truncated;
   }
 
   void see(TimeIndex step, const mjModel& model, const mjData& data, Simulation& one) noexcept {
@@ -447,8 +548,9 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     }
   }
 
-  Outcome observe(std::size_t i) noexcept {
-    const Simulation& one = simulations_[i];
+  // Observes a robot. A task of many gets what was measured later, with that of all others.
+  std::optional<Outcome> observe(std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
     Observations& seen = results.seen;
     const TimeIndex now = one.state.memory.step;
     if (one.sight) {
@@ -471,9 +573,20 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       if (environment.judges_by_truth()) measurement.true_object = &one.state.objects[object_];
       seen.object_age[i] = one.object_step == kNeverSeen ? -1 : now - one.object_step;
     }
+    if (is_of_many_) {
+      one.measurement = measurement;
+      one.is_due = true;
+      return std::nullopt;
+    }
     const Outcome outcome =
         environment.observe(measurement, runs[i].episode, row(seen.observation, i, size),
                             row(seen.achieved, i, size), row(seen.desired, i, size));
+    keep(i, outcome);
+    return outcome;
+  }
+
+  void keep(std::size_t i, const Outcome& outcome) noexcept {
+    Observations& seen = results.seen;
     const auto copy = [i, this](const auto& numbers, std::vector<double>& all) {
       const std::span target = row(all, i, size);
       std::copy_n(numbers.begin(), target.size(), target.begin());
@@ -483,7 +596,6 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     copy(outcome.scores, seen.scores);
     seen.success[i] = outcome.success ? 1 : 0;
     runs[i].reward = outcome.reward;
-    return outcome;
   }
 
   // The observation stays the one before the fault.
@@ -503,6 +615,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
 
   Physics simulator_;
   std::vector<Simulation> simulations_;
+  const bool is_of_many_;      // The task is.
+  std::vector<int> due_;       // Simulations in which an episode begins in this call.
   std::vector<int> given_up_;  // Simulations in which MuJoCo has failed during this call.
   std::size_t object_{0};
   bool has_object_{false};
@@ -514,14 +628,14 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
 };
 
 template <class R>
-EnvironmentBatch::EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                                    const SimulationOptions<R>& simulation, int size,
                                    int num_threads,
                                    const std::optional<rendering::SightOptions>& sight)
     : implementation_(std::make_unique<Typed<Simulator<R>>>(
           Environment(task, options, simulation.description, simulation.period),
           Simulator<R>(simulation), checked_size(size), num_threads, sight)) {}
-EnvironmentBatch::EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                                    const FileRobotOptions& robot, int size, int num_threads)
     : implementation_(std::make_unique<Typed<FileSimulator>>(
           Environment(task, options, robot), FileSimulator(robot), checked_size(size), num_threads,
@@ -585,10 +699,10 @@ void EnvironmentBatch::step(std::span<const float> actions, Autoreset autoreset)
   self.run(self.selected);
 }
 
-template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
+template EnvironmentBatch::EnvironmentBatch(const TaskDescription&, const EnvironmentOptions&,
                                             const SimulationOptions<TriFinger>&, int, int,
                                             const std::optional<rendering::SightOptions>&);
-template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
+template EnvironmentBatch::EnvironmentBatch(const TaskDescription&, const EnvironmentOptions&,
                                             const SimulationOptions<Finger>&, int, int,
                                             const std::optional<rendering::SightOptions>&);
 

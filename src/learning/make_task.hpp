@@ -9,7 +9,7 @@ namespace trifinger::learning {
 
 // Makes the task for this robot.
 // @throws InvalidArgument if they do not suit each other
-[[nodiscard]] std::unique_ptr<const Task> make_task(const TaskDescription& description,
-                                                    Workspace& robot);
+[[nodiscard]] std::unique_ptr<const AnyTask> make_task(const TaskDescription& description,
+                                                       Workspace& robot);
 
 }  // namespace trifinger::learning

@@ -112,7 +112,7 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
   return overrides;
 }
 
-std::unique_ptr<const Task> make_task(const TaskDescription& description, Workspace& robot) {
+std::unique_ptr<const AnyTask> make_task(const TaskDescription& description, Workspace& robot) {
   if (robot.kinematics != nullptr && description.num_fingers == 0) {
     throw InvalidArgument(text_of("the task '", description.name,
                                   "' is for a robot from a file, such as ", description.robot));

@@ -224,11 +224,12 @@ class Lift(Task):
     goal_high = (1.0,)
 
     def draw_start(self, random: Any) -> Start:
-        return Start(object_position=[0.3, 0.4, random.uniform(0.5, 0.9)])
+        height = random.uniform(0.5, 0.9)
+        return Start(object_position=np.column_stack([0 * height + 0.3, 0 * height + 0.4, height]))
 
     def achieve(self, view: Any) -> Any:
         self.view = view
-        return view.joint_position[2:3]
+        return view.joint_position[:, 2:3]
 
 
 def test_a_task_in_python_sees_joints_frames_and_objects(arm: str) -> None:
@@ -236,17 +237,17 @@ def test_a_task_in_python_sees_joints_frames_and_objects(arm: str) -> None:
     options = Options(frames=("hand",), observation="dictionary")
     environment = Environment(task, options=options, config=arm)
     observation, info = environment.reset(seed=1)
-    assert 0.5 <= task.view.object_position[2] < 0.9
+    assert 0.5 <= task.view.object_position[0, 2] < 0.9
     np.testing.assert_allclose(observation["object_position"][:2], [0.3, 0.4], atol=1e-6)
     np.testing.assert_allclose(observation["frame_position"], hand_at([0.3, 0.0]), atol=1e-6)
-    assert task.view.tips.shape == (1, 3)
+    assert task.view.tips.shape == (1, 1, 3)
     # The motors are in the order of the actuators, the joints in that of the model.
-    np.testing.assert_allclose(task.view.position, [0.3, 0.0], atol=1e-9)
-    np.testing.assert_allclose(task.view.joint_position, [0.0, 0.3, 0.0], atol=1e-9)
+    np.testing.assert_allclose(task.view.position[0], [0.3, 0.0], atol=1e-9)
+    np.testing.assert_allclose(task.view.joint_position[0], [0.0, 0.3, 0.0], atol=1e-9)
     assert info["object_age"] == 0
     for _ in range(3):
         _, _, _, _, info = environment.step(np.zeros(2, np.float32))
-    assert task.view.object_position[2] < 0.9 - 0.01  # It falls.
+    assert task.view.object_position[0, 2] < 0.9 - 0.01  # It falls.
 
 
 @pytest.mark.slow

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tasks that are written in Python."""
 
+from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import trifinger
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
 from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
-from trifinger.tasks import Random, Start, Task, View
+from trifinger.tasks import Entry, Random, Start, Task, View
 
 pytestmark = pytest.mark.bindings
 
@@ -23,7 +26,7 @@ class Middle(Task):
 
     def achieve(self, view: View) -> Any:
         self.view = view
-        return view.tips.mean(axis=0)
+        return view.tips.mean(axis=1)
 
 
 class Reach(Task):
@@ -36,34 +39,59 @@ class Reach(Task):
     goal_high = (0.3, 0.3, 0.5) * 3
 
     def achieve(self, view: View) -> Any:
-        return view.tips.ravel()
+        return view.tips.reshape(-1, 9)
 
-    def reward(self, achieved: Any, desired: Any) -> float:
-        return -float(np.linalg.norm((achieved - desired).reshape(3, 3), axis=1).sum()) / 3
+    def reward(self, achieved: Any, desired: Any) -> Any:
+        return -np.linalg.norm((achieved - desired).reshape(-1, 3, 3), axis=2).sum(axis=1) / 3
 
 
 class Push(Task):
-    """The cube is put somewhere by the task itself."""
+    """All that a task can say: it places the cube, draws again, changes goals, shows, ends."""
 
     name = "place"
+    options = Options(duration=1.5, position_noise=1e-3, friction=(0.7, 1.2))
     config_overrides = CUBE
     object_name = "cube"
     goal_low = (-0.1, -0.1)
     goal_high = (0.1, 0.1)
+    entries = (
+        Entry("way", (-0.3, -0.3), (0.3, 0.3), "m"),
+        Entry("speed", (-10.0,) * 9, (10.0,) * 9, "rad/s"),
+    )
+    last = 0.9  # when it ends [s]
+
+    def prepare(self, num_robots: int) -> None:
+        self.place = np.zeros((num_robots, 2))
+        self.seen = np.zeros(num_robots, int)  # observations of an episode
 
     def draw_start(self, random: Random) -> Start:
-        x, y = random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1)
-        self.place = (x, y)
-        return Start(object_position=[x, y, 0.0325])
+        place = random.uniform((-0.1, -0.1), 0.1)
+        while (is_far := np.linalg.norm(place, axis=1) > 0.1).any():
+            place[is_far] = random[is_far].uniform((-0.1, -0.1), 0.1)
+        self.place[random.robots] = place
+        self.seen[random.robots] = 0
+        turn = 0.1 * random.normal() + random.integer(0, 2)
+        zero = np.zeros(len(random))
+        return Start(
+            object_position=np.column_stack([place, zero + 0.0325]),
+            object_orientation=np.column_stack([np.cos(turn), zero, zero, np.sin(turn)]),
+        )
 
     def achieve(self, view: View) -> Any:
-        return view.object_position[:2]
+        self.seen[view.robots] += 1
+        return view.object_position[:, :2]
 
-    def num_goals(self, time: float) -> int:
-        return 1 + int(time / 0.5)
+    def cost(self, view: View) -> Any:
+        return 0.01 * np.abs(view.velocity).sum(axis=1) + 0.001 * self.seen[view.robots]
 
-    def has_ended(self, view: View) -> bool:
-        return view.time > 0.9
+    def num_goals(self, time: Any) -> Any:
+        return 1 + time // 0.5
+
+    def has_ended(self, view: View) -> Any:
+        return view.time > self.last
+
+    def show(self, view: View) -> Any:
+        return np.concatenate([view.goal - view.object_position[:, :2], view.velocity], axis=1)
 
 
 def run(environment: Environment, seed: int) -> list[Any]:
@@ -96,45 +124,188 @@ def test_what_it_sees_are_the_tips() -> None:
     environment.reset(seed=1)
     kinematics = trifinger.Kinematics("trifinger_edu")
     position = environment.process.robot.latest_observation().position
-    tips = np.asarray(kinematics.tip_positions(position)).reshape(3, 3)
+    tips = np.asarray(kinematics.tip_positions(position)).reshape(1, 3, 3)
     assert task.view.tips == pytest.approx(tips, abs=1e-9)
-    assert task.view.time == 0.0
+    assert task.view.time == [0.0]
+    assert task.view.robots == [0]
 
 
-def test_the_same_task_in_python_rewards_as_that_in_cpp() -> None:
-    own, known = Environment(Reach()), Environment("reach")
-    _, info = own.reset(seed=5)
-    known.reset(seed=5)
-    achieved = np.random.default_rng(1).uniform(-0.2, 0.2, (20, 9))
-    desired = np.repeat(info["desired_goal"][None], 20, axis=0)
-    rewards = own.unwrapped._core.compute_reward(achieved, desired)
-    assert rewards == pytest.approx(known._core.compute_reward(achieved, desired))
+def test_the_same_task_in_python_does_what_that_in_cpp_does() -> None:
+    own, known = VectorEnvironment(Reach(), 3), VectorEnvironment("reach", 3)
+    own.reset(seed=5)
+    _, info = known.reset(seed=5)
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        action = random.uniform(-1, 1, (3, 9)).astype(np.float32)
+        _, _, _, _, info = own.step(action)
+        known.step(action)
+        # Starts differ: goals and starts of the task in C++ are drawn in the space of joints.
+        rewards = known.compute_reward(info["achieved_goal"], info["desired_goal"])
+        assert own.compute_reward(info["achieved_goal"], info["desired_goal"]) == pytest.approx(
+            rewards, rel=1e-12
+        )
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        (Middle, {}),
+        (Reach, {"duration": 0.4, "per_finger": True, "mapping": "state_augmentation"}),
+        (Push, {}),
+        (Push, {"duration": 0.3, "observation": "dictionary"}),
+    ],
+    ids=["middle", "reach", "push", "short push"],
+)
+def test_many_simulations_are_single_ones_to_the_last_bit(
+    kind: type[Task], options: dict[str, Any], mode: AutoresetMode
+) -> None:
+    count, ends = 5, 0
+    vector = VectorEnvironment(kind(), count, num_threads=2, autoreset_mode=mode, **options)
+    singles = [Environment(kind(), **options) for _ in range(count)]
+    random = np.random.default_rng(2)
+    # Episodes end at different times.
+    first = random.uniform(-1, 1, (7, count, 9)).astype(np.float32)
+    seen, info = vector.reset(seed=7)
+    ones = [single.reset(seed=7 + i) for i, single in enumerate(singles)]
+    for step in range(60):
+        for i, (observation, alone) in enumerate(ones):
+            rows = {"all": seen} if not isinstance(seen, dict) else seen
+            own = {"all": observation} if not isinstance(observation, dict) else observation
+            for name, row in rows.items():
+                np.testing.assert_array_equal(row[i], own[name])
+            for name in ("achieved_goal", "desired_goal", "distance", "is_success"):
+                np.testing.assert_array_equal(info[name][i], alone[name])
+        if step == 3:
+            marks = np.arange(count) % 2 == 0
+            seen, info = vector.reset(options={"reset_mask": marks})
+            for i in np.flatnonzero(marks):
+                ones[i] = singles[i].reset()
+            continue
+        actions = first[step % 7]
+        seen, rewards, terminated, truncated, info = vector.step(actions)
+        for i, single in enumerate(singles):
+            if mode == AutoresetMode.NEXT_STEP and not single._is_running:
+                ones[i] = single.reset()
+                assert rewards[i] == 0.0
+                continue
+            observation, reward, ended, cut, alone = single.step(actions[i])
+            assert (reward, ended, cut) == (rewards[i], terminated[i], truncated[i])
+            ones[i] = (observation, alone)
+            if (ended or cut) and mode == AutoresetMode.SAME_STEP:
+                final = info["final_obs"][i]
+                if not isinstance(final, dict):
+                    np.testing.assert_array_equal(final, observation)
+                assert info["final_info"]["distance"][i] == pytest.approx(alone["distance"], abs=0)
+                ones[i] = single.reset()
+            ends += ended or cut
+        over = terminated | truncated
+        if mode == AutoresetMode.DISABLED and over.any():
+            seen, info = vector.reset(options={"reset_mask": over})
+            for i in np.flatnonzero(over):
+                ones[i] = singles[i].reset()
+    assert ends >= count  # the marks at step 3 set episodes apart
+
+
+def test_it_is_asked_once_for_all_robots() -> None:
+    calls: list[tuple[str, int]] = []
+
+    class Counted(Push):
+        def __getattribute__(self, name: str) -> Any:
+            value = super().__getattribute__(name)
+            if name not in ("achieve", "reward", "is_success", "has_ended", "show", "draw_start"):
+                return value
+
+            def counted(*arguments: Any) -> Any:
+                calls.append((name, len(getattr(arguments[0], "robots", arguments[0]))))
+                return value(*arguments)
+
+            return counted
+
+    vector = VectorEnvironment(Counted(), 8)
+    vector.reset(seed=1)
+    calls.clear()
+    vector.step(np.zeros((8, 9), np.float32))
+    names = ("achieve", "reward", "is_success", "has_ended", "show")
+    assert calls == [(name, 8) for name in names]
+    calls.clear()
+    vector.reset(options={"reset_mask": np.arange(8) < 3})
+    assert calls == [("draw_start", 3), *((name, 3) for name in names)]
 
 
 def test_it_can_place_an_object_change_its_goal_and_end_an_episode() -> None:
     task = Push()
     environment = Environment(task)
     _, info = environment.reset(seed=2)
-    assert info["achieved_goal"] == pytest.approx(task.place, abs=1e-3)
+    assert info["achieved_goal"] == pytest.approx(task.place[0], abs=1e-3)
     goals, terminated, steps = [info["desired_goal"].copy()], False, 0
     while not terminated:
-        _, _, terminated, truncated, info = environment.step(np.zeros(9, np.float32))
+        observation, _, terminated, truncated, info = environment.step(np.zeros(9, np.float32))
         assert not truncated
         goals.append(info["desired_goal"].copy())
         steps += 1
     assert steps == 46
     assert len(np.unique(goals, axis=0)) == 2
+    way = info["desired_goal"] - info["achieved_goal"]
+    assert environment.entries(observation)["way"] == pytest.approx(way, abs=1e-6)
 
 
 def test_goal_conditioned_environments_take_it() -> None:
     environment = GoalEnvironment(Middle())
     observation, _ = environment.reset(seed=1)
     assert observation["desired_goal"].shape == (3,)
+    rewards = environment.compute_reward(np.zeros((4, 3)), np.ones((4, 3)))
+    assert rewards == pytest.approx(-np.sqrt(3) * np.ones(4))
+    assert environment.compute_reward(np.zeros(3), np.ones(3)) == rewards[0]
+
+
+MODULE = """
+from trifinger.environments import Options
+from trifinger.tasks import Task
+
+class Middle(Task):
+    options = Options(duration=0.4, action="position_change")
+    goal_low = (-0.05, -0.05, 0.08)
+    goal_high = (0.05, 0.05, 0.14)
+
+    def achieve(self, view):
+        return view.tips.mean(axis=1)
+
+number = 3
+"""
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The name of a module in the current folder."""
+    (tmp_path / "middle_tasks.py").write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    return "middle_tasks"
+
+
+def test_a_name_of_module_and_class_is_taken_everywhere(module: str) -> None:
+    name = f"{module}:Middle"
+    assert Options.of(name).duration == 0.4
+    expected = run(Environment(name), 3)
+    made = gymnasium.make("TriFinger/Task-v0", task=name, duration=0.4)
+    observation, _ = made.reset(seed=3)
+    np.testing.assert_array_equal(observation, expected[0])
+    many = gymnasium.make_vec("TriFinger/Task-v0", num_envs=2, task=name)
+    np.testing.assert_array_equal(many.reset(seed=3)[0][0], expected[0])
+    assert VectorEnvironment(name, 2).task == name
+    for wrong, says in (
+        ("middle_tusks:Middle", "there is no module 'middle_tusks'"),
+        (f"{module}:Muddle", "has no class 'Muddle'"),
+        (f"{module}:number", "has no class 'number'"),
+        (":Middle", "there is no module ''"),
+    ):
+        with pytest.raises(trifinger.InvalidArgument, match=says):
+            Environment(wrong)
 
 
 class Mistaken(Middle):
     def achieve(self, view: View) -> Any:
-        if view.time > 0.1:
+        if view.time[0] > 0.1:
             raise LookupError("where is it?")
         return super().achieve(view)
 
@@ -142,6 +313,21 @@ class Mistaken(Middle):
 class WrongSize(Middle):
     def achieve(self, view: View) -> Any:
         return [1.0]
+
+
+class OneReward(Middle):
+    def reward(self, achieved: Any, desired: Any) -> Any:
+        return 1.0
+
+
+class NoNumber(Middle):
+    def reward(self, achieved: Any, desired: Any) -> Any:
+        return np.where(np.arange(len(achieved)) == 1, np.nan, 0.0)
+
+
+class Words(Middle):
+    def draw_goal(self, random: Random) -> Any:
+        return "there"
 
 
 class NoGoal(Task):
@@ -155,9 +341,42 @@ def test_its_mistakes_are_errors_that_say_what_is_wrong() -> None:
         environment.step(np.zeros(9, np.float32))
     with pytest.raises(LookupError, match="where is it"):
         environment.step(np.zeros(9, np.float32))
-    with pytest.raises(trifinger.InvalidArgument, match=r"achieve\(\) has 1 numbers, must have 3"):
-        Environment(WrongSize()).reset(seed=1)
-    with pytest.raises(trifinger.InvalidArgument, match="have 0 numbers, must have 1 to 9"):
+    for kind, says in (
+        (WrongSize, r"achieve\(\) of WrongSize\(\) has the shape \(1,\), must have \(2, 3\)"),
+        (OneReward, r"reward\(\) .* has the shape \(\), must have \(2,\)"),
+        (NoNumber, r"reward\(\) of NoNumber\(\) is nan in row 1, must be finite"),
+        (Words, r"draw_goal\(\) of Words\(\) is 'there', must be an array of numbers"),
+    ):
+        with pytest.raises(trifinger.InvalidArgument, match=says):
+            VectorEnvironment(kind(), 2).reset(seed=1)
+    with pytest.raises(trifinger.InvalidArgument, match="have 0 numbers, must have 1 to 96"):
         Environment(NoGoal())
-    with pytest.raises(trifinger.InvalidArgument, match="task is in Python"):
-        VectorEnvironment(Middle(), 2)  # type: ignore[arg-type]
+    with pytest.raises(trifinger.InvalidArgument, match="task is 3, must be the name"):
+        VectorEnvironment(3, 2)  # type: ignore[arg-type]
+
+
+def test_episodes_begin_again_after_a_mistake() -> None:
+    task = Mistaken()
+    vector = VectorEnvironment(task, 3, autoreset_mode=AutoresetMode.SAME_STEP)
+    vector.reset(seed=1)
+    actions = np.zeros((3, 9), np.float32)
+    for _ in range(5):
+        vector.step(actions)
+    with pytest.raises(LookupError):
+        vector.step(actions)
+    vector.step(actions)
+    assert (task.view.time == 0.0).all()
+    observation, _ = vector.reset(seed=1)
+    np.testing.assert_array_equal(observation[0], Environment(Middle()).reset(seed=1)[0])
+
+
+def test_random_numbers_are_drawn_only_where_an_episode_or_a_goal_begins() -> None:
+    class Keeps(Middle):
+        def draw_start(self, random: Random) -> Start:
+            self.random = random
+            return Start()
+
+    task = Keeps()
+    Environment(task).reset(seed=1)
+    with pytest.raises(trifinger.InvalidArgument, match="in draw_start"):
+        task.random.normal()

@@ -115,6 +115,8 @@ struct Entry {
   std::vector<double> high;
 };
 
+struct Beginning;
+struct Observed;
 struct TaskDescription;
 
 /// Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
@@ -199,6 +201,16 @@ class Environment {
   Outcome observe(const Measurement& measurement, Episode& episode, std::span<float> observation,
                   std::span<double> achieved,
                   std::span<double> desired) const noexcept TRIFINGER_REALTIME;
+
+  /// @name Many robots at once
+  /// All tasks can be asked like this. Those of many (`TaskOfMany`) must be, by one thread, and
+  /// throw what the task throws; the functions for one robot are not for them.
+  /// @{
+  [[nodiscard]] bool is_of_many() const noexcept;
+  void begin(std::span<const Beginning> robots) const;
+  /// Observes robots of which measurement, episode and places for the results are filled in.
+  void observe(std::span<Observed> robots) const;
+  /// @}
 
   /// The reward as a function of the achieved and the desired values.
   [[nodiscard]] double reward(std::span<const double> achieved,

@@ -11,6 +11,7 @@
 
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
+#include "trifinger/learning/task.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/simulation_options.hpp"
@@ -74,12 +75,21 @@ class EnvironmentBatch {
   /// cameras need `sight`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   template <class R>
-  EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+  EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                    const SimulationOptions<R>& simulation, int size, int num_threads = 0,
                    const std::optional<rendering::SightOptions>& sight = {});
   /// Makes simulations of a robot from a file.
-  EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+  EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                    const FileRobotOptions& robot, int size, int num_threads = 0);
+  /// Makes simulations for the task with this name.
+  template <class R>
+  EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+                   const SimulationOptions<R>& simulation, int size, int num_threads = 0,
+                   const std::optional<rendering::SightOptions>& sight = {})
+      : EnvironmentBatch(find_task(task), options, simulation, size, num_threads, sight) {}
+  EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+                   const FileRobotOptions& robot, int size, int num_threads = 0)
+      : EnvironmentBatch(find_task(task), options, robot, size, num_threads) {}
   ~EnvironmentBatch();
   EnvironmentBatch(const EnvironmentBatch&) = delete;
   EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;
@@ -117,10 +127,12 @@ class EnvironmentBatch {
   std::unique_ptr<Implementation> implementation_;
 };
 
-extern template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
+extern template EnvironmentBatch::EnvironmentBatch(const TaskDescription&,
+                                                   const EnvironmentOptions&,
                                                    const SimulationOptions<TriFinger>&, int, int,
                                                    const std::optional<rendering::SightOptions>&);
-extern template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
+extern template EnvironmentBatch::EnvironmentBatch(const TaskDescription&,
+                                                   const EnvironmentOptions&,
                                                    const SimulationOptions<Finger>&, int, int,
                                                    const std::optional<rendering::SightOptions>&);
 

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <numbers>
@@ -47,17 +49,13 @@ struct View {
   /// @}
 };
 
-/// What is to be done with a robot: starts, goals, reward, success. An environment asks it, in
-/// threads that share it, once it is constant; so it takes no memory from the heap then, and keeps
-/// what it has to remember in `Episode::memory`.
-///
-/// docs/environments.md has a task of one's own, step by step.
-class Task {
+/// What any task says of itself.
+class AnyTask {
  public:
-  Task() = default;
-  Task(const Task&) = delete;
-  Task& operator=(const Task&) = delete;
-  virtual ~Task() = default;
+  AnyTask() = default;
+  AnyTask(const AnyTask&) = delete;
+  AnyTask& operator=(const AnyTask&) = delete;
+  virtual ~AnyTask() = default;
 
   /// Name of the object that the task is about, in the robot's configuration; empty for none.
   [[nodiscard]] virtual std::string_view object_name() const noexcept { return ""; }
@@ -65,7 +63,20 @@ class Task {
   [[nodiscard]] virtual bool has_goals_of_fingers() const noexcept { return false; }
   /// Unit and bounds of goals: up to `kMaxGoal` numbers.
   [[nodiscard]] virtual Entry goal() const = 0;
+  /// All that an observation consists of, if the task says so. Default: none, and the observation
+  /// consists of joints, object, last action and goal.
+  [[nodiscard]] virtual std::vector<Entry> entries() const { return {}; }
+  /// Names of up to `kMaxScores` other measures of how well it goes.
+  [[nodiscard]] virtual std::vector<std::string> scores() const { return {}; }
+};
 
+/// What is to be done with a robot: starts, goals, reward, success. An environment asks it, in
+/// threads that share it, once it is constant; so it takes no memory from the heap then, and keeps
+/// what it has to remember in `Episode::memory`.
+///
+/// docs/environments.md has a task of one's own, step by step.
+class Task : public AnyTask {
+ public:
   /// Fills in the joints and the object of a start. The joints are at the robot's usual position
   /// and the object at zero before.
   virtual void draw_start(const Workspace& workspace, Random& random,
@@ -96,18 +107,11 @@ class Task {
   [[nodiscard]] virtual double distance(std::span<const double> achieved,
                                         std::span<const double> desired) const noexcept;
 
-  /// @name An observation of the task's own
-  /// @{
-  /// All that an observation consists of, if the task says so. Default: none, and the observation
-  /// consists of joints, object, last action and goal.
-  [[nodiscard]] virtual std::vector<Entry> entries() const { return {}; }
   /// Fills in the numbers of `entries`, one entry after the other.
   virtual void show(const View& /*view*/, const Episode& /*episode*/,
                     std::span<double> /*shown*/) const noexcept {}
-  /// @}
 
-  /// Names of up to `kMaxScores` other measures of how well it goes.
-  [[nodiscard]] virtual std::vector<std::string> scores() const { return {}; }
+  /// Fills in the `scores`.
   virtual void score(const View& /*view*/, std::span<const double> /*achieved*/,
                      std::span<const double> /*desired*/,
                      std::span<double> /*scores*/) const noexcept {}
@@ -116,6 +120,54 @@ class Task {
                                        const Episode& /*episode*/) const noexcept {
     return false;
   }
+};
+
+/// A robot whose episode begins.
+struct Beginning {
+  std::size_t robot{0};     ///< Its place among the robots of an environment.
+  std::uint64_t seed{0};    ///< The episode is that with this number among those of the seed.
+  std::uint64_t number{0};  ///< See `seed`.
+  Episode* episode{nullptr};
+  Start* start{nullptr};
+};
+
+/// A robot that is observed: what was measured, and what is found of it.
+struct Observed {
+  Observed() = default;
+  Observed(const Observed&) = delete;  // `view` looks at the numbers below
+  Observed& operator=(const Observed&) = delete;
+
+  std::size_t robot{0};  ///< Its place among the robots of an environment.
+  Measurement measurement{};
+  Episode* episode{nullptr};
+  std::span<float> observation{};
+  std::span<double> achieved{};
+  std::span<double> desired{};
+  Outcome outcome{};
+  std::int64_t goals{1};  ///< Number of goals that the episode has had until now.
+  View view{};
+  ObjectPose shown_object{};
+  /// @name What `view` looks at. Only what is filled in is read.
+  /// @{
+  std::array<double, kMaxCountedJoints> position;                  // NOLINT(*-member-init)
+  std::array<double, kMaxCountedJoints> velocity;                  // NOLINT(*-member-init)
+  std::array<double, FileBody::kMaxConfiguration> model_position;  // NOLINT(*-member-init)
+  /// @}
+};
+
+/// A task that is asked about many robots at once, such as one in Python: a call for many costs
+/// little more than one for a single robot. An environment asks in the thread that calls it, and
+/// never while physics run. The functions are those of `Task`, and may throw.
+class TaskOfMany : public AnyTask {
+ public:
+  /// Fills in starts and goals. They are as for `Task::draw_start` before.
+  virtual void begin(std::span<const Beginning> robots) const = 0;
+  virtual void draw_goals(std::span<const Beginning> robots) const = 0;
+  /// Fills in what is achieved, number of goals, and of the outcome: reward, success, and in
+  /// `terminated` whether nothing can follow.
+  virtual void judge(std::span<Observed> robots) const = 0;
+  /// Fills in the numbers of `entries`, robot after robot.
+  virtual void show(std::span<const Observed> robots, std::span<double> shown) const = 0;
 };
 
 /// A task with its name and what it needs.
@@ -129,8 +181,8 @@ struct TaskDescription {
   int num_fingers{3};  ///< Number of fingers that a TriFinger must have; 0: no TriFinger will do.
   bool is_for_files{false};            ///< Robots from files will do.
   std::string robot{"trifinger_edu"};  ///< Configuration of the robot that it is usually for.
-  /// Makes the task for a robot, whose range of actions it may change.
-  std::function<std::unique_ptr<const Task>(Workspace&)> make{};
+  /// Makes the task, a `Task` or a `TaskOfMany`, for a robot, whose range of actions it may change.
+  std::function<std::unique_ptr<const AnyTask>(Workspace&)> make{};
 };
 
 /// Makes a task known by its name: environments, vector environments and Python's classes find it.

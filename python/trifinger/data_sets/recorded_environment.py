@@ -165,7 +165,7 @@ class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
             raise InvalidArgument(
                 f'observation is "{base.options.observation}"; episodes are recorded with "flat"'
             )
-        if base.task not in task_names():
+        if ":" not in base.task and base.task not in task_names():
             raise InvalidArgument.of_name("task", base.task, task_names())
         if not isinstance(environment.observation_space, gymnasium.spaces.Box) or not isinstance(
             environment.action_space, gymnasium.spaces.Box

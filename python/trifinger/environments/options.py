@@ -12,7 +12,7 @@ import numpy as np
 from trifinger import _trifinger
 from trifinger.environment_options import OptionFields
 from trifinger.errors import InvalidArgument
-from trifinger.tasks import Task
+from trifinger.tasks import Task, load
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -23,11 +23,10 @@ class Options(OptionFields):
     factor multiplies the value of the configuration.
     """
 
-    @classmethod
-    def of(cls, task: str, **changes: Any) -> Self:
+    @staticmethod
+    def of(task: "AnyTask", **changes: Any) -> "Options":
         """The defaults of a task, with some changes. Raises InvalidArgument for unknown tasks."""
-        require(isinstance(task, str), "task", task, "the name of a task")
-        return cls.from_json(_trifinger.default_environment_options(task)).changed(**changes)
+        return default_options(task, **changes)
 
     def changed(self, **changes: Any) -> Self:
         """A copy with some changes. Raises InvalidArgument for unknown names."""
@@ -111,7 +110,24 @@ def reset_options(options: dict[str, Any] | None) -> dict[str, Any]:
     return given
 
 
-def options_of(task: str | Task, options: Options | None, **changes: Any) -> Options:
+AnyTask = str | Task
+"""The name of a task in C++, MODULE:CLASS for one in Python, or an object of such a class."""
+
+
+def task_of(task: AnyTask) -> AnyTask:
+    """The name of a task in C++, or an object of one in Python."""
+    known = _known(task)
+    return known() if isinstance(known, type) else known
+
+
+# The same, without making an object of a class.
+def _known(task: AnyTask) -> AnyTask | type[Task]:
+    allowed = 'the name of a task, such as "reach" or "my_tasks:Middle", or a Task'
+    require(isinstance(task, AnyTask), "task", task, allowed)
+    return load(task) if isinstance(task, str) and ":" in task else task
+
+
+def options_of(task: AnyTask, options: Options | None, **changes: Any) -> Options:
     """The options of an environment: those that were given, or those of the task, with changes."""
     if options is None:
         return default_options(task, **changes)
@@ -120,17 +136,18 @@ def options_of(task: str | Task, options: Options | None, **changes: Any) -> Opt
     return options.changed(**changes)
 
 
-def robot_of(task: str | Task, config: str | None) -> str:
+def robot_of(task: AnyTask, config: str | None) -> str:
     """The configuration of a robot; None: the one that the task is usually for."""
     if config is not None:
         allowed = "the name of a configuration or the path of a file"
         require(isinstance(config, str), "config", config, allowed)
         return config
-    return _trifinger.robot_of_task(task) if isinstance(task, str) else "trifinger_edu"
+    known = _known(task)
+    return _trifinger.robot_of_task(known) if isinstance(known, str) else known.robot
 
 
 def overrides_of(
-    task: str | Task, options: Options, config: str, config_overrides: dict[str, object] | None
+    task: AnyTask, options: Options, config: str, config_overrides: dict[str, object] | None
 ) -> dict[str, object]:
     """What a task and its options need of the robot's configuration, and the user's overrides."""
     own = {} if config_overrides is None else config_overrides
@@ -139,19 +156,20 @@ def overrides_of(
     is_from_file = _trifinger.is_from_file(config, own)
     # A session with a short history begins faster.
     needed: dict[str, object] = {} if is_from_file else {"backend.history": 1024}
-    name = task if isinstance(task, str) else None
+    known = _known(task)
+    name = known if isinstance(known, str) else None
     needed |= _trifinger.environment_overrides(name, options.to_json(), is_from_file)
-    if isinstance(task, Task) and not is_from_file:
-        needed |= task.config_overrides
+    if not isinstance(known, str) and not is_from_file:
+        needed |= known.config_overrides
     return needed | own
 
 
-def default_options(task: str | Task, **changes: Any) -> Options:
+def default_options(task: AnyTask, **changes: Any) -> Options:
     """The options that a task has by default, with some changes."""
-    if isinstance(task, str):
-        return Options.of(task, **changes)
-    require(isinstance(task, Task), "task", task, "the name of a task or a Task")
-    return Options(**dataclasses.asdict(task.options)).changed(**changes)
+    known = _known(task)
+    if isinstance(known, str):
+        return Options.from_json(_trifinger.default_environment_options(known)).changed(**changes)
+    return Options(**dataclasses.asdict(known.options)).changed(**changes)
 
 
 def policy_metadata(

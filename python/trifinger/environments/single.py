@@ -15,6 +15,7 @@ from trifinger._trifinger import Frontend, Observation as Observed, Simulation
 from trifinger.arrays import Array
 from trifinger.cameras import Cameras
 from trifinger.environments.options import (
+    AnyTask,
     Options,
     default_options,
     options_of,
@@ -22,6 +23,7 @@ from trifinger.environments.options import (
     require,
     reset_options,
     robot_of,
+    task_of,
     whole_number,
 )
 from trifinger.environments.task_environment import (
@@ -36,7 +38,6 @@ from trifinger.environments.task_environment import (
 from trifinger.environments.window import Window
 from trifinger.errors import InvalidArgument, RobotStopped
 from trifinger.picture import Painter, View
-from trifinger.tasks import Task
 
 OBJECT = "object"  # the companion with the poses of objects
 NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
@@ -60,6 +61,7 @@ def _observed(state: Any) -> Observed:
 class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     """A task on one robot: on its own simulation, or on a robot that `connect` attaches to.
 
+    `task` is the name of a task, MODULE:CLASS for one in Python, or an object of such a class.
     `connect` returns a front-end in a new session: `lambda: trifinger.connect("trifinger-edu")`.
     `config` and `config_overrides` must describe that robot. reset() moves it by actions to where
     the episode begins; objects stay where they are. Noise of joints in `options` is added only in
@@ -74,7 +76,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     def __init__(
         self,
-        task: str | Task,
+        task: AnyTask,
         *,
         options: Options | None = None,
         connect: Callable[[], Frontend] | None = None,
@@ -98,8 +100,12 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         observed = options
         if connect is not None:
             observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
-        core = _trifinger.Episodes(task, observed.to_json(), config, overrides)
-        super().__init__(task if isinstance(task, str) else task.name, options, core)
+        known = task_of(task)
+        own = None if isinstance(known, str) else known
+        if own is not None:
+            own.prepare(1)
+        core = _trifinger.Episodes(known, observed.to_json(), config, overrides)
+        super().__init__(task if isinstance(task, str) else task.name, own, options, core)
         self.render_mode = render_mode
         self._object = self._core.object_name
         self._sees_objects = bool(self._object or core.bodies)
@@ -356,9 +362,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 class GoalEnvironment(Environment):
     """The goal-conditioned variant: observations hold the achieved and the desired goal."""
 
-    def __init__(
-        self, task: str | Task, *, options: Options | None = None, **arguments: Any
-    ) -> None:
+    def __init__(self, task: AnyTask, *, options: Options | None = None, **arguments: Any) -> None:
         """Takes the arguments of Environment; the options need observation="goal"."""
         if options is None:
             options = default_options(task, observation="goal")

@@ -7,9 +7,11 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from trifinger import task_answers
 from trifinger.arrays import Array
 from trifinger.environments.options import Options
 from trifinger.errors import InvalidArgument
+from trifinger.tasks import Task
 
 Observation = Array | dict[str, Array]
 Info = dict[str, Any]
@@ -27,11 +29,13 @@ FARTHEST = 10.0  # bound of all coordinates of goals [m]
 class TaskEnvironment:
     """A task with its options: spaces, layout of observations, and rewards.
 
-    `core` is the part in C++, for one robot or many. Its arrays end with the same dimensions.
+    `core` is the part in C++, for one robot or many. Its arrays end with the same dimensions. It
+    needs `own`, a task in Python, as long as it lives.
     """
 
-    def __init__(self, task: str, options: Options, core: Any) -> None:
+    def __init__(self, task: str, own: Task | None, options: Options, core: Any) -> None:
         self.task = task
+        self._own = own
         self.options = options
         self._core = core
         # Memory that C++ writes: it stays the same as long as `core` lives.
@@ -151,7 +155,10 @@ class TaskEnvironment:
         rows = [
             np.atleast_2d(np.ascontiguousarray(goal, np.float64)) for goal in (achieved, desired)
         ]
-        rewards = self._core.compute_reward(*rows)
+        if self._own is not None:
+            rewards = task_answers.rewards(self._own, *rows)
+        else:
+            rewards = self._core.compute_reward(*rows)
         return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
 
 

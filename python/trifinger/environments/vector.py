@@ -13,12 +13,14 @@ from gymnasium.vector.utils import batch_space
 from trifinger import _trifinger
 from trifinger.arrays import Array
 from trifinger.environments.options import (
+    AnyTask,
     Options,
     options_of,
     overrides_of,
     require,
     reset_options,
     robot_of,
+    task_of,
     whole_number,
 )
 from trifinger.environments.task_environment import (
@@ -31,12 +33,12 @@ from trifinger.environments.task_environment import (
     seed_of,
 )
 from trifinger.errors import InvalidArgument
-from trifinger.tasks import Task
 
 
 class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, Any]):
     """A task on many simulations at once, in C++ on several threads.
 
+    `task` is the name of a task, MODULE:CLASS for one in Python, or an object of such a class.
     A simulation with seed s gives the same numbers, bit for bit, as `Environment` with seed s. With
     `copy=False` the next call overwrites the observations: they are the memory that C++ writes.
     `num_threads` is one per processor that this process may use by default (0). `changes` are other
@@ -47,7 +49,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
 
     def __init__(
         self,
-        task: str,
+        task: AnyTask,
         num_envs: int,
         *,
         options: Options | None = None,
@@ -58,11 +60,6 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         config_overrides: dict[str, object] | None = None,
         **changes: Any,
     ) -> None:
-        if isinstance(task, Task):
-            raise InvalidArgument(
-                "the task is in Python, must be the name of one in C++: docs/environments.md"
-            )
-        require(isinstance(task, str), "task", task, "the name of a task")
         num_envs = whole_number("num_envs", num_envs, 31)
         num_threads = whole_number("num_threads", num_threads, 31)
         require(isinstance(copy, bool), "copy", copy, "True or False")
@@ -76,10 +73,14 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         options = options_of(task, options, **changes)
         config = robot_of(task, config)
         overrides = overrides_of(task, options, config, config_overrides)
+        known = task_of(task)
+        own = None if isinstance(known, str) else known
+        if own is not None:
+            own.prepare(num_envs)
         core = _trifinger.EnvironmentBatch(
-            task, options.to_json(), num_envs, num_threads, config, overrides
+            known, options.to_json(), num_envs, num_threads, config, overrides
         )
-        super().__init__(task, options, core)
+        super().__init__(task if isinstance(task, str) else task.name, own, options, core)
         self.num_envs = num_envs
         self.metadata = {"autoreset_mode": mode}
         self.render_mode = None

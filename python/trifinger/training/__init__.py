@@ -7,7 +7,7 @@
 docs/training.md describes the command and the files in the folder of a run.
 """
 
-from trifinger.training.plan import PLAN, Plan, Recipe, parse_setting
+from trifinger.training.plan import PLAN, Plan, Recipe, name_of, parse_setting
 from trifinger.training.run import CHECKPOINT, CURVE, Training
 
-__all__ = ["CHECKPOINT", "CURVE", "PLAN", "Plan", "Recipe", "Training", "parse_setting"]
+__all__ = ["CHECKPOINT", "CURVE", "PLAN", "Plan", "Recipe", "Training", "name_of", "parse_setting"]

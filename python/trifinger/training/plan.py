@@ -71,7 +71,9 @@ class Recipe:
             if task.startswith("dclaw_"):
                 common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
-            common |= {"gamma": 0.99, "reward_scale": 1.0, "approach": 60.0, "initial_noise": 0.6}
+            common |= {"gamma": 0.99, "reward_scale": 1.0, "initial_noise": 0.6}
+            if ":" not in task:
+                common |= {"approach": 60.0}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
         if task in ("reach", "finger_reach") and is_shared:
             return cls(**common, batch_size=80, final_learning_rate=2e-5, relabelled=0.2)
@@ -140,6 +142,11 @@ class Plan:
             raise InvalidArgument(f"episodes is {plan.episodes}, must be at least 1")
         return plan
 
+    @property
+    def name(self) -> str:
+        """The name of the task, without the module of one in Python: for files and folders."""
+        return name_of(self.task)
+
     def to_json(self) -> str:
         """The plan as JSON, as the folder of a run holds it."""
         return json.dumps(dataclasses.asdict(self), indent=2)
@@ -159,6 +166,11 @@ class Plan:
         recipe["layers"] = tuple(recipe["layers"])
         options = Options.from_json(json.dumps(fields.pop("options")))
         return cls(recipe=Recipe(**recipe), options=options, **fields)
+
+
+def name_of(task: str) -> str:
+    """The name of a task without its module: "Middle" of "my_tasks:Middle"."""
+    return task.rpartition(":")[2]
 
 
 def parse_setting(word: str) -> tuple[str, Any]:

@@ -130,7 +130,7 @@ class Training:
 
     def save_curve(self) -> None:
         """Draws the learning curve into the folder."""
-        save_curve({self.plan.task: self.curve}, self.folder / "curve.png")
+        save_curve({self.plan.name: self.curve}, self.folder / "curve.png")
 
     def save_figures(self, view: View | None = None) -> None:
         """Draws the learning curve, paths to the goals and a film of the policy into the folder."""
@@ -144,7 +144,7 @@ class Training:
     @property
     def policy_path(self) -> Path:
         """The file of the policy; it exists after the training."""
-        return self.folder / f"{self.plan.task}.policy"
+        return self.folder / f"{self.plan.name}.policy"
 
     @property
     def episodes(self) -> int:
