@@ -50,11 +50,13 @@ std::string full_name(const CLI::App& program, const Commands& words) {
 Commands foreign_verbs(const CLI::App& program) {
   const std::vector<const CLI::App*> own = program.get_subcommands({});
   Commands verbs = external_verbs();
-  // trifinger-log-plot is the program of `trifinger log plot`.
+  // trifinger-log-plot is the program of `trifinger log plot`, and trifinger-run-policy-of-python
+  // a part of `trifinger run-policy`.
   std::erase_if(verbs, [&own](const std::string& verb) {
     return std::ranges::any_of(own, [&verb](const CLI::App* command) {
+      const bool has_parts = !commands_of(*command).empty() || command->get_prefix_command();
       return verb == command->get_name() ||
-             (!commands_of(*command).empty() && verb.starts_with(command->get_name() + "-"));
+             (has_parts && verb.starts_with(command->get_name() + "-"));
     });
   });
   return verbs;

@@ -26,6 +26,7 @@
 #include "controller/episode_marks.hpp"
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
+#include "shared/external_command.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/output_file.hpp"
@@ -241,8 +242,14 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }
 
-int run(const RunPolicyOptions& options) {
+int run(const RunPolicyOptions& options, const std::vector<std::string>& words) {
   Policy policy = Policy::load(options.policy, options.precision);
+  // MODULE:CLASS is a task in Python, which only Python can ask.
+  const auto& metadata = policy.network().metadata;
+  if (const auto task = metadata.find("task");
+      task != metadata.end() && task->second.find(':') != std::string::npos) {
+    run_python("run-policy-of-python", "run-policy", words);
+  }
   if (Session::open(options.robot).info().type == Finger::kType) {
     auto robot = connect<Finger>(options.robot);
     return run_on(robot, policy, options);
@@ -286,7 +293,7 @@ int run_policy_command(const std::vector<std::string>& words) {
              {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}},
              "Precision of the policy's sums: single takes half the time and rounds as much as "
              "PyTorch; default: double");
-  return run_user_program(program, words, [&] { return run(options); });
+  return run_user_program(program, words, [&] { return run(options, words); });
 }
 
 }  // namespace

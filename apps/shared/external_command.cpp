@@ -68,6 +68,18 @@ void run_external(const std::string& verb, const std::vector<std::string>& argum
   if (errno != ENOENT && errno != EACCES) throw SystemError("start " + program, errno);
 }
 
+void run_python(const std::string& verb, const std::string& command,
+                const std::vector<std::string>& arguments) {
+  // While Python itself starts, Ctrl-C would end it with a traceback. The package
+  // trifinger_launcher lets the signal come.
+  set_interrupt(SIG_BLOCK);
+  run_external(verb, arguments);
+  set_interrupt(SIG_UNBLOCK);
+  throw UsageError("'trifinger " + command +
+                   "' is part of the Python package, which is not installed here, or not on the "
+                   "PATH: 'pip install .' in the sources of TriFinger installs it");
+}
+
 void declare_external(CLI::App& parent, const std::string& verb, const std::string& description,
                       Package package) {
   parent.add_subcommand(verb, description)
@@ -90,18 +102,11 @@ void run_declared_external(const CLI::App& program, const std::vector<std::strin
 
   std::string verb = path;
   std::ranges::replace(verb, ' ', '-');
-  const bool is_python = command->get_group() == kPythonHeading;
-  // While Python itself starts, Ctrl-C would end it with a traceback. The package
-  // trifinger_launcher lets the signal come.
-  if (is_python) set_interrupt(SIG_BLOCK);
-  run_external(verb, {word, words.end()});
-  if (is_python) set_interrupt(SIG_UNBLOCK);
-  throw UsageError("'trifinger " + path + "' is " +
-                   (is_python
-                        ? "part of the Python package, which is not installed here, or not on the "
-                          "PATH: 'pip install .' in the sources of TriFinger installs it"
-                        : "a program of its own, trifinger-" + verb +
-                              ", which is neither beside this one nor on the PATH"));
+  const std::vector<std::string> arguments(word, words.end());
+  if (command->get_group() == kPythonHeading) run_python(verb, path, arguments);
+  run_external(verb, arguments);
+  throw UsageError("'trifinger " + path + "' is a program of its own, trifinger-" + verb +
+                   ", which is neither beside this one nor on the PATH");
 }
 
 }  // namespace trifinger::apps

@@ -16,6 +16,11 @@ namespace trifinger::apps {
 // there is no such program. Throws SystemError if it cannot be started.
 void run_external(const std::string& verb, const std::vector<std::string>& arguments);
 
+// Replaces this process by the program trifinger-`verb` of the Python package. `command` is what
+// the user calls it. Throws UsageError that says how to get it if it is missing.
+[[noreturn]] void run_python(const std::string& verb, const std::string& command,
+                             const std::vector<std::string>& arguments);
+
 // Where a program comes from; --help has a heading for each.
 enum class Package : unsigned char { kPrograms, kPython };
 

@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode
 from trifinger.cameras import to_rgb
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
+from trifinger.tasks import Task
 
 CAMERAS = ("camera60", "camera180", "camera300")
 # 54 x 54 pixels are drawn fast. Images are 12 steps apart and 8 steps old when they arrive. So some
@@ -46,6 +47,35 @@ def actions_of(environment: Any, seed: int = 1) -> Any:
 def last_capture(step: int, period: int, delay: int) -> int:
     """The step of the newest image that has arrived at `step`."""
     return -1 if step < delay else (step - delay) // period * period
+
+
+class Look(Task):
+    """A task in Python, with a cube."""
+
+    config_overrides = {"objects": [{"name": "cube", "type": "cube"}]}  # noqa: RUF012
+    object_name = "cube"
+    goal_low = (-0.1, -0.1, 0.0)
+    goal_high = (0.1, 0.1, 0.1)
+
+    def achieve(self, view: Any) -> Any:
+        return view.object_position
+
+
+@pytest.mark.parametrize(
+    "options", [SMALL, TRACKED | {"camera_size": 270}], ids=["images", "poses"]
+)
+def test_a_task_in_python_sees_the_same_in_one_and_in_many(options: dict[str, Any]) -> None:
+    vector = VectorEnvironment(Look(), 2, duration=0.2, **options)
+    single = Environment(Look(), duration=0.2, **options)
+    many, _ = vector.reset(seed=4)
+    one, _ = single.reset(seed=5)
+    for action, _ in zip(actions_of(vector), range(9), strict=False):
+        for name, part in one.items():
+            np.testing.assert_array_equal(many[name][1], part)
+        many, rewards, *_ = vector.step(action)
+        one, reward, *_ = single.step(action[1])
+        assert reward == rewards[1]
+    single.close()
 
 
 @pytest.mark.parametrize("task", ["reach", "push"])

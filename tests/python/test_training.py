@@ -567,6 +567,69 @@ def test_the_recipes_of_the_pages_train(task, tmp_path):
     assert trifinger.Policy(tmp_path / f"run/{task}.policy").metadata["task"] == task
 
 
+OWN_TASK = """
+from trifinger.environments import Options
+from trifinger.tasks import Task
+
+class Middle(Task):
+    options = Options(action="position_change")
+    goal_low = (-0.05, -0.05, 0.08)
+    goal_high = (0.05, 0.05, 0.14)
+
+    def achieve(self, view):
+        return view.tips.mean(axis=1)
+"""
+
+
+@pytest.mark.parametrize("algorithm", ["ddpg", "ppo"])
+def test_a_task_of_ones_own_is_trained_evaluated_and_run(
+    algorithm, tmp_path, monkeypatch, capsys, start_program
+):
+    (tmp_path / "my_tasks.py").write_text(OWN_TASK)
+    monkeypatch.chdir(tmp_path)
+    settings = SHORT | {"num_envs": 2} | ({"rollout": 10} if algorithm == "ppo" else {})
+    words = ["my_tasks:Middle", "--algorithm", algorithm, "--episodes", "2"]
+    assert train.main([*words, *(f"--set={name}={value}" for name, value in settings.items())]) == 0
+    policy = str(tmp_path / "Middle/Middle.policy")
+    assert trifinger.Policy(policy).metadata["task"] == "my_tasks:Middle"
+    capsys.readouterr()
+    assert evaluate.main([policy, "--episodes", "3", "--json"]) == 0
+    assert 0 < json.loads(capsys.readouterr().out)["median"] < 0.5
+    if algorithm == "ppo":
+        return
+
+    # The program in C++ hands the policy to that of the Python package.
+    script = tmp_path / "bin/trifinger-run-policy-of-python"
+    script.parent.mkdir()
+    script.write_text(
+        f"#!{sys.executable}\nimport sys\nfrom trifinger_launcher import run_policy_of_python\n"
+        "sys.exit(run_policy_of_python())\n"
+    )
+    script.chmod(0o755)
+    start_program("run", "trifinger_edu", "--name", "p", "--non-real-time").wait_for(
+        "waits for a user"
+    )
+    program = Path(PROGRAM).parent / "trifinger-run-policy"
+    words = [program, policy, "--robot", "p", "--episodes", "2", "--seed", "3", "--json", "j"]
+
+    def run(path):
+        return subprocess.run(
+            words, capture_output=True, text=True, check=False, env=os.environ | {"PATH": path}
+        )
+
+    done = run(f"{script.parent}:/usr/bin")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "of 2 episodes ended at their goal." in done.stdout
+    reports = json.loads(Path("j").read_text())
+    assert [(one["episode"], one["actions"], one["repeated_steps"]) for one in reports] == [
+        (0, 10, 0),
+        (1, 10, 0),
+    ]
+    done = run("/usr/bin")
+    assert done.returncode == 2
+    assert "is part of the Python package" in done.stderr
+
+
 def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):
     assert train.main(["reach", "--out", str(undisturbed)]) == 2
     assert "--resume" in capsys.readouterr().err

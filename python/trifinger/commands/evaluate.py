@@ -20,7 +20,9 @@ def main(words: Sequence[str] | None = None) -> int:
         description="Let a policy act in simulations, and say how near it comes to its goals.",
     )
     parser.add_argument("policy", type=Path, help="a file that `trifinger train` wrote")
-    parser.add_argument("--task", help="default: the task that the file names")
+    parser.add_argument(
+        "--task", help="default: the task that the file names; MODULE:CLASS is one of your own"
+    )
     parser.add_argument("--episodes", type=int, default=50)
     parser.add_argument(
         "--seed", type=int, default=1_000_000, help="of the first episode; each later one adds 1"

@@ -42,7 +42,11 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         epilog="Examples:\n  trifinger train reach --shared\n  trifinger train --resume reach",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("task", nargs="?", help=", ".join(task_names()))
+    parser.add_argument(
+        "task",
+        nargs="?",
+        help=f"{', '.join(task_names())}, or MODULE:CLASS of your own: my_tasks:Middle",
+    )
     parser.add_argument("--algorithm", choices=ALGORITHMS, help="default: ddpg")
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
     parser.add_argument(
@@ -72,7 +76,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
 
 def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
     """The plan of a training and its folder; raises InvalidArgument."""
-    from trifinger.training import Plan, parse_setting
+    from trifinger.training import Plan, name_of, parse_setting
 
     if arguments.resume:
         return Plan.of_folder(arguments.resume), arguments.resume
@@ -84,7 +88,7 @@ def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
         settings=dict(map(parse_setting, arguments.set)),
         **{name: number for name, number in numbers.items() if number is not None},
     )
-    folder = arguments.out or Path(arguments.task)
+    folder = arguments.out or Path(name_of(arguments.task))
     if folder.exists() and any(folder.iterdir()):
         raise InvalidArgument(
             f"{folder} is not empty; --resume {folder} goes on with a training in it"
