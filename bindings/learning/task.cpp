@@ -54,14 +54,18 @@ nb::object places_of(const Robots& robots) {
   return array;
 }
 
-// Random numbers for the robots whose episodes or goals a task draws, one series for each.
+// Series of random numbers, one for each of some robots.
+using AllSeries = std::vector<Random*>;
+
+// Random numbers for the robots whose episodes or goals a task draws. They can be drawn as long as
+// the series are kept by whoever has asked the task.
 class RandomOfMany {
  public:
-  explicit RandomOfMany(std::span<const Beginning> robots)
-      : robots_(places_of(robots)), series_(std::make_shared<std::vector<Random*>>()) {
+  RandomOfMany(std::span<const Beginning> robots, const std::shared_ptr<AllSeries>& series)
+      : robots_(places_of(robots)), series_(series) {
     for (const Beginning& one : robots) {
-      chosen_.push_back(series_->size());
-      series_->push_back(&one.episode->random);
+      chosen_.push_back(series->size());
+      series->push_back(&one.episode->random);
     }
   }
 
@@ -81,20 +85,18 @@ class RandomOfMany {
     return some;
   }
 
-  // From now on nothing can be drawn: the series belong to somebody else.
-  void end() const noexcept { series_->clear(); }
-
   // `columns` numbers for each robot, or just one (0), in the order of a row.
   template <class T, class Draw>
   nb::object draw(std::size_t columns, int type, const Draw& draw) const {
-    if (series_->empty()) {
+    const std::shared_ptr<AllSeries> series = series_.lock();
+    if (series == nullptr) {
       throw InvalidArgument("a task draws random numbers in draw_start() and draw_goal() only");
     }
     auto [array, memory] = new_rows(chosen_.size(), columns, type);
     auto* next = static_cast<T*>(memory);
     for (const std::size_t place : chosen_) {
       for (std::size_t i = 0; i < std::max<std::size_t>(columns, 1); ++i) {
-        *next++ = draw(*(*series_)[place], i);
+        *next++ = draw(*(*series)[place], i);
       }
     }
     return array;
@@ -102,7 +104,7 @@ class RandomOfMany {
 
  private:
   nb::object robots_;
-  std::shared_ptr<std::vector<Random*>> series_;
+  std::weak_ptr<AllSeries> series_;
   std::vector<std::size_t> chosen_;
 };
 
@@ -211,11 +213,8 @@ class PythonTask final : public TaskOfMany {
 
   [[nodiscard]] RowMajor drawn_by(const char* what, std::span<const Beginning> robots,
                                   std::size_t width) const {
-    const RandomOfMany random(robots);
-    struct End {
-      const RandomOfMany& random;
-      ~End() { random.end(); }
-    } const end{random};
+    const auto series = std::make_shared<AllSeries>();
+    const RandomOfMany random(robots, series);
     return nb::cast<Array<RowMajor>>(
                answers_.attr(what)(task_, nb::cast(random), robots.size(), width))
         .value;

@@ -136,6 +136,7 @@ struct Observed {
   Observed() = default;
   Observed(const Observed&) = delete;  // `view` looks at the numbers below
   Observed& operator=(const Observed&) = delete;
+  ~Observed() = default;
 
   std::size_t robot{0};  ///< Its place among the robots of an environment.
   Measurement measurement{};
