@@ -115,7 +115,7 @@ class EnvironmentBatch {
   /// `Environment::take_action`.
   /// @throws InvalidArgument if there are too many or too few numbers, or one is not finite; then
   /// nothing moves. Error if an image could not be drawn; then the episode of that simulation has
-  /// ended, and the others have moved on.
+  /// ended, and the others have moved on. What a task of many throws; then all episodes have ended.
   void step(std::span<const float> actions, Autoreset autoreset = Autoreset::kNextStep);
 
   [[nodiscard]] Results& results() noexcept;
