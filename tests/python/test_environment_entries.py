@@ -9,6 +9,8 @@ import pytest
 from trifinger import _trifinger
 from trifinger.environments import Environment, VectorEnvironment
 
+pytestmark = pytest.mark.bindings
+
 OPTIONS = [
     {},
     {"mapping": "state_augmentation", "action": "torque"},

@@ -581,6 +581,7 @@ class Middle(Task):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ddpg", "ppo"])
 def test_a_task_of_ones_own_is_trained_evaluated_and_run(
     algorithm, tmp_path, monkeypatch, capsys, start_program
