@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/filesystem.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <array>
@@ -15,6 +14,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/numpy.hpp"
+#include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/calibration.hpp"

@@ -187,7 +187,7 @@ PlanningModel model_of_file(nb::handle path, const std::vector<PlannedJoint>& jo
   return {*file.mujoco(), joints, sites, file.free_bodies()};
 }
 
-void bind_state(nb::module_& m) {
+void bind_hand_state(nb::module_& m) {
   nb::class_<PlanningState> state(
       m, "PlanningState",
       also(docs::PlanningState::PlanningState, "Arrays show the numbers in place.").c_str());
@@ -698,7 +698,7 @@ never delays Python's loop.)")
 
 void bind_planning(nb::module_& m) {
   bind_spline(m);
-  bind_state(m);
+  bind_hand_state(m);
   bind_model(m);
   bind_terms(m);
   bind_batch(m);

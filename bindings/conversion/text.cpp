@@ -50,8 +50,6 @@ nb::object to_python(const std::filesystem::path& path) {
   return nb::module_::import_("pathlib").attr("Path")(to_str(path.native()));
 }
 
-namespace detail {
-
 bool read_str(nb::handle text, std::string& bytes) noexcept {
   if (PyUnicode_Check(text.ptr()) == 0) return false;
   const nb::object encoded =
@@ -64,5 +62,4 @@ bool read_str(nb::handle text, std::string& bytes) noexcept {
   return true;
 }
 
-}  // namespace detail
 }  // namespace trifinger::bindings

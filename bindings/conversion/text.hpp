@@ -33,12 +33,9 @@ namespace trifinger::bindings {
   return comment + "\n\n" + python;
 }
 
-namespace detail {
-
 /// Returns false, without setting an error in Python, if `text` is no str or cannot become bytes.
 [[nodiscard]] bool read_str(nanobind::handle text, std::string& bytes) noexcept;
 
-}  // namespace detail
 }  // namespace trifinger::bindings
 
 namespace nanobind::detail {
@@ -48,7 +45,7 @@ struct type_caster<std::string> {
   NB_TYPE_CASTER(std::string, const_name("str"))
 
   bool from_python(handle source, std::uint32_t /*flags*/, cleanup_list* /*cleanup*/) noexcept {
-    return trifinger::bindings::detail::read_str(source, value);
+    return trifinger::bindings::read_str(source, value);
   }
   static handle from_cpp(const std::string& text, rv_policy /*policy*/,
                          cleanup_list* /*cleanup*/) noexcept {

@@ -55,7 +55,7 @@ auto tips_of(TipPositions GuideState::* member) {
   };
 }
 
-void bind_state(nb::module_& m) {
+void bind_guide_state(nb::module_& m) {
   using State = GuideState;
   nb::class_<State>(
       m, "GuideState",
@@ -82,7 +82,7 @@ void bind_state(nb::module_& m) {
 }  // namespace
 
 void bind_guide(nb::module_& m) {
-  bind_state(m);
+  bind_guide_state(m);
   const GuideSpeeds usual;
   nb::class_<PythonGuide> type(
       m, "Guide",

@@ -284,7 +284,7 @@ the series of random numbers, and positions of the first hinges and slides of a 
         });
 }
 
-void bind_batch(nb::module_& m) {
+void bind_environments(nb::module_& m) {
   nb::class_<EnvironmentBatch> type(m, "EnvironmentBatch",
                                     also(docs::EnvironmentBatch::EnvironmentBatch,
                                          R"(`trifinger.environments.VectorEnvironment` uses it.)")
@@ -418,7 +418,7 @@ void bind_batch(nb::module_& m) {
 void bind_environment(nb::module_& m) {
   bind_random(m);
   bind_episodes(m);
-  bind_batch(m);
+  bind_environments(m);
   m.def("task_names", [] { return task_names(); }, docs::task_names);
   m.def("num_processors", &num_processors, docs::num_processors);
   m.def(

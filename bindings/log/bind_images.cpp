@@ -2,7 +2,6 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <cstddef>
@@ -16,6 +15,7 @@
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/numpy.hpp"
+#include "conversion/text.hpp"
 #include "log.hpp"
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/camera/image_file.hpp"

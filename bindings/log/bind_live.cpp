@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <string>
@@ -8,6 +7,7 @@
 
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "log.hpp"
 #include "trifinger/log/live_messages.hpp"

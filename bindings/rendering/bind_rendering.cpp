@@ -3,7 +3,6 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <chrono>
@@ -18,6 +17,7 @@
 #include <vector>
 
 #include "bindings.hpp"
+#include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "simulation/simulation.hpp"
 #include "trifinger/base/error.hpp"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
 
 #include <chrono>
 #include <cstddef>
@@ -14,6 +13,7 @@
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/numpy.hpp"
+#include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "payload.hpp"
 #include "trifinger/camera/calibration.hpp"
@@ -30,7 +30,7 @@ namespace {
 
 // ---- payloads ----
 
-nb::object array_of(const nb::object& self) {
+nb::object array_in_place(const nb::object& self) {
   const auto& payload = nb::cast<const PythonPayload&>(self);
   return payload.type.view(payload.view.bytes().data(), self);
 }
@@ -145,7 +145,7 @@ void bind_cameras(nb::module_& m) {
 
 If the writer has overwritten the data before the end of the block, the block raises HistoryLost.)")
       .def(
-          "array", &array_of, nb::sig("def array(self) -> numpy.typing.NDArray[numpy.void]"),
+          "array", &array_in_place, nb::sig("def array(self) -> numpy.typing.NDArray[numpy.void]"),
           R"(The data in place, as a read-only structured array without dimensions: `array["camera60"]`.
 Check is_valid() after using it.)")
       .def("copy", &copy_of, nb::sig("def copy(self) -> numpy.typing.NDArray[numpy.void]"),
@@ -154,7 +154,7 @@ Check is_valid() after using it.)")
           "is_valid", [](const PythonPayload& payload) { return payload.view.is_valid(); },
           R"(False if the writer has begun to overwrite the data. What was read before a call that returns
 True was whole.)")
-      .def("__enter__", &array_of,
+      .def("__enter__", &array_in_place,
            nb::sig("def __enter__(self) -> numpy.typing.NDArray[numpy.void]"))
       .def(
           "__exit__",

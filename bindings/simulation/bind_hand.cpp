@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
@@ -15,6 +14,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "conversion/with.hpp"
 #include "docstrings.hpp"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
 
 #include <Eigen/Core>
 #include <string>
@@ -9,6 +8,7 @@
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/text.hpp"
 #include "simulation.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/joint/limits.hpp"

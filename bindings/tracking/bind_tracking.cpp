@@ -4,7 +4,6 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <optional>
@@ -15,6 +14,7 @@
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "simulation/simulation.hpp"
 #include "trifinger/base/error.hpp"

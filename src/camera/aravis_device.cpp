@@ -19,9 +19,9 @@ namespace {
 
 using trifinger::detail::text_of;
 
-constexpr int kBuffers = 8;
-constexpr Nanoseconds kRetry = std::chrono::milliseconds(500);
-constexpr Nanoseconds kSilence = std::chrono::seconds(1);
+constexpr int kAravisBuffers = 8;
+constexpr Nanoseconds kAravisRetry = std::chrono::milliseconds(500);
+constexpr Nanoseconds kAravisSilence = std::chrono::seconds(1);
 
 std::string text(const char* text) { return text == nullptr ? "" : text; }
 
@@ -232,7 +232,7 @@ void AravisDevice::start() {
     aravis.object_set(stream_, "frame-retention", static_cast<unsigned>(wait.count() / 1000),
                       nullptr);
   }
-  for (int i = 0; i < kBuffers; ++i) {
+  for (int i = 0; i < kAravisBuffers; ++i) {
     aravis.push_buffer(stream_, aravis.buffer_new(payload, nullptr));
   }
   aravis.start_acquisition(camera_, outcome.get());
@@ -298,16 +298,16 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
     // Whatever it is: the other cameras go on, and this one may be mended.
     tell(error.what());
     is_there_ = false;
-    next_try_ = std::chrono::steady_clock::now() + kRetry;
+    next_try_ = std::chrono::steady_clock::now() + kAravisRetry;
     return false;
   }
-  const Nanoseconds patience = deadline.remaining(kSilence);
+  const Nanoseconds patience = deadline.remaining(kAravisSilence);
   void* const buffer = aravis.pop_buffer(
       stream_, static_cast<std::uint64_t>(
                    std::chrono::duration_cast<std::chrono::microseconds>(patience).count()));
   const Instant arrival = std::chrono::steady_clock::now();
   if (buffer == nullptr) {
-    if (arrival - last_image_ > std::max<Nanoseconds>(kSilence, 10 * settings_.period)) {
+    if (arrival - last_image_ > std::max<Nanoseconds>(kAravisSilence, 10 * settings_.period)) {
       tell("camera '" + name_ + "' delivers nothing any more: it is lost");
       is_there_ = false;
       next_try_ = arrival;

@@ -51,7 +51,7 @@ struct Lane {
 
 constexpr std::size_t kBuffers = 8;
 constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
-constexpr Nanoseconds kRetry = std::chrono::milliseconds(500);  // after a failure
+constexpr Nanoseconds kRetryPeriod = std::chrono::milliseconds(500);  // after a failure
 
 }  // namespace
 
@@ -106,7 +106,7 @@ struct CameraGroup::State {
       has_come.notify_all();
       if (!failure) continue;
       std::condition_variable_any pause;
-      pause.wait_for(lock, stop, kRetry, [] { return false; });
+      pause.wait_for(lock, stop, kRetryPeriod, [] { return false; });
     }
   }
 

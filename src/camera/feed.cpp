@@ -15,11 +15,13 @@ namespace {
 using trifinger::detail::text_of;
 
 // The longest wait of a step: its caller has other things to look at.
-constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
+constexpr Nanoseconds kLongestWait = std::chrono::milliseconds(100);
 constexpr int kAbsent = 5;  // images in a row that are missing, before it is told
 
 // Silence of all cameras that is told.
-Nanoseconds patience(Nanoseconds period) { return std::max<Nanoseconds>(kAbsent * period, kSlice); }
+Nanoseconds patience(Nanoseconds period) {
+  return std::max<Nanoseconds>(kAbsent * period, kLongestWait);
+}
 
 void require_same(const Source& source, const std::vector<Camera>& cameras) {
   const auto list = [](const auto& items, const auto& name) {
@@ -63,7 +65,7 @@ bool CameraFeed::step() {
   const Instant silence = written_ + patience(period_);
   const Nanoseconds left = silence - std::chrono::steady_clock::now();
   const bool has_come =
-      source_.grab(sensor_.begin(), frames_, std::clamp(left, Nanoseconds(0), kSlice));
+      source_.grab(sensor_.begin(), frames_, std::clamp(left, Nanoseconds(0), kLongestWait));
   for (std::string& sentence : source_.take_news()) news_.push_back(std::move(sentence));
   const Instant now = std::chrono::steady_clock::now();
   if (!has_come) {

@@ -64,9 +64,9 @@ class MachineVideo final : public VideoSystem {
   }
 };
 
-constexpr std::uint32_t kBuffers = 4;
-constexpr Nanoseconds kRetry = std::chrono::milliseconds(500);
-constexpr Nanoseconds kSilence = std::chrono::seconds(1);
+constexpr std::uint32_t kVideoBuffers = 4;
+constexpr Nanoseconds kVideoRetry = std::chrono::milliseconds(500);
+constexpr Nanoseconds kVideoSilence = std::chrono::seconds(1);
 
 // What cameras may deliver, the best first: what is wanted, then colours, then what costs most
 // time.
@@ -232,7 +232,7 @@ void VideoDevice::close() noexcept {
 void VideoDevice::lose(const std::string& why) {
   tell("the camera at " + settings_.path + " is lost: " + why);
   close();
-  next_try_ = std::chrono::steady_clock::now() + kRetry;
+  next_try_ = std::chrono::steady_clock::now() + kVideoRetry;
 }
 
 void VideoDevice::choose_format() {
@@ -283,7 +283,7 @@ void VideoDevice::set_rate_and_exposure() {
 
 void VideoDevice::start() {
   v4l2_requestbuffers request{};
-  request.count = kBuffers;
+  request.count = kVideoBuffers;
   request.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   request.memory = V4L2_MEMORY_MMAP;
   if (call(VIDIOC_REQBUFS, &request) != 0) {
@@ -318,7 +318,7 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
       std::this_thread::sleep_for(deadline.remaining(next_try_ - now));
       return false;
     }
-    next_try_ = now + kRetry;
+    next_try_ = now + kVideoRetry;
     try {
       open();
     } catch (const Error& error) {
@@ -327,9 +327,9 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
       return false;
     }
   }
-  if (!system_.wait(file_, deadline.remaining(kSilence))) {
+  if (!system_.wait(file_, deadline.remaining(kVideoSilence))) {
     const Nanoseconds silence = std::chrono::steady_clock::now() - last_image_;
-    if (silence > std::max<Nanoseconds>(kSilence, 10 * settings_.period)) {
+    if (silence > std::max<Nanoseconds>(kVideoSilence, 10 * settings_.period)) {
       lose("it delivers nothing any more");
     }
     return false;

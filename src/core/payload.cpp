@@ -35,8 +35,8 @@ using detail::text_of;
 
 namespace {
 
-constexpr std::uint64_t kMagic = 0x3144502d52474654;  // "TFGR-PD1"
-constexpr std::uint64_t kLine = 64;                   // [bytes]
+constexpr std::uint64_t kPayloadMagic = 0x3144502d52474654;  // "TFGR-PD1"
+constexpr std::uint64_t kLine = 64;                          // [bytes]
 constexpr std::uint64_t kMostSlots = 4096;
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30U;  // of one payload [bytes]
 
@@ -46,7 +46,7 @@ constexpr std::uint64_t rounded_up(std::uint64_t size) {
 
 // A memory begins with this. The text of the payload's fields, the sequence numbers of the slots
 // and the slots follow, each at a multiple of kLine.
-struct Header {
+struct PayloadHeader {
   std::uint64_t magic;
   std::uint64_t id;
   std::uint64_t text_size;
@@ -55,14 +55,14 @@ struct Header {
   std::int64_t pid;
 
   [[nodiscard]] std::uint64_t sequences() const noexcept {
-    return rounded_up(sizeof(Header)) + rounded_up(text_size);
+    return rounded_up(sizeof(PayloadHeader)) + rounded_up(text_size);
   }
   [[nodiscard]] std::uint64_t data() const noexcept { return sequences() + slots * kLine; }
   [[nodiscard]] std::uint64_t total() const noexcept { return data() + slots * rounded_up(size); }
   [[nodiscard]] bool is_valid() const noexcept {
     // The bounds keep the sums above far from overflow.
-    return magic == kMagic && id != 0 && text_size < kLargest && slots > 0 && slots <= kMostSlots &&
-           size > 0 && size <= kLargest;
+    return magic == kPayloadMagic && id != 0 && text_size < kLargest && slots > 0 &&
+           slots <= kMostSlots && size > 0 && size <= kLargest;
   }
 };
 
@@ -87,8 +87,8 @@ class PayloadMemory {
  public:
   PayloadMemory(ipc::SharedMemory memory, const ElementDescription& payload, std::size_t slots)
       : memory_(std::move(memory)), header_(header_for(payload, slots)), fields_(payload.text()) {
-    new (memory_.data()) Header(header_);
-    std::memcpy(memory_.data() + rounded_up(sizeof(Header)), fields_.data(), fields_.size());
+    new (memory_.data()) PayloadHeader(header_);
+    std::memcpy(memory_.data() + rounded_up(sizeof(PayloadHeader)), fields_.data(), fields_.size());
     for (std::uint64_t i = 0; i < slots; ++i)
       new (&sequence(static_cast<std::int64_t>(i))) Sequence(0);
     // Every page is there before the first payload is written.
@@ -99,7 +99,7 @@ class PayloadMemory {
     const std::string name = memory_.path().string();
     try {
       require_own_file(memory_.file(), name);
-      require(memory_.size() >= sizeof(Header), "it is too small");
+      require(memory_.size() >= sizeof(PayloadHeader), "it is too small");
       // Copied, because the other process may change it.
       std::memcpy(&header_, memory_.data(), sizeof(header_));
       require(header_.is_valid(), "its header is none of this version");
@@ -107,21 +107,22 @@ class PayloadMemory {
     } catch (const InvalidArgument& error) {
       throw IncompatibleSession("'" + name + "' cannot be read: " + error.what());
     }
-    fields_.assign(reinterpret_cast<const char*>(memory_.data() + rounded_up(sizeof(Header))),
-                   header_.text_size);
+    fields_.assign(
+        reinterpret_cast<const char*>(memory_.data() + rounded_up(sizeof(PayloadHeader))),
+        header_.text_size);
   }
   PayloadMemory(const PayloadMemory&) = delete;
   PayloadMemory& operator=(const PayloadMemory&) = delete;
   ~PayloadMemory() = default;
 
   // The header for a new memory. Throws InvalidArgument.
-  static Header header_for(const ElementDescription& payload, std::size_t slots) {
+  static PayloadHeader header_for(const ElementDescription& payload, std::size_t slots) {
     require(payload.size() > 0 && payload.size() <= kLargest,
             text_of("a payload of ", payload.size(), " bytes is not possible; allowed are 1 to ",
                     kLargest));
     require(slots > 0 && slots <= kMostSlots,
             text_of("the history of payloads is ", slots, ", must be 1 to ", kMostSlots));
-    return {.magic = kMagic,
+    return {.magic = kPayloadMagic,
             .id = random_id(),
             .text_size = payload.text().size(),
             .slots = slots,
@@ -197,7 +198,7 @@ class PayloadMemory {
   }
 
   ipc::SharedMemory memory_;
-  Header header_;  // a copy: nobody else can change it
+  PayloadHeader header_;  // a copy: nobody else can change it
   std::string fields_;
 };
 
@@ -272,7 +273,7 @@ PayloadWriter::PayloadWriter(std::unique_ptr<State> state) : state_(std::move(st
 PayloadWriter::PayloadWriter(const std::string& robot, const std::string& sensor,
                              const ElementDescription& payload, std::size_t history)
     : PayloadWriter([&] {
-        const Header header = PayloadMemory::header_for(payload, history);
+        const PayloadHeader header = PayloadMemory::header_for(payload, history);
         const std::string file = detail::payload_file(robot, sensor);
         ipc::SharedMemory lock = detail::own_sensor_file(
             file, "the writer of the payloads of sensor '" + sensor + "' of robot '" + robot + "'");
@@ -285,7 +286,7 @@ PayloadWriter::PayloadWriter(const std::string& robot, const std::string& sensor
       }()) {}
 
 PayloadWriter PayloadWriter::anonymous(const ElementDescription& payload, std::size_t history) {
-  const Header header = PayloadMemory::header_for(payload, history);
+  const PayloadHeader header = PayloadMemory::header_for(payload, history);
   auto memory = std::make_shared<PayloadMemory>(ipc::SharedMemory::create_anonymous(header.total()),
                                                 payload, history);
   return PayloadWriter(std::make_unique<State>(std::nullopt, std::move(memory)));
@@ -349,9 +350,9 @@ namespace {
 std::uint64_t id_of(const std::filesystem::path& path) {
   const ipc::FileDescriptor file(
       [&path] { return open_regular_file(path, O_RDONLY, NamedBy::kProgram); });
-  Header header{};
+  PayloadHeader header{};
   const ssize_t size = ::pread(file.get(), &header, sizeof(header), 0);
-  if (size != sizeof(header) || header.magic != kMagic) return 0;
+  if (size != sizeof(header) || header.magic != kPayloadMagic) return 0;
   return header.id;
 }
 

@@ -40,20 +40,20 @@
 namespace trifinger {
 namespace {
 
-constexpr std::uint64_t kMagic = 0x3153532d52474654;  // "TFGR-SS1"
+constexpr std::uint64_t kSensorMagic = 0x3153532d52474654;  // "TFGR-SS1"
 
 // The beginning of a sensor's file. The text of its element and its ring follow.
-struct Header {
+struct SensorHeader {
   std::uint64_t magic;
   std::uint64_t text_size;
   ipc::RingShape ring;
   std::int64_t pid;
   std::atomic<std::int64_t> end;  // number of elements written
 };
-static_assert(sizeof(Header) % 8 == 0);
+static_assert(sizeof(SensorHeader) % 8 == 0);
 
 constexpr std::size_t ring_offset(std::size_t text_size) {
-  return sizeof(Header) + (text_size + 7) / 8 * 8;
+  return sizeof(SensorHeader) + (text_size + 7) / 8 * 8;
 }
 
 // The text in a sensor's file: the fields of its elements, and those of their payload if they have
@@ -80,8 +80,8 @@ struct UntypedSensorWriter::State {
   std::vector<std::byte> element;  // with its stamp
   ipc::ForkGuard fork;
 
-  [[nodiscard]] Header& header() const noexcept {
-    return *reinterpret_cast<Header*>(memory.data());
+  [[nodiscard]] SensorHeader& header() const noexcept {
+    return *reinterpret_cast<SensorHeader*>(memory.data());
   }
 };
 
@@ -101,9 +101,9 @@ UntypedSensorWriter::UntypedSensorWriter(const std::string& robot, const std::st
   ipc::SharedMemory memory = ipc::SharedMemory::create_file(
       session_folder(), file, ring_offset(text.size()) + shape.size(), detail::kOwnerAlone);
   static_cast<void>(ipc::try_lock(memory.file()));
-  new (memory.data())
-      Header{.magic = kMagic, .text_size = text.size(), .ring = shape, .pid = ::getpid(), .end = 0};
-  std::memcpy(memory.data() + sizeof(Header), text.data(), text.size());
+  new (memory.data()) SensorHeader{
+      .magic = kSensorMagic, .text_size = text.size(), .ring = shape, .pid = ::getpid(), .end = 0};
+  std::memcpy(memory.data() + sizeof(SensorHeader), text.data(), text.size());
   memory.publish();
   std::byte* const ring = memory.data() + ring_offset(text.size());
   state_ = std::make_unique<State>(State{.lock = std::move(lock),
@@ -146,7 +146,7 @@ class Mapping {
   Mapping(const std::string& file, const std::string& expected, std::size_t element_size)
       : memory_(ipc::SharedMemory::open(session_folder() / file, ipc::Access::kReadOnly)) {
     detail::require_own_file(memory_.file(), file);
-    detail::require(memory_.size() >= sizeof(Header) && header().magic == kMagic,
+    detail::require(memory_.size() >= sizeof(SensorHeader) && header().magic == kSensorMagic,
                     "its file is none of a sensor of this version");
     // Copied, because the other process may change it.
     const std::uint64_t text_size = header().text_size;
@@ -154,7 +154,7 @@ class Mapping {
     detail::require(shape.is_valid() && text_size <= memory_.size() &&
                         memory_.size() == ring_offset(text_size) + shape.size(),
                     "its file has a wrong size");
-    const std::string text(reinterpret_cast<const char*>(memory_.data()) + sizeof(Header),
+    const std::string text(reinterpret_cast<const char*>(memory_.data()) + sizeof(SensorHeader),
                            text_size);
     detail::require(text == expected && shape.element_size == element_size,
                     "its elements have the fields\n" + text + "but the robot expects\n" + expected);
@@ -178,8 +178,8 @@ class Mapping {
   }
 
  private:
-  [[nodiscard]] const Header& header() const noexcept {
-    return *reinterpret_cast<const Header*>(memory_.data());
+  [[nodiscard]] const SensorHeader& header() const noexcept {
+    return *reinterpret_cast<const SensorHeader*>(memory_.data());
   }
 
   ipc::SharedMemory memory_;

@@ -13,7 +13,6 @@ namespace {
 namespace regs = registers;
 
 constexpr std::int32_t kStopped = -1;  // what the watchdog reads as after it has stopped the motor
-constexpr Nanoseconds kWatchdogUnit = std::chrono::milliseconds(20);
 constexpr double kRatedVoltage = 12.0;
 
 bool is_same(const Register& a, const Register& b) noexcept { return a.address == b.address; }

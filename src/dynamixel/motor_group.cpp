@@ -17,7 +17,6 @@ namespace regs = registers;
 using trifinger::detail::require;
 using trifinger::detail::text_of;
 
-constexpr Nanoseconds kWatchdogUnit = std::chrono::milliseconds(20);
 constexpr Nanoseconds kReturnDelayUnit = std::chrono::microseconds(2);
 // How long motors that do not confirm it are told again to switch torque off.
 constexpr Nanoseconds kReleaseLimit = std::chrono::milliseconds(250);

@@ -29,8 +29,8 @@ namespace {
 std::string room_text(const FileDescriptor& file) {
   struct statvfs room{};
   if (::fstatvfs(file.get(), &room) != 0) return "";
-  const auto megabytes = [&room](fsblkcnt_t blocks) {
-    return std::to_string((blocks * room.f_frsize) >> 20U) + " MiB";
+  const auto megabytes = [&room](fsblkcnt_t count) {
+    return std::to_string((count * room.f_frsize) >> 20U) + " MiB";
   };
   return ", where " + megabytes(room.f_bavail) + " of " + megabytes(room.f_blocks) +
          " are free (a container has 64 MiB unless it is started with '--shm-size=1g'; elsewhere "

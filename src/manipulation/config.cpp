@@ -2,6 +2,7 @@
 #include "trifinger/manipulation/config.hpp"
 
 #include "grasp_config.hpp"
+#include "read_time.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -14,13 +15,8 @@ using config::Range;
 
 constexpr Range kLength{.unit = "m", .min = 0, .max = 0.5};
 constexpr Range kForce{.unit = "N", .min = 0, .max = 50, .above_min = true};
-constexpr Range kTime{.unit = "s", .min = 0, .max = 3600, .above_min = true};
 constexpr Range kFriction{.min = 0, .max = 5, .above_min = true};
 constexpr Range kAngle{.unit = "rad", .min = -3.15, .max = 3.15};
-
-Seconds read_time(const Node& section, std::string_view key, const Range& range = kTime) {
-  return Seconds(section.required<double>(key, range));
-}
 
 void read_grasp(const Node& section, control::GraspControllerConfig& grasp) {
   grasp.friction = section.required<double>("friction", kFriction);

@@ -10,6 +10,7 @@
 #include <limits>
 #include <system_error>
 
+#include "decimal.hpp"
 #include "letters.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -24,14 +25,6 @@ constexpr int kChords = 24;         // Straight pieces of one curve.
 constexpr double kApart = 1e-4;     // Distance of drawn points [m].
 constexpr double kSample = 2.5e-4;  // Distance of points of the wanted line [m].
 constexpr double kNear = 1.5e-3;    // What is drawn so near counts as drawn [m].
-
-// A number with so many digits after the point.
-std::string decimal(double number, int digits) {
-  std::array<char, 64> text{};
-  const auto result = std::to_chars(text.data(), text.data() + text.size(), number,
-                                    std::chars_format::fixed, digits);
-  return {text.data(), result.ptr};
-}
 
 std::string millimetres(double length) { return decimal(1e3 * length, 0); }
 
@@ -71,7 +64,7 @@ class PathReader {
     const double x = number();
     return {x, number()};
   }
-  static void curve(Stroke& stroke, const Vector2d& b, const Vector2d& c, const Vector2d& d) {
+  static void curve(PenStroke& stroke, const Vector2d& b, const Vector2d& c, const Vector2d& d) {
     const Vector2d a = stroke.back();
     for (int i = 1; i <= kChords; ++i) {
       const double s = static_cast<double>(i) / kChords;
@@ -104,7 +97,7 @@ Vector2d nearest_on(const Vector2d& from, const Vector2d& to, const Vector2d& po
 
 double distance_to(const Drawing& drawing, const Vector2d& point) {
   double least = std::numeric_limits<double>::infinity();
-  for (const Stroke& stroke : drawing) {
+  for (const PenStroke& stroke : drawing) {
     if (stroke.size() == 1) least = std::min(least, (stroke.front() - point).squaredNorm());
     for (std::size_t i = 1; i < stroke.size(); ++i) {
       const Vector2d nearest = nearest_on(stroke[i - 1], stroke[i], point);
@@ -115,9 +108,9 @@ double distance_to(const Drawing& drawing, const Vector2d& point) {
 }
 
 // Points that are evenly spread along the drawing.
-Stroke samples_of(const Drawing& drawing) {
-  Stroke samples;
-  for (const Stroke& stroke : drawing) {
+PenStroke samples_of(const Drawing& drawing) {
+  PenStroke samples;
+  for (const PenStroke& stroke : drawing) {
     for (std::size_t i = 1; i < stroke.size(); ++i) {
       const Vector2d way = stroke[i] - stroke[i - 1];
       const int count = std::max(1, static_cast<int>(std::lround(way.norm() / kSample)));
@@ -147,7 +140,7 @@ std::string path_of(const Drawing& drawing, const Paper& paper) {
   // Pictures count y downwards.
   const Eigen::Rotation2Dd back(-paper.turn);
   std::string text;
-  for (const Stroke& stroke : drawing) {
+  for (const PenStroke& stroke : drawing) {
     char command = 'M';
     for (const Vector2d& point : stroke) {
       const Vector2d at = 1e3 * (back * (point - paper.centre));
@@ -170,7 +163,7 @@ Drawing written(std::string_view word, double height) {
   double begin = 0.0;
   for (const char sign : word) {
     const Letter& letter = letter_of(sign);
-    for (Stroke& stroke : PathReader(letter.path).read()) {
+    for (PenStroke& stroke : PathReader(letter.path).read()) {
       for (Vector2d& point : stroke) point = height * (point + Vector2d(begin, 0.0));
       drawing.push_back(std::move(stroke));
     }
@@ -198,7 +191,7 @@ Drawing load_strokes(const std::filesystem::path& path) {
     const Vector2d point(numbers[1], numbers[2]);
     if (drawing.back().empty() || drawing.back().back() != point) drawing.back().push_back(point);
   }
-  for (const Stroke& stroke : drawing)
+  for (const PenStroke& stroke : drawing)
     if (stroke.size() < 2)
       throw InvalidArgument(path.string() + " has a stroke with a single point");
   if (drawing.empty()) throw InvalidArgument(path.string() + " has no strokes");
@@ -207,7 +200,7 @@ Drawing load_strokes(const std::filesystem::path& path) {
 
 Drawing placed(const Drawing& drawing, const Paper& paper) {
   Eigen::AlignedBox2d box;
-  for (const Stroke& stroke : drawing)
+  for (const PenStroke& stroke : drawing)
     for (const Vector2d& point : stroke) box.extend(point);
   if ((box.sizes() - paper.size).maxCoeff() > 0.0) {
     throw InvalidArgument(
@@ -217,7 +210,7 @@ Drawing placed(const Drawing& drawing, const Paper& paper) {
   }
   const Eigen::Rotation2Dd turn(paper.turn);
   Drawing there = drawing;
-  for (Stroke& stroke : there)
+  for (PenStroke& stroke : there)
     for (Vector2d& point : stroke) point = paper.centre + turn * (point - box.center());
   return there;
 }
@@ -248,7 +241,7 @@ DrawingError compare(const Drawing& wanted, const Drawing& drawn) {
   DrawingError error;
   double squares = 0.0;
   std::size_t count = 0;
-  for (const Stroke& stroke : drawn) {
+  for (const PenStroke& stroke : drawn) {
     for (const Vector2d& point : stroke) {
       const double distance = distance_to(wanted, point);
       squares += distance * distance;
@@ -258,7 +251,7 @@ DrawingError compare(const Drawing& wanted, const Drawing& drawn) {
   }
   if (count == 0) return error;
   error.rms = std::sqrt(squares / static_cast<double>(count));
-  const Stroke samples = samples_of(wanted);
+  const PenStroke samples = samples_of(wanted);
   const auto near = std::ranges::count_if(
       samples, [&](const Vector2d& point) { return distance_to(drawn, point) <= kNear; });
   error.share = static_cast<double>(near) / static_cast<double>(samples.size());

@@ -18,7 +18,7 @@ double ramp_way(double s) noexcept { return s * s * s * s * (2.5 - 3 * s + s * s
 
 }  // namespace
 
-LinePart::LinePart(Stroke points, double speed, Seconds ramp)
+LinePart::LinePart(PenStroke points, double speed, Seconds ramp)
     : points_(std::move(points)), speed_(speed), ramp_(ramp) {
   lengths_.push_back(0.0);
   for (std::size_t i = 1; i < points_.size(); ++i)
@@ -59,10 +59,10 @@ NibMotion LinePart::at(Seconds time) const noexcept {
           .acceleration = acceleration * direction};
 }
 
-std::vector<LinePart> parts_of(const Stroke& stroke, double speed, Seconds ramp) {
+std::vector<LinePart> parts_of(const PenStroke& stroke, double speed, Seconds ramp) {
   constexpr double kSharp = 0.3;  // [rad]
   std::vector<LinePart> parts;
-  Stroke part{stroke.front()};
+  PenStroke part{stroke.front()};
   for (std::size_t i = 1; i < stroke.size(); ++i) {
     part.push_back(stroke[i]);
     if (i + 1 < stroke.size()) {

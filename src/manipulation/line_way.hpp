@@ -20,13 +20,13 @@ struct NibMotion {
 // A smooth part of a stroke, from rest to rest: constant speed between two ramps of least jerk.
 class LinePart {
  public:
-  LinePart(Stroke points, double speed, control::Seconds ramp);
+  LinePart(PenStroke points, double speed, control::Seconds ramp);
 
   [[nodiscard]] control::Seconds duration() const noexcept { return duration_; }
   [[nodiscard]] NibMotion at(control::Seconds time) const noexcept;
 
  private:
-  Stroke points_;
+  PenStroke points_;
   std::vector<double> lengths_;  // From the beginning to each point.
   double speed_;
   control::Seconds ramp_;
@@ -34,7 +34,7 @@ class LinePart {
 };
 
 // A stroke as its smooth parts: the nib rests at sharp corners.
-[[nodiscard]] std::vector<LinePart> parts_of(const Stroke& stroke, double speed,
+[[nodiscard]] std::vector<LinePart> parts_of(const PenStroke& stroke, double speed,
                                              control::Seconds ramp);
 
 }  // namespace trifinger::manipulation

@@ -16,8 +16,6 @@ namespace {
 
 using control::GraspPhase;
 
-constexpr Seconds kLongestLook{5.0};
-
 // An object that was not seen for so long is out of sight. Poses come at 10 Hz or more, and are up
 // to 0.1 s late.
 constexpr Seconds kOutOfSight{0.3};

@@ -5,9 +5,13 @@
 #include <string>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/control/motion.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 namespace trifinger::manipulation {
+
+// An object that was not found for so long is not there.
+inline constexpr control::Seconds kLongestLook{5.0};
 
 // The object of that name. @throws InvalidArgument if the scene has none
 [[nodiscard]] inline const ObjectDescription& object_of(const RobotDescription& description,

@@ -15,7 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kLimitMargin = 0.05;  // Distance that joints keep from their soft limits [rad].
 constexpr double kLeastLean = 0.16;    // Sine of the least angle of a link and the pen's surface.
 constexpr double kLinksApart = 0.026;  // Distance of the middles of two lower links [m].
 constexpr double kLinkFromPen = 0.018;

@@ -22,24 +22,22 @@ using config::Range;
 using control::PointMotion;
 using Eigen::Vector3d;
 
-constexpr Seconds kLongestLook{5.0};
 constexpr Seconds kLongestPinch{5.0};
-constexpr Seconds kCheckTime{1.0};
-constexpr double kSqueezeRate = 3.0;  // [N/s]
-constexpr double kCarryRate = 2.5;    // Of the share of the weight [1/s].
-constexpr double kStillSpeed = 4e-3;  // Of tips that have closed [m/s].
-constexpr Seconds kStillTime{0.1};
-constexpr double kFit = 8e-3;  // Largest error of the distance of tips that pinch [m].
-constexpr Seconds kNumbTime{0.05};
+constexpr Seconds kPinchCheckTime{1.0};
+constexpr double kPinchRate = 3.0;      // [N/s]
+constexpr double kCarryRate = 2.5;      // Of the share of the weight [1/s].
+constexpr double kPinchedSpeed = 4e-3;  // Of tips that have closed [m/s].
+constexpr Seconds kPinchedTime{0.1};
+constexpr double kPinchFit = 8e-3;  // Largest error of the distance of tips that pinch [m].
+constexpr Seconds kPinchNumbTime{0.05};
 // The tip that turns is this far from the face before and after a turn [m].
 constexpr double kHover = 0.015;
 constexpr double kLowerSpeed = 0.04;  // [m/s]
 // The tip that turns pushes along the face with at most this share of the force with which it
 // presses on the face. Our choice: less than half of what friction bears in the simulation.
 constexpr double kSlipRatio = 0.45;
-constexpr double kPress = 1.5e-3;      // Below the table, so that the box surely rests on it [m].
-constexpr double kLimitMargin = 0.05;  // Distance that joints keep from their soft limits [rad].
-constexpr double kMostSum = 0.5;       // Of the integral of the angle's error [rad].
+constexpr double kPress = 1.5e-3;  // Below the table, so that the box surely rests on it [m].
+constexpr double kMostSum = 0.5;   // Of the integral of the angle's error [rad].
 constexpr int kMostCorrections = 4;
 constexpr int kPosesForAngle = 20;
 constexpr Seconds kCorrectionTime{1.0};  // The tips that hold the box lose it in a faster one.
@@ -391,7 +389,7 @@ double PinchedHandling::gap() const noexcept {
 }
 
 bool PinchedHandling::is_pinched() const noexcept {
-  return std::abs(distance_ - pinch_.width - 2 * servo_.tip_radius()) < kFit;
+  return std::abs(distance_ - pinch_.width - 2 * servo_.tip_radius()) < kPinchFit;
 }
 
 void PinchedHandling::measure() noexcept {
@@ -446,7 +444,7 @@ void PinchedHandling::try_again_or_fail(std::string_view failure) noexcept {
 // Notices a box that is no longer between the tips.
 void PinchedHandling::watch(Seconds elapsed) noexcept {
   numb_ = is_pinched() ? Seconds(0) : numb_ + elapsed;
-  if (numb_ > kNumbTime) open("the object slipped away");
+  if (numb_ > kPinchNumbTime) open("the object slipped away");
 }
 
 void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
@@ -473,7 +471,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
     case Phase::kPinch: {
       const double closing =
           (servo_.velocity(pinch_.right) - servo_.velocity(pinch_.left)).dot(pinch_.axis);
-      still_ = std::abs(closing) < kStillSpeed && is_pinched() ? still_ + elapsed : Seconds(0);
+      still_ = std::abs(closing) < kPinchedSpeed && is_pinched() ? still_ + elapsed : Seconds(0);
       if (squeeze_ >= config_.pinch_force) {
         middle_way_.rest_at(middle_);
         Vector3d up = middle_;
@@ -554,10 +552,10 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
       }
       break;
     case Phase::kCheck:
-      if (clock_.in_phase() < kCheckTime / 2) {
+      if (clock_.in_phase() < kPinchCheckTime / 2) {
         average_.reset();
         average_from_ = clock_.step();
-      } else if (clock_.in_phase() >= kCheckTime) {
+      } else if (clock_.in_phase() >= kPinchCheckTime) {
         finish_check();
       }
       break;
@@ -576,10 +574,10 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   if (!holds()) return;
 
   double squeeze = config_.pinch_force;
-  if (phase_ == Phase::kPinch && still_ < kStillTime) squeeze = config_.closing_force;
+  if (phase_ == Phase::kPinch && still_ < kPinchedTime) squeeze = config_.closing_force;
   if (phase_ == Phase::kLoosen) squeeze = config_.loose_force;
   const double weight = phase_ > Phase::kPinch && phase_ < Phase::kLoosen ? 1.0 : 0.0;
-  squeeze_ = towards(squeeze_, squeeze, kSqueezeRate * elapsed.count());
+  squeeze_ = towards(squeeze_, squeeze, kPinchRate * elapsed.count());
   carried_ = towards(carried_, weight, kCarryRate * elapsed.count());
 
   const PointMotion middle = middle_way_.advance(elapsed);

@@ -8,6 +8,9 @@
 
 namespace trifinger::manipulation {
 
+// Distance that joints keep from their soft limits [rad].
+inline constexpr double kLimitMargin = 0.05;
+
 // Whether all joints of a finger keep `margin` [rad] from their soft limits.
 [[nodiscard]] inline bool is_within_soft_limits(const FingerPose& pose, int finger,
                                                 const control::SafetyLimits& limits,

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "decimal.hpp"
 #include "phase_clock.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -44,14 +45,6 @@ std::vector<double> numbers_of(std::string_view line, const std::string& where) 
     at = next + 1;
   }
   return numbers;
-}
-
-// The number with so many digits after the point.
-std::string decimal(double number, int digits) {
-  std::array<char, 64> text{};
-  const auto result = std::to_chars(text.data(), text.data() + text.size(), number,
-                                    std::chars_format::fixed, digits);
-  return {text.data(), result.ptr};
 }
 
 // Plays a taught motion.

@@ -11,8 +11,6 @@
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::detail {
-namespace {
-
 std::array<double, 4> unit_quaternion(const ObjectDescription& object) {
   std::array<double, 4> unit = object.orientation;
   double norm = 0;
@@ -20,6 +18,8 @@ std::array<double, 4> unit_quaternion(const ObjectDescription& object) {
   for (double& number : unit) number /= norm;
   return unit;
 }
+
+namespace {
 
 mjsGeom* add_shape(mjsBody* body, mjtGeom type, const std::array<double, 3>& size,
                    const std::array<float, 3>& colour) {

@@ -13,14 +13,6 @@ namespace {
 
 constexpr int kObjectMeets = kTableBit | kBoundaryBit | kObjectBit;
 
-std::array<double, 4> unit_quaternion(const ObjectDescription& object) {
-  std::array<double, 4> unit = object.orientation;
-  double norm = 0;
-  for (const double number : unit) norm = std::hypot(norm, number);
-  for (double& number : unit) number /= norm;
-  return unit;
-}
-
 // Adds rolling friction. With sliding friction alone, round bodies would roll for ever.
 void resist_rolling(mjsGeom* geom) {
   geom->condim = 6;

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "from_file.hpp"
+#include "in_seconds.hpp"
 #include "read_object.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -37,8 +38,6 @@ max_measurement_age: .inf
 max_rejected_actions: 10
 first_action_timeout: .inf
 )";
-
-double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
 // The node that names the robot's file.
 Node file_node(const Node& robot) {
@@ -95,11 +94,11 @@ void read_start(const Node& robot, FileRobotOptions& options) {
 
 TimeIndex read_steps(const Node& node, Nanoseconds period) {
   const auto seconds = node.as<double>({.unit = "s", .min = 1e-4, .max = 10});
-  const double steps = std::round(seconds / in_seconds(period));
+  const double steps = std::round(seconds / detail::in_seconds(period));
   constexpr double kTolerance = 1e-6;
-  if (steps < 1.0 || std::abs(seconds / in_seconds(period) - steps) > kTolerance) {
+  if (steps < 1.0 || std::abs(seconds / detail::in_seconds(period) - steps) > kTolerance) {
     node.fail("is " + detail::text_of(seconds) + " s, must be a whole number of steps of " +
-              detail::text_of(in_seconds(period)) + " s");
+              detail::text_of(detail::in_seconds(period)) + " s");
   }
   return static_cast<TimeIndex>(steps);
 }
@@ -162,9 +161,10 @@ FileRobotConfig read_file_robot(const File& file) {
   if (backend) {
     config.backend = read_backend(*backend, config.session);
   } else {
-    const File usual = File::parse(std::string(kUsualBackend) + "period: " +
-                                       detail::text_of(in_seconds(config.robot.model->period())),
-                                   "backend");
+    const File usual = File::parse(
+        std::string(kUsualBackend) +
+            "period: " + detail::text_of(detail::in_seconds(config.robot.model->period())),
+        "backend");
     config.backend = read_backend(usual.root(), config.session);
     config.backend.period = config.robot.model->period();
   }

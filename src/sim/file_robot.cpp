@@ -18,17 +18,17 @@ using detail::require;
 using detail::text_of;
 
 // Every saved state begins with this number, so that states of other versions are recognised.
-constexpr std::uint64_t kStateMagic = 0x324c494653465254;  // "TRFSFIL2"
+constexpr std::uint64_t kFileStateMagic = 0x324c494653465254;  // "TRFSFIL2"
 
-struct Header {
-  std::uint64_t magic{kStateMagic};
+struct FileStateHeader {
+  std::uint64_t magic{kFileStateMagic};
   std::uint64_t model{0};
 };
 
 // Components from which MuJoCo continues bit for bit.
-constexpr int kWholeState = mjSTATE_INTEGRATION;
+constexpr int kWholeFileState = mjSTATE_INTEGRATION;
 // Components that a step changes.
-constexpr int kChangedByStep = mjSTATE_FULLPHYSICS | mjSTATE_WARMSTART | mjSTATE_CTRL;
+constexpr int kChangedByFileStep = mjSTATE_FULLPHYSICS | mjSTATE_WARMSTART | mjSTATE_CTRL;
 
 std::size_t state_size_of(const ModelFile& model, int components) {
   return static_cast<std::size_t>(mj_stateSize(model.mujoco(), components));
@@ -138,11 +138,11 @@ FileRobot::FileRobot(Options options)
       state_(simulator_.make_state()),
       held_(num_joints()),
       desired_(num_joints()),
-      before_step_(state_size_of(model(), kChangedByStep)),
+      before_step_(state_size_of(model(), kChangedByFileStep)),
       memory_before_step_(state_.memory),
       safety_before_step_(num_joints()),
       after_step_(before_step_.size()),
-      physics_(state_size_of(model(), kWholeState)) {
+      physics_(state_size_of(model(), kWholeFileState)) {
   std::vector<std::string> names;
   for (const ObjectAddress& object : model().free_bodies()) names.push_back(object.name);
   if (auto objects = object_companion(names)) companions_.push_back(std::move(*objects));
@@ -232,10 +232,10 @@ void FileRobot::vary(const Variation& variation) {
 
 void FileRobot::vary_model(const Variation& variation) {
   if (variation == state_.memory.variation) return;
-  mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeFileState);
   if (varied_ == nullptr) varied_ = simulator_.make_varied_model();
   simulator_.vary(variation, *varied_, *data_);
-  mj_setState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  mj_setState(&mujoco(), data_.get(), physics_.data(), kWholeFileState);
 }
 
 const ObjectAddress& FileRobot::object(const std::string& name) const {
@@ -301,14 +301,14 @@ SimulationState FileRobot::save() const {
 }
 
 void FileRobot::restore(std::span<const std::byte> state) {
-  Header header{.magic = 0};
+  FileStateHeader header{.magic = 0};
   if (state.size() >= sizeof(header)) std::memcpy(&header, state.data(), sizeof(header));
-  require(header.magic == kStateMagic,
+  require(header.magic == kFileStateMagic,
           "this is not the saved state of a robot from a file, or one of another version");
   require(header.model == fingerprint_ && state.size() == state_size(),
           "this state was saved from another model");
   Variation variation;
-  std::memcpy(&variation, state.data() + sizeof(Header), sizeof(variation));
+  std::memcpy(&variation, state.data() + sizeof(FileStateHeader), sizeof(variation));
   FileSimulator::check(variation);
   vary_model(variation);
   read_state(state);
@@ -339,13 +339,13 @@ void FileRobot::begin_here() noexcept {
 
 std::size_t FileRobot::state_size() const noexcept {
   const FileSimulator::Memory& memory = state_.memory;
-  return sizeof(Header) + sizeof(Variation) + sizeof(memory.num_sent) +
+  return sizeof(FileStateHeader) + sizeof(Variation) + sizeof(memory.num_sent) +
          std::span(physics_).size_bytes() + num_joints() * sizeof(double) +
          std::span(memory.sent).size_bytes() + chain_.memory().size_bytes();
 }
 
 void FileRobot::write_state(std::span<std::byte> state) const noexcept {
-  mj_getState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
+  mj_getState(model().mujoco(), data_.get(), physics_.data(), kWholeFileState);
   write_state(state, state_.memory, chain_.memory());
 }
 
@@ -357,7 +357,7 @@ void FileRobot::write_state(std::span<std::byte> state, const FileSimulator::Mem
     std::memcpy(target, source, size);
     target += size;
   };
-  const Header header{.model = fingerprint_};
+  const FileStateHeader header{.model = fingerprint_};
   write(&header, sizeof(header));
   write(&memory.variation, sizeof(memory.variation));
   write(&memory.num_sent, sizeof(memory.num_sent));
@@ -369,7 +369,7 @@ void FileRobot::write_state(std::span<std::byte> state, const FileSimulator::Mem
 
 // Reads everything but the varied model, which the caller has made already.
 void FileRobot::read_state(std::span<const std::byte> state) noexcept {
-  const std::byte* source = state.data() + sizeof(Header);
+  const std::byte* source = state.data() + sizeof(FileStateHeader);
   const auto read = [&source](void* target, std::size_t size) {
     std::memcpy(target, source, size);
     source += size;
@@ -378,7 +378,7 @@ void FileRobot::read_state(std::span<const std::byte> state) noexcept {
   read(&memory.variation, sizeof(memory.variation));
   read(&memory.num_sent, sizeof(memory.num_sent));
   read(physics_.data(), std::span(physics_).size_bytes());
-  mj_setState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
+  mj_setState(model().mujoco(), data_.get(), physics_.data(), kWholeFileState);
   data_->warning[mjWARN_BADQACC].number = 0;
   read(memory.torque.begin(), num_joints() * sizeof(double));
   read(memory.sent.data(), std::span(memory.sent).size_bytes());
@@ -386,7 +386,7 @@ void FileRobot::read_state(std::span<const std::byte> state) noexcept {
 }
 
 void FileRobot::keep_state_before_step() noexcept {
-  mj_getState(model().mujoco(), data_.get(), before_step_.data(), kChangedByStep);
+  mj_getState(model().mujoco(), data_.get(), before_step_.data(), kChangedByFileStep);
   memory_before_step_ = state_.memory;
   std::ranges::copy(chain_.memory(), safety_before_step_.begin());
 }
@@ -395,10 +395,10 @@ void FileRobot::keep_state_before_divergence() noexcept {
   // The loop calls this, so it must not allocate.
   if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
   const mjModel* const mujoco = model().mujoco();
-  mj_getState(mujoco, data_.get(), after_step_.data(), kChangedByStep);
-  mj_setState(mujoco, data_.get(), before_step_.data(), kChangedByStep);
-  mj_getState(mujoco, data_.get(), physics_.data(), kWholeState);
-  mj_setState(mujoco, data_.get(), after_step_.data(), kChangedByStep);
+  mj_getState(mujoco, data_.get(), after_step_.data(), kChangedByFileStep);
+  mj_setState(mujoco, data_.get(), before_step_.data(), kChangedByFileStep);
+  mj_getState(mujoco, data_.get(), physics_.data(), kWholeFileState);
+  mj_setState(mujoco, data_.get(), after_step_.data(), kChangedByFileStep);
   write_state(state_before_divergence_, memory_before_step_, safety_before_step_);
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "from_file.hpp"
+#include "in_seconds.hpp"
 #include "read_object.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -21,12 +22,11 @@ namespace {
 
 using config::Node;
 using config::Range;
+using detail::in_seconds;
 using detail::text_of;
 
 constexpr std::string_view kSuffix = ".yml";
 constexpr std::string_view kDocument = "configuration.yml";
-
-double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
 Variant read_variant(const Node& robot) {
   return robot.required_choice<Variant>(

@@ -26,11 +26,11 @@ namespace {
 using detail::require;
 
 // Every saved state begins with this number, so that states of other versions are recognised.
-constexpr std::uint64_t kStateMagic = 0x34534d4953465254;  // "TRFSIMS4"
+constexpr std::uint64_t kSimulatedStateMagic = 0x34534d4953465254;  // "TRFSIMS4"
 
 // Every saved state begins with this header.
-struct Header {
-  std::uint64_t magic{kStateMagic};
+struct SimulatedStateHeader {
+  std::uint64_t magic{kSimulatedStateMagic};
   std::uint64_t model{0};
 };
 
@@ -358,15 +358,16 @@ SimulationState SimulatedRobot<R>::save() const {
 
 template <class R>
 void SimulatedRobot<R>::restore(std::span<const std::byte> state) {
-  Header header{.magic = 0};
+  SimulatedStateHeader header{.magic = 0};
   if (state.size() >= sizeof(header)) std::memcpy(&header, state.data(), sizeof(header));
-  require(header.magic == kStateMagic,
+  require(header.magic == kSimulatedStateMagic,
           "this is not the saved state of a simulation, or one of another version");
   require(header.model == fingerprint_ && state.size() == state_size(),
           "this state was saved from another model: another robot, other objects, or another "
           "object_period or object_delay");
   Memory memory;
-  std::memcpy(&memory, state.data() + sizeof(Header) + std::span(physics_).size_bytes(),
+  std::memcpy(&memory,
+              state.data() + sizeof(SimulatedStateHeader) + std::span(physics_).size_bytes(),
               sizeof(memory));
   memory.variation.validate();
   vary_model(memory.variation);
@@ -435,7 +436,7 @@ std::uint64_t SimulatedRobot<R>::fingerprint() const {
 // Returns the size of a saved state: header, physics, memory, poses under way.
 template <class R>
 std::size_t SimulatedRobot<R>::state_size() const noexcept {
-  return sizeof(Header) + std::span(physics_).size_bytes() + sizeof(Memory) +
+  return sizeof(SimulatedStateHeader) + std::span(physics_).size_bytes() + sizeof(Memory) +
          state_.captures.size() *
              (2 * sizeof(TimeIndex) + model().objects().size() * sizeof(ObjectPose));
 }
@@ -455,7 +456,7 @@ void SimulatedRobot<R>::write_state(std::span<std::byte> state, std::span<const 
     if (size > 0) std::memcpy(target, source, size);
     target += size;
   };
-  const Header header{.model = fingerprint_};
+  const SimulatedStateHeader header{.model = fingerprint_};
   write(&header, sizeof(header));
   write(physics.data(), physics.size_bytes());
   write(&memory, sizeof(memory));
@@ -468,7 +469,7 @@ void SimulatedRobot<R>::write_state(std::span<std::byte> state, std::span<const 
 
 template <class R>
 void SimulatedRobot<R>::read_state(std::span<const std::byte> state) noexcept {
-  const std::byte* source = state.data() + sizeof(Header);
+  const std::byte* source = state.data() + sizeof(SimulatedStateHeader);
   const auto read = [&source](void* target, std::size_t size) {
     // Without objects there is nothing to copy, and the address may be null.
     if (size > 0) std::memcpy(target, source, size);

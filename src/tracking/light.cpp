@@ -11,7 +11,7 @@ namespace {
 constexpr double kStep = 0.12;         // between lights: log of a gain
 constexpr double kUsual = 0.1;         // standard deviation of the log of a gain
 constexpr double kIndependent = 0.05;  // what a sample of a face says that the others do not say
-constexpr double kGrazing = 0.15;
+constexpr double kGrazingLight = 0.15;
 
 }  // namespace
 
@@ -41,7 +41,7 @@ void LightFit::read_samples(const View& view, const Eigen::Isometry3d& pose) noe
   shown_.clear();
   for (std::size_t i = 0; i < shape_->faces.size(); ++i) {
     const Face& face = shape_->faces[i];
-    if (facing(view, pose, face) < kGrazing) continue;
+    if (facing(view, pose, face) < kGrazingLight) continue;
     shown_.push_back(i);
     for (const Eigen::Vector3d& point : face.samples) {
       const Eigen::Vector2d pixel = view.project(pose * point);

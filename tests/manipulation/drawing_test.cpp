@@ -38,7 +38,7 @@ TEST(Letters, HaveStrokesOfTheirHeightAndWidth) {
   for (const Letter& letter : all_letters()) {
     SCOPED_TRACE(letter.sign);
     if (letter.path.empty()) continue;
-    for (const Stroke& stroke : written(std::string(1, letter.sign), 1.0)) {
+    for (const PenStroke& stroke : written(std::string(1, letter.sign), 1.0)) {
       EXPECT_GE(stroke.size(), 2U);
       for (const Vector2d& point : stroke) {
         EXPECT_GE(point.x(), -1e-9);
@@ -60,7 +60,7 @@ TEST(Drawing, LiesInTheMiddleOfAPaperThatIsTurned) {
   const Drawing flat = written("HELLO", kHeight);
   const Drawing there = placed(flat, paper);
   EXPECT_NEAR((there[0][0] - there[0][1]).norm(), (flat[0][0] - flat[0][1]).norm(), 1e-12);
-  for (const Stroke& stroke : there)
+  for (const PenStroke& stroke : there)
     for (const Vector2d& point : stroke) EXPECT_TRUE(paper.contains(point));
 }
 
@@ -119,7 +119,7 @@ TEST(LineWay, IsSmoothAndAsFastAsItMayBe) {
   for (const Letter& letter : all_letters()) {
     if (letter.path.empty()) continue;
     SCOPED_TRACE(letter.sign);
-    for (const Stroke& stroke : written(std::string(1, letter.sign), kHeight)) {
+    for (const PenStroke& stroke : written(std::string(1, letter.sign), kHeight)) {
       Vector2d end = stroke.front();
       for (const LinePart& part : parts_of(stroke, kSpeed, kRamp)) {
         EXPECT_LT((part.at(Seconds(0)).position - end).norm(), 1e-9);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -49,6 +50,8 @@ struct Register {
 inline constexpr std::int32_t kStepsPerTurn = 4096;
 /// What a step of a position is worth [rad].
 inline constexpr double kPositionUnit = 2.0 * std::numbers::pi / kStepsPerTurn;
+/// A step of the register bus_watchdog.
+inline constexpr std::chrono::milliseconds kWatchdogUnit{20};
 /// The position in the middle of the range, which counts as 0 rad.
 inline constexpr std::int32_t kPositionMiddle = 2048;
 /// What a step of a velocity is worth [rad/s]: 0.229 revolutions per minute.

@@ -13,9 +13,9 @@
 namespace trifinger::manipulation {
 
 /// A line without a break: its points in order [m].
-using Stroke = std::vector<Eigen::Vector2d>;
+using PenStroke = std::vector<Eigen::Vector2d>;
 /// Strokes in the order in which they are drawn.
-using Drawing = std::vector<Stroke>;
+using Drawing = std::vector<PenStroke>;
 
 /// A sheet on the table.
 struct Paper {

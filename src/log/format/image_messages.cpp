@@ -14,9 +14,6 @@
 namespace trifinger::log::detail {
 namespace {
 
-constexpr std::string_view kWorld = "world";
-constexpr std::string_view kJpeg = "jpeg";
-
 void add_header(CdrWriter& message, std::int64_t time, std::string_view frame) {
   message.add_time(time);
   message.add(frame);
@@ -82,7 +79,7 @@ std::vector<std::byte> compressed_image(const std::string& frame, std::span<cons
   CdrWriter message;
   message.reserve(jpeg.size() + frame.size() + 64);
   add_header(message, 0, frame);
-  message.add(kJpeg);
+  message.add(kJpegImages);
   message.add(jpeg);
   return message.take();
 }
@@ -124,7 +121,7 @@ std::optional<ImageInMessage> image_in(bool is_compressed, std::span<const std::
     static_cast<void>(reader.number<std::uint32_t>());  // step
   }
   image.bytes = reader.bytes();
-  if (!reader.is_whole() || (is_compressed && image.encoding != kJpeg)) return std::nullopt;
+  if (!reader.is_whole() || (is_compressed && image.encoding != kJpegImages)) return std::nullopt;
   return image;
 }
 

@@ -12,6 +12,9 @@ struct MessageType {
   std::string definition;
 };
 
+// The one frame that all robots share.
+inline constexpr std::string_view kWorld = "world";
+
 // Returns the text with which a definition continues for a type that it uses.
 [[nodiscard]] inline std::string used_type(std::string_view name, std::string_view fields) {
   return std::string(80, '=').append("\nMSG: ").append(name).append("\n").append(fields);

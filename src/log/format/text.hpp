@@ -10,6 +10,8 @@
 #include <string>
 #include <string_view>
 
+#include "trifinger/base/time.hpp"
+
 namespace trifinger::log::detail {
 
 // ---- classes of ASCII characters, whatever the locale ----
@@ -19,6 +21,8 @@ namespace trifinger::log::detail {
 [[nodiscard]] constexpr bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
 // ---- times and names ----
+
+[[nodiscard]] inline Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
 // Returns the time of the wall clock since 1970 [ns].
 [[nodiscard]] inline std::int64_t wall_time() noexcept {

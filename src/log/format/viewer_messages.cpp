@@ -19,8 +19,6 @@ namespace {
 
 constexpr std::string_view kDescriptionDocument = "robot.urdf";
 constexpr std::string_view kFramesDocument = "frames.txt";
-// The one frame that all robots share.
-constexpr std::string_view kWorld = "world";
 // Far more than any robot has.
 constexpr std::size_t kMaxFrames = 1000;
 // Limit for elements of a companion whose steps may never come.

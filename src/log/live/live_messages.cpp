@@ -51,8 +51,6 @@ void require_rate(std::string_view what, double rate) {
   }
 }
 
-[[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
 // Returns how many steps lie between two that are shown.
 TimeIndex stride_of(Nanoseconds period, double rate) {
   if (rate <= 0 || period <= Nanoseconds::zero()) return 1;

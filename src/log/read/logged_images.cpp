@@ -22,8 +22,6 @@ namespace {
 
 using camera::Frame;
 
-constexpr std::string_view kJpeg = "jpeg";
-
 camera::Calibration calibration_of(const LoggedSession& robot) {
   const std::vector<Document>& documents = robot.header().documents;
   const auto found = std::ranges::find(documents, camera::kDocument, &Document::name);
@@ -69,7 +67,7 @@ RecordedImage LoggedImages::recorded(std::size_t camera) const {
 std::vector<std::byte> LoggedImages::pixels(std::size_t camera) const {
   const RecordedImage image = recorded(camera);
   const camera::ImageFormat& format = (*cameras_)[camera].format;
-  if (image.encoding == kJpeg) {
+  if (image.encoding == kJpegImages) {
     return camera::converted(camera::decode_image(image.bytes), format);
   }
   if (image.encoding != camera::name_of(format.pixels) || image.bytes.size() != format.size()) {
@@ -87,7 +85,8 @@ std::vector<std::byte> LoggedImages::rgb(std::size_t camera) const {
   const camera::ImageFormat colour{
       .width = format.width, .height = format.height, .pixels = camera::PixelFormat::kRgb8};
   const RecordedImage image = recorded(camera);
-  if (image.encoding == kJpeg) return camera::converted(camera::decode_image(image.bytes), colour);
+  if (image.encoding == kJpegImages)
+    return camera::converted(camera::decode_image(image.bytes), colour);
   std::vector<std::byte> rgb(colour.size());
   camera::to_rgb(format, pixels(camera), rgb);
   return rgb;

@@ -14,7 +14,7 @@ namespace trifinger::log::detail {
 namespace {
 
 // Pixels can be read for some 16 images, so this is soon enough for 1000 images per second.
-constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(5);
+constexpr Nanoseconds kImagePollPeriod = std::chrono::milliseconds(5);
 // How long a back-end that waits for its recorder waits for room, like for anything else.
 constexpr Nanoseconds kPatience = std::chrono::seconds(1);
 
@@ -91,7 +91,7 @@ void ImageThread::grab() {
     }
     if (is_last) break;
     // Nobody wakes it: the back-end would need a system call for that.
-    std::this_thread::sleep_for(kPollPeriod);
+    std::this_thread::sleep_for(kImagePollPeriod);
   }
   has_grabbed_.store(true, std::memory_order_release);
   if (options_.storage == ImageStorage::kRaw) has_ended_.store(true, std::memory_order_release);
@@ -152,7 +152,7 @@ void ImageThread::compress() {
       if (!image->message.empty()) images_.push_back(std::move(*image));
     }
     if (is_last) break;
-    std::this_thread::sleep_for(kPollPeriod);
+    std::this_thread::sleep_for(kImagePollPeriod);
   }
   has_ended_.store(true, std::memory_order_release);
 }
@@ -188,7 +188,7 @@ bool ImageThread::put(LogWriter::Image& image) {
     }
     // relaxed: no data depends on it.
     if (deadline.passed() || is_hasty_.load(std::memory_order_relaxed)) return false;
-    std::this_thread::sleep_for(kPollPeriod);
+    std::this_thread::sleep_for(kImagePollPeriod);
   }
 }
 

@@ -20,8 +20,6 @@
 
 namespace trifinger::log::detail {
 
-[[nodiscard]] inline Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
 // The files of a recording. Chooses their names, decides when one ends and the next begins, removes
 // old ones, and finds where an earlier recorder stopped. Functions that the disk can make fail
 // throw SystemError; the next call tries again.

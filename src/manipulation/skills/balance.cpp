@@ -26,8 +26,6 @@ using config::Range;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Seconds kLongestLook{5.0};
-
 struct BalanceConfig {
   std::string object;
   Seconds duration{10.0};
@@ -42,7 +40,7 @@ struct BalanceConfig {
   TiltObserverConfig observer{};
 };
 
-BalanceConfig read(const config::Node& root) {
+BalanceConfig read_balance(const config::Node& root) {
   const Range time{.unit = "s", .min = 0, .max = 86400, .above_min = true};
   const Range weight{.min = 0, .max = 1e6};
   BalanceConfig config;
@@ -391,7 +389,7 @@ std::vector<Figure> Balance::figures(const SkillTrace& trace,
 }  // namespace
 
 std::unique_ptr<Skill> make_balance(const SkillContext& context, const config::Node& root) {
-  return std::make_unique<Balance>(context, read(root));
+  return std::make_unique<Balance>(context, read_balance(root));
 }
 
 }  // namespace trifinger::manipulation

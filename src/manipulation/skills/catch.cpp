@@ -29,9 +29,6 @@ using config::Range;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr Range kTime{.unit = "s", .min = 0, .max = 60, .above_min = true};
-constexpr Range kLength{.unit = "m", .min = 0, .max = 1, .above_min = true};
-
 struct CatchConfig {
   std::string object;
   Seconds wait_time;
@@ -51,19 +48,21 @@ struct CatchConfig {
   control::TipGains tips;
 };
 
-CatchConfig read(const Node& root) {
+CatchConfig read_catch(const Node& root) {
+  const Range time_range{.unit = "s", .min = 0, .max = 60, .above_min = true};
+  const Range length{.unit = "m", .min = 0, .max = 1, .above_min = true};
   const auto time = [&](std::string_view key) {
-    return Seconds(root.required<double>(key, kTime));
+    return Seconds(root.required<double>(key, time_range));
   };
   CatchConfig config{
       .object = root.required<std::string>("object"),
       .wait_time = time("wait_time"),
       .approach_speed = root.required<double>(
           "approach_speed", {.unit = "m/s", .min = 0, .max = 1, .above_min = true}),
-      .height = root.required<double>("height", kLength),
-      .open_radius = root.required<double>("open_radius", kLength),
-      .closed_radius = root.required<double>("closed_radius", kLength),
-      .reach = root.required<double>("reach", kLength),
+      .height = root.required<double>("height", length),
+      .open_radius = root.required<double>("open_radius", length),
+      .closed_radius = root.required<double>("closed_radius", length),
+      .reach = root.required<double>("reach", length),
       .closing_time = time("closing_time"),
       .closing_lead = time("closing_lead"),
       .follow_rate = root.required<double>(
@@ -72,7 +71,7 @@ CatchConfig read(const Node& root) {
       .yield_time = time("yield_time"),
       .hold_force = root.required<double>("hold_force", {.unit = "N", .min = 0, .max = 5}),
       .hold_time = time("hold_time"),
-      .lost_distance = root.required<double>("lost_distance", kLength),
+      .lost_distance = root.required<double>("lost_distance", length),
       .tips = {
           .stiffness = root.required<double>(
               "tip_stiffness", {.unit = "N/m", .min = 0, .max = 5000, .above_min = true}),
@@ -413,7 +412,7 @@ class Catch final : public Skill {
 }  // namespace
 
 std::unique_ptr<Skill> make_catch(const SkillContext& context, const config::Node& root) {
-  return std::make_unique<Catch>(context, read(root));
+  return std::make_unique<Catch>(context, read_catch(root));
 }
 
 }  // namespace trifinger::manipulation

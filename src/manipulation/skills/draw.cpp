@@ -35,7 +35,6 @@ using control::Progress;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr Seconds kLongestLook{5.0};
 constexpr Seconds kLongestClose{5.0};
 constexpr Seconds kCheckTime{1.0};
 constexpr double kStillPlace = 1e-3;  // Between two looks at a pen that rests [m].
@@ -103,7 +102,7 @@ WantedDrawing read_drawing(const config::Node& root) {
   return wanted;
 }
 
-DrawConfig read(const config::Node& root) {
+DrawConfig read_draw(const config::Node& root) {
   const Range length{.unit = "m", .min = 0, .max = 0.3, .above_min = true};
   const Range speed{.unit = "m/s", .min = 0, .max = 1, .above_min = true};
   const Range force{.unit = "N", .min = 0, .max = 5, .above_min = true};
@@ -169,7 +168,7 @@ class Draw final : public Skill {
         pen_radius_(pen_.size[1] / 2),
         reach_(pen_.size[0] / 2 - pen_radius_),
         radii_(pen_radius_ + servo_.tip_radius()) {
-    for (const Stroke& stroke : config_.lines)
+    for (const PenStroke& stroke : config_.lines)
       strokes_.push_back(parts_of(stroke, config_.line_speed, config_.ramp));
     enter(Phase::kLook);
   }
@@ -438,7 +437,7 @@ void Draw::stop() noexcept {
 void Draw::plan() {
   std::vector<Vector3d> nibs{above_holder(travel_height())};
   Eigen::AlignedBox2d box;
-  for (const Stroke& stroke : config_.lines)
+  for (const PenStroke& stroke : config_.lines)
     for (const Eigen::Vector2d& point : stroke) box.extend(point);
   for (const auto corner : {Eigen::AlignedBox2d::BottomLeft, Eigen::AlignedBox2d::BottomRight,
                             Eigen::AlignedBox2d::TopLeft, Eigen::AlignedBox2d::TopRight})
@@ -890,7 +889,7 @@ std::vector<ReportFile> Draw::report_files(const SkillTrace& /*trace*/,
 }  // namespace
 
 std::unique_ptr<Skill> make_draw(const SkillContext& context, const config::Node& root) {
-  return std::make_unique<Draw>(context, read(root));
+  return std::make_unique<Draw>(context, read_draw(root));
 }
 
 WantedDrawing load_wanted_drawing(const std::string& config,

@@ -16,12 +16,8 @@ constexpr Range kShort{.unit = "s", .min = 0, .max = 10, .above_min = true};
 constexpr Range kLong{.unit = "s", .min = 0, .max = 100, .above_min = true};
 constexpr Range kShare{.min = 0, .max = 1};
 constexpr Range kSomeShare{.min = 0, .max = 1, .above_min = true};
-constexpr Range kLength{.unit = "m", .min = 0, .max = 1, .above_min = true};
+constexpr Range kDistance{.unit = "m", .min = 0, .max = 1, .above_min = true};
 constexpr Range kWeight{.min = 0, .max = 1e6};
-
-Seconds read_time(const Node& section, std::string_view key, const Range& range) {
-  return Seconds(section.required<double>(key, range));
-}
 
 PushWeights read_weights(const Node& section, std::string_view key) {
   const auto weights = section.required<std::array<double, 3>>(key, kWeight);
@@ -64,13 +60,13 @@ void read_cost(const Node& section, PushConfig& push) {
   push.turning = read_weights(section, "turning");
   push.moving = read_weights(section, "moving");
   push.weights_time = read_time(section, "weights_time", kLong);
-  push.far = section.required<double>("far", kLength);
-  push.near = section.required<double>("near", kLength);
+  push.far = section.required<double>("far", kDistance);
+  push.near = section.required<double>("near", kDistance);
   push.tip_distance = section.required<double>("tip_distance", {.unit = "m", .min = 0, .max = 1});
   push.target_cost = section.required<double>("targets", kWeight);
   push.speed_cost = section.required<double>("speed", kWeight);
   push.spin_cost = section.required<double>("spin", kWeight);
-  push.retreat_distance = section.required<double>("retreat_distance", kLength);
+  push.retreat_distance = section.required<double>("retreat_distance", kDistance);
 }
 
 }  // namespace
@@ -89,7 +85,7 @@ ReposeConfig read_repose(const Node& root) {
   config.settle_time = read_time(root, "settle_time", {.unit = "s", .min = 0, .max = 10});
   config.leave_time = read_time(root, "leave_time", kShort);
   config.stuck_time = read_time(root, "stuck_time", kLong);
-  config.fetch_distance = root.required<double>("fetch_distance", kLength);
+  config.fetch_distance = root.required<double>("fetch_distance", kDistance);
   read_plan(root.section("plan"), config.push);
   read_cost(root.section("cost"), config.push);
   return config;
@@ -102,11 +98,11 @@ CarrierConfig read_carrier(const Node& section, const std::string& object) {
   carry.grasp.object = object;
   carry.grasp.controller.approach_speed = section.required<double>("approach_speed", speed);
   carry.grasp.controller.closing_speed = section.required<double>("closing_speed", speed);
-  carry.middle = section.required<double>("middle", kLength);
+  carry.middle = section.required<double>("middle", kDistance);
   carry.near_angle = section.required<double>(
       "near_angle", {.unit = "rad", .min = 0, .max = 1, .above_min = true});
-  carry.drag_distance = section.required<double>("drag_distance", kLength);
-  carry.height = section.required<double>("height", kLength);
+  carry.drag_distance = section.required<double>("drag_distance", kDistance);
+  carry.height = section.required<double>("height", kDistance);
   carry.speed = section.required<double>("speed", speed);
   carry.turn_speed = section.required<double>(
       "turn_speed", {.unit = "rad/s", .min = 0, .max = 10, .above_min = true});

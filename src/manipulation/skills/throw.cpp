@@ -27,9 +27,6 @@ namespace {
 using config::Node;
 using config::Range;
 
-constexpr Range kTime{.unit = "s", .min = 0, .max = 60, .above_min = true};
-constexpr Range kLength{.unit = "m", .min = 0, .max = 1, .above_min = true};
-
 struct ThrowConfig {
   std::string object;
   Seconds wait_time;
@@ -45,16 +42,18 @@ struct ThrowConfig {
   Eigen::Vector3d ball;  // Where the ball lies when the stroke begins [m].
 };
 
-ThrowConfig read(const Node& root, const control::SafetyLimits& limits) {
+ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
+  const Range time{.unit = "s", .min = 0, .max = 60, .above_min = true};
+  const Range length{.unit = "m", .min = 0, .max = 1, .above_min = true};
   ThrowConfig config{
       .object = root.required<std::string>("object"),
-      .wait_time = Seconds(root.required<double>("wait_time", kTime)),
-      .centre_time = Seconds(root.required<double>("centre_time", kTime)),
-      .watch_time = Seconds(root.required<double>("watch_time", kTime)),
+      .wait_time = Seconds(root.required<double>("wait_time", time)),
+      .centre_time = Seconds(root.required<double>("centre_time", time)),
+      .watch_time = Seconds(root.required<double>("watch_time", time)),
       .approach_speed = root.required<double>(
           "approach_speed", {.unit = "rad/s", .min = 0, .max = 5, .above_min = true}),
-      .cradle_distance = root.required<double>("cradle_distance", kLength),
-      .centre_distance = root.required<double>("centre_distance", kLength),
+      .cradle_distance = root.required<double>("cradle_distance", length),
+      .centre_distance = root.required<double>("centre_distance", length),
       .rest_speed = root.required<double>("rest_speed",
                                           {.unit = "m/s", .min = 0, .max = 1, .above_min = true}),
       .feedback = root.required<double>("feedback", {.unit = "1/s", .min = 0, .max = 20}),
@@ -68,7 +67,7 @@ ThrowConfig read(const Node& root, const control::SafetyLimits& limits) {
   for (const std::string_view known : {"usual", "far"}) {
     const Node section = root.section("strokes").section(known);
     Stroke stroke{
-        .spacing = Seconds(section.required<double>("spacing", kTime)),
+        .spacing = Seconds(section.required<double>("spacing", time)),
         .targets = {},
         .stiffness = section.required<double>(
             "stiffness", {.unit = "Nm/rad", .min = 0, .max = 50, .above_min = true}),
@@ -444,7 +443,7 @@ class Throw final : public Skill {
 }  // namespace
 
 std::unique_ptr<Skill> make_throw(const SkillContext& context, const config::Node& root) {
-  return std::make_unique<Throw>(context, read(root, context.limits));
+  return std::make_unique<Throw>(context, read_throw(root, context.limits));
 }
 
 }  // namespace trifinger::manipulation
