@@ -32,6 +32,8 @@ function(trifinger_target_options target)
             -Wdouble-promotion
             # g++ 12 reports overlaps in std::string's operator+ that do not exist (GCC bug 105651).
             $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+            # g++ takes files that are compiled together for headers, which should have no anonymous namespaces.
+            $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-subobject-linkage>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
   if(TRIFINGER_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE} ${trifinger_sanitizer_ignorelist}

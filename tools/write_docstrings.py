@@ -2,7 +2,8 @@
 """Writes the docstrings of Python: the comments of the public headers, in Python's words.
 
 A file of bindings/ that names `docs::Pose::position` gets the comment of the field `position` of
-`Pose`, and `docs::Pose::Pose` that of the class. bindings/docstrings.hpp has these texts.
+`Pose`, and `docs::Pose::Pose` that of the class. bindings/docstrings.cpp has these texts, so that
+another text compiles this file alone.
 """
 
 import re
@@ -17,7 +18,8 @@ from clang import cindex
 ROOT = Path(__file__).resolve().parent.parent
 INCLUDE = ROOT / "include"
 BINDINGS = ROOT / "bindings"
-WRITTEN = BINDINGS / "docstrings.hpp"
+NAMES_FILE = BINDINGS / "docstrings.hpp"
+TEXTS_FILE = BINDINGS / "docstrings.cpp"
 USE = re.compile(r"\bdocs::(\w+(?:::\w+)*)")
 WIDTH = 92
 
@@ -45,11 +47,11 @@ HAVE_MEMBERS = {
 
 BEGIN = """// SPDX-License-Identifier: BSD-3-Clause
 // Comments of the public headers, for Python. tools/write_docstrings.py writes this file.
-#pragma once
+{}
 
 // clang-format off
 // NOLINTBEGIN(readability-identifier-naming): the names are those of the declarations.
-namespace trifinger::bindings::docs {
+namespace trifinger::bindings::docs {{
 """
 END = """
 }  // namespace trifinger::bindings::docs
@@ -123,7 +125,7 @@ def output_of(*command: str) -> str:
 
 def used() -> dict[str, str]:
     """Returns the names that bindings use, each with a file that does."""
-    sources = (path for path in sorted(BINDINGS.rglob("*.[ch]pp")) if path != WRITTEN)
+    sources = (path for path in sorted(BINDINGS.rglob("*.[ch]pp")) if path != TEXTS_FILE)
     return {
         name: path.relative_to(ROOT).as_posix()
         for path in sources
@@ -141,12 +143,13 @@ def declaration_of(name: str, comments: Iterable[str]) -> list[str]:
     return [full] if full in comments else [each for each in comments if inside.fullmatch(each)]
 
 
-def docstrings() -> str:
-    """Returns the text of bindings/docstrings.hpp."""
+def docstrings() -> dict[Path, str]:
+    """Returns the files that declare and define the docstrings, with their content."""
     comments: dict[str, str] = {}
     for name, comment in documented():
         comments.setdefault(name, comment)
-    scopes: dict[str, str] = {}
+    names: dict[str, str] = {}
+    texts: dict[str, str] = {}
     problems = []
     for name, file in sorted(used().items()):
         found = declaration_of(name, comments)
@@ -155,15 +158,25 @@ def docstrings() -> str:
             problems.append(f"{file}: docs::{name} {what}")
             continue
         scope, _, last = name.rpartition("::")
-        constant = f'inline constexpr const char* {last} = R"({to_python(comments[found[0]])})";\n'
-        scopes[scope] = scopes.get(scope, "") + constant
+        text = to_python(comments[found[0]])
+        names[scope] = names.get(scope, "") + f"extern const char* const {last};\n"
+        texts[scope] = texts.get(scope, "") + f'const char* const {last} = R"({text})";\n'
     if problems:
         sys.exit("\n".join(problems))
-    text = BEGIN
-    for scope, constants in scopes.items():
-        text += f"\nnamespace {scope} {{\n{constants}}}\n" if scope else "\n" + constants
+    return {
+        NAMES_FILE: file_of("#pragma once", names),
+        TEXTS_FILE: file_of('#include "docstrings.hpp"', texts),
+    }
+
+
+def file_of(first: str, scopes: dict[str, str]) -> str:
+    """Returns a file that begins with the line `first` and has these lines in these scopes."""
+    text = BEGIN.format(first)
+    for scope, lines in scopes.items():
+        text += f"\nnamespace {scope} {{\n{lines}}}\n" if scope else "\n" + lines
     return text + END
 
 
 if __name__ == "__main__":
-    WRITTEN.write_text(docstrings())
+    for path, text in docstrings().items():
+        path.write_text(text)

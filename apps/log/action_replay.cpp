@@ -26,7 +26,7 @@ constexpr std::string_view kVelocity = "velocity";
 // How long the robot rests in the start pose before the motion begins, and when in this rest its
 // pose is checked. Actions for the whole rest are sent ahead, so none is late during the check.
 constexpr Nanoseconds kRest = std::chrono::milliseconds(500);
-constexpr Nanoseconds kLook = std::chrono::milliseconds(300);
+constexpr Nanoseconds kLookAhead = std::chrono::milliseconds(300);
 
 // Returns the largest distance of any joint; a NaN is infinitely far from everything.
 double distance(const Position& one, const Position& other) {
@@ -190,7 +190,7 @@ Position blend(Player& player, const Joints& joints, const Position& here, const
   }
   const std::vector<std::byte> rest = joints.action_of(there);
   for (TimeIndex k = 0; k < steps_in(kRest, period); ++k) player.play(rest.data());
-  return joints.position_in(player.observation(steps + kLook / period).data());
+  return joints.position_in(player.observation(steps + kLookAhead / period).data());
 }
 
 // Makes the first targets begin at the position that was asked for before. The difference fades

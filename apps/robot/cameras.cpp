@@ -147,11 +147,6 @@ std::unique_ptr<camera::Source> open_source(const Cameras& cameras,
                                                        cameras.cameras, options.period, look);
 }
 
-void say(const std::string& robot, const std::string& sentence) {
-  print_safely("{}: {}\n", robot, sentence);
-  std::fflush(stdout);
-}
-
 void print(const std::string& robot, const camera::FeedStatistics& statistics) {
   const double seconds = std::chrono::duration<double>(statistics.duration).count();
   for (const auto& camera : statistics.cameras) {
@@ -170,7 +165,7 @@ void print(const std::string& robot, const camera::FeedStatistics& statistics) {
                   duration_text(statistics.largest_skew)));
 }
 
-int list() {
+int list_devices() {
   std::vector<std::string> lacks;
   const std::vector<camera::DeviceInfo> devices = camera::list_devices(lacks);
   for (const camera::DeviceInfo& device : devices) {
@@ -182,7 +177,7 @@ int list() {
 }
 
 int cameras(const CamerasOptions& options) {
-  if (options.list) return list();
+  if (options.list) return list_devices();
   if (!options.robot) {
     throw UsageError("'trifinger cameras' needs the name of a robot, or --list");
   }

@@ -28,7 +28,7 @@ using dynamixel::EmulatedBus;
 using dynamixel::HardwareError;
 using dynamixel::LineFaults;
 
-constexpr Nanoseconds kLook = std::chrono::milliseconds(20);
+constexpr Nanoseconds kSignalPeriod = std::chrono::milliseconds(20);
 
 constexpr auto kErrors = std::to_array<std::pair<std::string_view, HardwareError>>(
     {{"input_voltage", HardwareError::kInputVoltage},
@@ -115,9 +115,9 @@ MotorFault parse(const std::string& text) {
 }
 
 // The faults of an emulator, as they are given and as they happen.
-class Faults {
+class MotorFaults {
  public:
-  Faults(dynamixel::Emulator& emulator, std::string name)
+  MotorFaults(dynamixel::Emulator& emulator, std::string name)
       : emulator_(emulator), name_(std::move(name)) {}
 
   void add(MotorFault fault, Nanoseconds now) {
@@ -208,7 +208,7 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
   }
   dynamixel::Emulator emulator(servos::emulated_motors(servos), plant, {},
                                servos::emulated_port(config.name).string());
-  Faults scheduled(emulator, config.name);
+  MotorFaults scheduled(emulator, config.name);
   const Instant begin = std::chrono::steady_clock::now();
   const auto elapsed = [begin] { return std::chrono::steady_clock::now() - begin; };
   for (MotorFault& fault : given) scheduled.add(std::move(fault), Nanoseconds::zero());
@@ -216,7 +216,7 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
                servos::emulated_motors(servos).size(), emulator.path());
   std::fflush(stdout);
   TypedLines typed;
-  while (!signals.wait(kLook)) {
+  while (!signals.wait(kSignalPeriod)) {
     for (const std::string& line : typed.take()) {
       try {
         if (line == "reset") {

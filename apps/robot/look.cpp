@@ -36,7 +36,7 @@ struct LookOptions {
 
 using Pixels = std::vector<std::byte>;
 
-constexpr Nanoseconds kLook = std::chrono::milliseconds(100);
+constexpr Nanoseconds kLongestWait = std::chrono::milliseconds(100);
 // Images that are older do not show what is there now.
 constexpr Nanoseconds kOld = std::chrono::seconds(2);
 
@@ -120,7 +120,7 @@ camera::Images newest_images(const Session& robot, const std::string& name, Nano
   std::optional<camera::Images> last;
   bool is_old = false;
   do {
-    std::optional<camera::Images> images = live.next(deadline.remaining(kLook));
+    std::optional<camera::Images> images = live.next(deadline.remaining(kLongestWait));
     if (!images) images = reader.latest();
     if (!images) continue;
     last = std::move(images);

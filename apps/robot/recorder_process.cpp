@@ -26,8 +26,6 @@ constexpr int kMaxEndings = 2;
 constexpr std::string_view kMessage = "recorder: ";
 constexpr std::string_view kFailure = "trifinger: ";
 
-[[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
 }  // namespace
 
 RecorderProcess::RecorderProcess(std::string robot, std::filesystem::path folder,

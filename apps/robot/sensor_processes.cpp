@@ -29,8 +29,6 @@ void take_sentences(ChildProgram& program, std::vector<std::string>& news) {
   }
 }
 
-[[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
 }  // namespace
 
 SensorProcesses::SensorProcesses(std::vector<std::vector<std::string>> commands) {

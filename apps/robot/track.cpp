@@ -42,11 +42,6 @@ struct TrackOptions {
   pid_t parent{0};        // ends with it, unless 0
 };
 
-void say(const std::string& robot, const std::string& sentence) {
-  print_safely("{}: {}\n", robot, sentence);
-  std::fflush(stdout);
-}
-
 // Tracks one object, and tells when it is lost and found.
 class TrackedThing {
  public:
@@ -79,10 +74,10 @@ class TrackedThing {
 
   // A sentence if the object was lost for a while or found again.
   [[nodiscard]] std::optional<std::string> news(Instant time) {
-    constexpr Nanoseconds kPatience = std::chrono::milliseconds(500);
+    constexpr Nanoseconds kLastLook = std::chrono::milliseconds(500);
     constexpr Nanoseconds kFirstPatience = std::chrono::seconds(5);
     if (!begin_) begin_ = time;
-    const bool is_there = last_ && time - last_time_ < kPatience;
+    const bool is_there = last_ && time - last_time_ < kLastLook;
     if (is_there == was_there_) return std::nullopt;
     if (!was_there_ && !is_there) {
       if (time - *begin_ < kFirstPatience) return std::nullopt;

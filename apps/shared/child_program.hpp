@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +12,8 @@
 #include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
+
+[[nodiscard]] inline Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
 // This program with other words, as a child process in a process group of its own: Ctrl-C on a
 // terminal does not reach it. What it prints comes here. It does not end by itself when this object

@@ -24,6 +24,7 @@
 #include <utility>
 
 #include "log/running_recorder.hpp"
+#include "shared/child_program.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
@@ -55,8 +56,6 @@ struct TurnInterrupted : std::exception {
   explicit TurnInterrupted(int which) noexcept : signal(which) {}
   int signal;
 };
-
-Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
 // Returns all that the program gets as environment.
 std::vector<std::string> environment_for(const TurnOptions& options, const fs::path& folder) {

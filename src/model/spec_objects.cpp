@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "face_colours.hpp"
+#include "file_objects.hpp"
 #include "spec_builder.hpp"
 
 namespace trifinger::detail {

@@ -20,7 +20,7 @@ def become(*command: str, **variables: str) -> NoReturn:
 def demo(*arguments: str) -> NoReturn:
     """Lifts a cube."""
     setup()
-    build("release", "apps/all", "bindings/all")
+    build("release", "trifinger_program", "trifinger_manipulate", "trifinger_python")
     become(f"{PROGRAMS}/trifinger", "demo", *arguments)
 
 

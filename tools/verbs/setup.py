@@ -40,9 +40,9 @@ def setup() -> None:
     """
     steps = Steps("setup")
     install_debian_packages(steps, DEBIAN_PACKAGES)
-    if shutil.which("ccache"):  # the build folders share objects: paths are relative to this one
+    if shutil.which("ccache"):  # the build folders share objects, and comments change none
         os.environ["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
-        os.environ.update(CCACHE_BASEDIR=str(ROOT), CCACHE_DEPEND="1")
+        os.environ["CCACHE_BASEDIR"] = str(ROOT)
     _make_virtual_environment(steps)
     _link_package(steps)
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "read_time.hpp"
 #include "skills/repose.hpp"
 #include "trifinger/manipulation/config.hpp"
 
