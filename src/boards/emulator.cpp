@@ -12,6 +12,12 @@
 
 namespace trifinger::boards {
 
+namespace {
+
+using Kind = EmulatedFault::Kind;
+
+}  // namespace
+
 template <class R>
 Emulator<R>::Emulator(const BoardRobotOptions<R>& wiring,
                       std::vector<std::unique_ptr<can::Bus>> buses, Plant<R>& plant, Instant now,
@@ -122,7 +128,6 @@ std::array<double, 2> Emulator<R>::analog_inputs(std::size_t board) const noexce
 
 template <class R>
 void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
-  using Kind = EmulatedFault::Kind;
   const auto require_number = [](const char* what, std::size_t number, std::size_t count) {
     trifinger::detail::require(number < count, std::string("there is no ") + what + " " +
                                                    std::to_string(number) + ", only 0 to " +
@@ -211,7 +216,6 @@ void Emulator<R>::carry_out(Instant now) noexcept {
 template <class R>
 bool Emulator<R>::has_power(std::size_t board) const noexcept {
   return std::ranges::none_of(faults_, [board](const ScheduledFault& scheduled) {
-    using Kind = EmulatedFault::Kind;
     const EmulatedFault& fault = scheduled.fault;
     return scheduled.phase == ScheduledFault::Phase::kLasts &&
            (fault.kind == Kind::kPowerOff ||
@@ -229,7 +233,6 @@ void Emulator<R>::restore_power(Instant now) noexcept {
 
 template <class R>
 void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
-  using Kind = EmulatedFault::Kind;
   const std::size_t number = fault.number;
   switch (fault.kind) {
     case Kind::kPowerOff:
@@ -292,7 +295,6 @@ void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
 
 template <class R>
 void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
-  using Kind = EmulatedFault::Kind;
   const std::size_t number = fault.number;
   switch (fault.kind) {
     case Kind::kPowerOff:
