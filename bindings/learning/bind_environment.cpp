@@ -125,18 +125,15 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
       .def(
           "compute_reward",
           [environment_of](const T& self, const Goals& achieved, const Goals& desired) {
-            const Environment& environment = environment_of(self);
-            const std::size_t size = environment.goal_size();
-            if (achieved.shape(1) != size || desired.shape(1) != size ||
-                achieved.shape(0) != desired.shape(0)) {
-              throw InvalidArgument("goals must have " + std::to_string(size) +
-                                    " numbers each, as many of them achieved as desired");
+            if (achieved.shape(0) != desired.shape(0)) {
+              throw InvalidArgument("there are " + std::to_string(achieved.shape(0)) +
+                                    " achieved goals, but " + std::to_string(desired.shape(0)) +
+                                    " desired ones");
             }
             Eigen::VectorXd rewards(static_cast<Eigen::Index>(achieved.shape(0)));
-            for (std::size_t i = 0; i < achieved.shape(0); ++i) {
-              rewards[static_cast<Eigen::Index>(i)] = environment.reward(
-                  {achieved.data() + i * size, size}, {desired.data() + i * size, size});
-            }
+            environment_of(self).rewards({achieved.data(), achieved.size()},
+                                         {desired.data(), desired.size()},
+                                         {rewards.data(), achieved.shape(0)});
             return rewards;
           },
           "achieved"_a, "desired"_a, "One reward for each row.");

@@ -16,6 +16,7 @@
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -118,6 +119,13 @@ struct Bounds {
         !read_array(numpy.attr("atleast_1d")(both[1]), high)) {
       throw InvalidArgument("bounds of random numbers must be numbers, or a list of them");
     }
+    if (low.size() == 0) throw InvalidArgument("there are no bounds of random numbers");
+    for (Eigen::Index i = 0; i < low.size(); ++i) {
+      if (std::isfinite(high[i] - low[i]) && low[i] <= high[i]) continue;
+      throw InvalidArgument(detail::text_of("random numbers cannot be from ", low[i], " to ",
+                                            high[i],
+                                            ": bounds must be finite, the lower one first"));
+    }
   }
 
   Eigen::VectorXd low;
@@ -196,6 +204,19 @@ class PythonTask final : public TaskOfMany {
       one.goals = std::llround(row[3]);
       std::copy_n(row + 4, one.achieved.size(), one.achieved.begin());
     }
+  }
+
+  void reward(std::span<const double> achieved, std::span<const double> desired,
+              std::span<double> rewards) const override {
+    const GilHold hold;
+    const auto rows = [&](std::span<const double> goals) {
+      auto [array, memory] = new_rows(rewards.size(), goal_.low.size(), NPY_DOUBLE);
+      std::ranges::copy(goals, static_cast<double*>(memory));
+      return array;
+    };
+    const auto answer = nb::cast<Array<Eigen::VectorXd>>(
+        answers_.attr("rewards")(task_, rows(achieved), rows(desired)));
+    std::copy_n(answer.value.data(), rewards.size(), rewards.begin());
   }
 
   void show(std::span<const Observed> robots, std::span<double> shown) const override {
@@ -303,6 +324,10 @@ void bind_random(nb::module_& m) {
       .def(
           "integer",
           [](const RandomOfMany& self, std::int64_t low, std::int64_t high) {
+            if (low >= high) {
+              throw InvalidArgument(detail::text_of("there is no integer from ", low,
+                                                    " up to but not including ", high));
+            }
             return self.draw<std::int64_t>(0, NPY_INT64, [&](Random& random, std::size_t) {
               return random.integer(low, high);
             });

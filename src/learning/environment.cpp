@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/learning/environment.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -12,6 +14,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/moved.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::learning {
 namespace {
@@ -19,13 +22,15 @@ namespace {
 using trifinger::detail::text_of;
 
 // Bounds of the observed values. The safety checks brake joints that are faster.
-constexpr double kMaxVelocity = 10.0;     // [rad/s]
-constexpr double kMaxSideways = 0.5;      // [m]
-constexpr double kBeyondLimits = 0.2;     // [rad]
-constexpr double kMaxHeight = 0.6;        // [m]
-constexpr double kWayTime = 2.0;          // Time to reach the start of an episode [s].
-constexpr long long kWayActions = 20;     // Minimum number of actions for it.
-constexpr std::size_t kMaxValues = 1024;  // Largest number of values in an observation.
+constexpr double kMaxVelocity = 10.0;                // [rad/s]
+constexpr double kMaxSideways = 0.5;                 // [m]
+constexpr double kBeyondLimits = 0.2;                // [rad]
+constexpr double kMaxHeight = 0.6;                   // [m]
+constexpr double kWayTime = 2.0;                     // Time to reach the start of an episode [s].
+constexpr long long kWayActions = 20;                // Minimum number of actions for it.
+constexpr std::size_t kMaxValues = 1024;             // Largest number of values in an observation.
+constexpr std::string_view kImageAge = "image_age";  // What whoever has cameras adds.
+constexpr double kSmallestSquare = 1e-12;            // Of a quaternion that is not zero.
 
 // Each episode has three series of random numbers.
 constexpr std::uint64_t kStreams = 4;
@@ -83,11 +88,22 @@ ObjectPose upward(const ObjectPose& pose) noexcept {
   return shown;
 }
 
+// Pose of an object in positions in the order of MuJoCo's `qpos`.
+ObjectPose pose_in(const double* positions, const ObjectAddress& object) noexcept {
+  const double* const first = positions + object.position;
+  ObjectPose pose;
+  std::copy_n(first, pose.position.size(), pose.position.begin());
+  std::copy_n(first + pose.position.size(), pose.orientation.size(), pose.orientation.begin());
+  return pose;
+}
+
 // What is known of each joint of a robot, one number per joint.
 struct JointFigures {
   std::vector<double> initial{};  // Where it begins [rad], [m].
   std::vector<double> low{};      // What actions can ask for.
   std::vector<double> high{};
+  std::vector<double> hard_low{};  // Where the joint can be.
+  std::vector<double> hard_high{};
   std::vector<double> max_torque{};                                                // [Nm], [N]
   Entry position{.name = "joint_position", .unit = "rad", .low = {}, .high = {}};  // observed
   Entry velocity{.name = "joint_velocity", .unit = "rad/s", .low = {}, .high = {}};
@@ -107,6 +123,8 @@ JointFigures figures_of(const Kinematics& kinematics) {
       joints.initial.push_back(limits.initial_position[i]);
       joints.low.push_back(std::max(low[i], limits.soft_lower[i]));
       joints.high.push_back(std::min(high[i], limits.soft_upper[i]));
+      joints.hard_low.push_back(limits.hard_lower[i]);
+      joints.hard_high.push_back(limits.hard_upper[i]);
       joints.max_torque.push_back(actuator(description).torque_limit);
       joints.position.low.push_back(limits.hard_lower[i] - kBeyondLimits);
       joints.position.high.push_back(limits.hard_upper[i] + kBeyondLimits);
@@ -135,6 +153,8 @@ JointFigures figures_of(const FileBody& body) {
     joints.initial.push_back(initial);
     joints.low.push_back(low);
     joints.high.push_back(high);
+    joints.hard_low.push_back(limit.hard_lower);
+    joints.hard_high.push_back(limit.hard_upper);
     joints.max_torque.push_back(limit.max_torque);
     joints.position.low.push_back(is_end(limit.hard_lower) ? limit.hard_lower - kBeyondLimits
                                                            : low - half_turn);
@@ -154,6 +174,36 @@ JointFigures figures_of(const FileBody& body) {
 Workspace workspace_of(const JointFigures& joints, const Kinematics* kinematics,
                        const FileBody* file) {
   return {.kinematics = kinematics, .file = file, .low = joints.low, .high = joints.high};
+}
+
+// Refuses bounds that nothing can be between.
+void check_bounds(const Entry& entry, std::string_view task) {
+  if (entry.low.size() != entry.high.size() || entry.low.empty()) {
+    throw InvalidArgument(text_of("'", entry.name, "' of the task '", task, "' has ",
+                                  entry.low.size(), " lower and ", entry.high.size(),
+                                  " upper bounds, must have as many of both, at least 1"));
+  }
+  for (std::size_t i = 0; i < entry.low.size(); ++i) {
+    const double width = entry.high[i] - entry.low[i];
+    if (std::isfinite(width) && width > 0.0) continue;
+    throw InvalidArgument(text_of("number ", i, " of '", entry.name, "' of the task '", task,
+                                  "' is from ", entry.low[i], " to ", entry.high[i],
+                                  ": bounds must be finite, the lower one below the upper one"));
+  }
+}
+
+// Refuses names that an observation has of its own, or twice.
+void check_names(std::span<const Entry> entries, std::string_view task) {
+  for (auto entry = entries.begin(); entry != entries.end(); ++entry) {
+    if (entry->name.empty() || entry->name == kImageAge) {
+      throw InvalidArgument(text_of("an entry of the task '", task, "' is called '", entry->name,
+                                    "', which no entry can be"));
+    }
+    if (std::ranges::find(entries.begin(), entry, entry->name, &Entry::name) != entry) {
+      throw InvalidArgument(
+          text_of("two entries of the task '", task, "' are called '", entry->name, "'"));
+    }
+  }
 }
 
 // Refuses what only a simulated TriFinger can do.
@@ -199,6 +249,11 @@ struct Environment::Implementation {
       throw InvalidArgument("frames are for robots from files: a TriFinger has its tips");
     }
     set_up(its_task, step);
+    if (of_many != nullptr && !task->object_name().empty()) {
+      const RobotModel model(description);
+      const ObjectAddress& object = model.object(std::string(task->object_name()));
+      object_pose = pose_in(model.mujoco()->key_qpos, object);
+    }
     for (int finger = 0; finger < kinematics->num_fingers(); ++finger) {
       turns.push_back(kinematics->finger_azimuth(0) - kinematics->finger_azimuth(finger));
     }
@@ -216,6 +271,13 @@ struct Environment::Implementation {
         goal(task->goal()),
         num_points(file->num_frames()) {
     set_up(its_task, robot.model->period());
+    if (of_many != nullptr && !task->object_name().empty()) {
+      const auto data = robot.model->make_data();
+      robot.put_at_start(*data);
+      object_pose =
+          pose_in(data->qpos, *std::ranges::find(robot.model->free_bodies(), task->object_name(),
+                                                 &ObjectAddress::name));
+    }
   }
 
   void set_up(const TaskDescription& its_task, Nanoseconds step) {
@@ -235,9 +297,16 @@ struct Environment::Implementation {
       throw InvalidArgument(
           text_of("object_poses is 'tracked', but the task '", its_task.name, "' has no object"));
     }
+    check_bounds(goal, its_task.name);
+    if (task->has_goals_of_fingers() && goal.low.size() != 3 * num_points) {
+      throw InvalidArgument(text_of("goals of the task '", its_task.name, "' have ",
+                                    goal.low.size(), " numbers, must have ", 3 * num_points,
+                                    ": three for each finger or frame"));
+    }
+    task_name = its_task.name;
     num_parts = task->has_goals_of_fingers() ? num_points : 1;
     scores = task->scores();
-    list_entries(its_task);
+    list_entries();
     list_flat();
   }
 
@@ -248,15 +317,19 @@ struct Environment::Implementation {
                        .high = std::vector<double>(size, most)});
   }
 
-  void list_entries(const TaskDescription& its_task) {
+  void list_entries() {
     entries = task->entries();
+    check_names(entries, task_name);
     has_own_entries = !entries.empty();
     if (has_own_entries) {
       if (options.layout == Layout::kGoal) {
-        throw InvalidArgument(text_of("observation is 'goal', but what the task '", its_task.name,
+        throw InvalidArgument(text_of("observation is 'goal', but what the task '", task_name,
                                       "' shows has no part without its goal"));
       }
-      for (const Entry& entry : entries) own_values += entry.low.size();
+      for (const Entry& entry : entries) {
+        check_bounds(entry, task_name);
+        own_values += entry.low.size();
+      }
     } else {
       list_usual_entries();
     }
@@ -302,6 +375,14 @@ struct Environment::Implementation {
       flat.resize(begin);
       std::iota(flat.begin(), flat.end(), std::size_t{0});
       return;
+    }
+    for (const Entry& entry : entries) {
+      if (entry.low.size() == num_joints) continue;
+      throw InvalidArgument(text_of("the task '", task_name,
+                                    "' has goals of fingers, so all that is observed is in the "
+                                    "order of fingers, three numbers for each; '",
+                                    entry.name, "' has ", entry.low.size(), " numbers, not ",
+                                    num_joints, ": take observation 'dictionary'"));
     }
     for (std::size_t finger = 0; finger < num_joints / 3; ++finger) {
       for (const std::size_t entry_begin : begins) {
@@ -478,7 +559,27 @@ struct Environment::Implementation {
     Start start;
     start.random = {.seed = seed, .episode = stream + kPoseNoise};
     std::ranges::copy(joints.initial, start.position.begin());
+    start.object = object_pose;
     return start;
+  }
+
+  // Refuses a start that no robot can have, which the task has drawn in this row.
+  void check(const Start& start, std::size_t row) const {
+    for (std::size_t i = 0; i < num_joints; ++i) {
+      const double position = start.position[i];
+      if (position >= joints.hard_low[i] && position <= joints.hard_high[i]) continue;
+      throw InvalidArgument(text_of("a start of the task '", task_name, "' has joint ", i, " at ",
+                                    position, " in row ", row, ", its hard limits are ",
+                                    joints.hard_low[i], " and ", joints.hard_high[i]));
+    }
+    double square = 0.0;
+    for (const double value : start.object.orientation) square += value * value;
+    bool is_pose = std::isfinite(square) && square > kSmallestSquare;
+    for (const double value : start.object.position) is_pose = is_pose && std::isfinite(value);
+    if (is_pose) return;
+    throw InvalidArgument(text_of("a start of the task '", task_name,
+                                  "' has no pose of the object in row ", row,
+                                  ": it is not finite, or its quaternion is zero"));
   }
 
   // Draws what does not depend on the task, after the task has drawn.
@@ -506,11 +607,13 @@ struct Environment::Implementation {
   JointFigures joints;
   Workspace workspace;
   std::unique_ptr<const AnyTask> task;
+  std::string task_name{};    // of the task
   const Task* of_one;         // the task; nullptr if it is one of many
   const TaskOfMany* of_many;  // the task; nullptr if it is one of one
   Entry goal;
   std::size_t num_points;    // tips or frames
   std::size_t num_parts{1};  // of a goal
+  ObjectPose object_pose{};  // Where the object of a task of many begins by the configuration.
   double action_time{0.0};   // Duration of one action [s].
   std::size_t num_joints{0};
   std::int64_t episode_actions{0};
@@ -605,10 +708,15 @@ bool Environment::is_of_many() const noexcept {
   return checked(implementation_)->of_many != nullptr;
 }
 
-Start Environment::begin(std::uint64_t seed, std::uint64_t number,
-                         Episode& episode) const noexcept {
+Start Environment::begin(std::uint64_t seed, std::uint64_t number, Episode& episode) const {
   const Implementation& self = *checked(implementation_);
-  Start start = self.prepare(seed, number, episode);
+  Start start;
+  if (self.of_many != nullptr) {
+    const Beginning one{.seed = seed, .number = number, .episode = &episode, .start = &start};
+    begin({&one, 1});
+    return start;
+  }
+  start = self.prepare(seed, number, episode);
   self.of_one->begin(self.workspace, start, episode, self.goal_of(episode));
   self.complete(start, episode);
   return start;
@@ -622,7 +730,10 @@ void Environment::begin(std::span<const Beginning> robots) const {
   }
   if (self.of_many == nullptr) return;
   self.of_many->begin(robots);
-  for (const Beginning& one : robots) self.complete(*one.start, *one.episode);
+  for (std::size_t row = 0; row < robots.size(); ++row) {
+    self.check(*robots[row].start, row);
+    self.complete(*robots[row].start, *robots[row].episode);
+  }
 }
 
 std::int64_t Environment::way_actions() const noexcept {
@@ -671,14 +782,18 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
 
 Outcome Environment::observe(const Measurement& measurement, Episode& episode,
                              std::span<float> observation, std::span<double> achieved,
-                             std::span<double> desired) const noexcept {
+                             std::span<double> desired) const {
   Observed one;
   one.measurement = measurement;
   one.episode = &episode;
   one.observation = observation;
   one.achieved = achieved;
   one.desired = desired;
-  checked(implementation_)->observe(one);
+  if (is_of_many()) {
+    observe({&one, 1});
+  } else {
+    checked(implementation_)->observe(one);
+  }
   return one.outcome;
 }
 
@@ -711,8 +826,28 @@ void Environment::observe(std::span<Observed> robots) const {
 }
 
 double Environment::reward(std::span<const double> achieved,
-                           std::span<const double> desired) const noexcept {
-  return checked(implementation_)->of_one->reward(achieved, desired);
+                           std::span<const double> desired) const {
+  double reward = 0.0;
+  rewards(achieved, desired, {&reward, 1});
+  return reward;
+}
+
+void Environment::rewards(std::span<const double> achieved, std::span<const double> desired,
+                          std::span<double> rewards) const {
+  const Implementation& self = *checked(implementation_);
+  const std::size_t size = self.goal.low.size();
+  if (achieved.size() != size * rewards.size() || desired.size() != achieved.size()) {
+    throw InvalidArgument(
+        text_of("goals must have ", size, " numbers each, as many of them achieved as desired"));
+  }
+  if (self.of_many != nullptr) {
+    self.of_many->reward(achieved, desired, rewards);
+    return;
+  }
+  for (std::size_t i = 0; i < rewards.size(); ++i) {
+    rewards[i] =
+        self.of_one->reward(achieved.subspan(i * size, size), desired.subspan(i * size, size));
+  }
 }
 
 }  // namespace trifinger::learning

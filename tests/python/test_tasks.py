@@ -10,7 +10,12 @@ import pytest
 import trifinger
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
+from trifinger.environments import (
+    Environment,
+    GoalEnvironment,
+    Options,
+    VectorEnvironment,
+)
 from trifinger.tasks import Entry, Random, Start, Task, View
 
 pytestmark = pytest.mark.bindings
@@ -133,17 +138,23 @@ def test_what_it_sees_are_the_tips() -> None:
 def test_the_same_task_in_python_does_what_that_in_cpp_does() -> None:
     own, known = VectorEnvironment(Reach(), 3), VectorEnvironment("reach", 3)
     own.reset(seed=5)
-    _, info = known.reset(seed=5)
+    known.reset(seed=5)
     random = np.random.default_rng(1)
-    for _ in range(20):
+    for step in range(1, own.episode_actions + 1):
         action = random.uniform(-1, 1, (3, 9)).astype(np.float32)
-        _, _, _, _, info = own.step(action)
-        known.step(action)
-        # Starts differ: goals and starts of the task in C++ are drawn in the space of joints.
-        rewards = known.compute_reward(info["achieved_goal"], info["desired_goal"])
-        assert own.compute_reward(info["achieved_goal"], info["desired_goal"]) == pytest.approx(
-            rewards, rel=1e-12
-        )
+        # Starts and goals differ: those of the task in C++ are drawn in the space of joints. So
+        # each is judged by the other, too.
+        for environments in (own, known):
+            _, reward, terminated, truncated, info = environments.step(action)
+            for judge in (own, known):
+                rewards = judge.compute_reward(info["achieved_goal"], info["desired_goal"])
+                assert reward == pytest.approx(rewards, rel=1e-12)
+            way = (info["achieved_goal"] - info["desired_goal"]).reshape(3, 3, 3)
+            distance = np.linalg.norm(way, axis=2)
+            assert info["distance"] == pytest.approx(distance, rel=1e-12)
+            assert info["finger_rewards"] == pytest.approx(-distance, rel=1e-12)
+            assert not terminated.any()
+            assert (truncated == (step == own.episode_actions)).all()
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
@@ -380,3 +391,126 @@ def test_random_numbers_are_drawn_only_where_an_episode_or_a_goal_begins() -> No
     Environment(task).reset(seed=1)
     with pytest.raises(trifinger.InvalidArgument, match="in draw_start"):
         task.random.normal()
+
+
+class Fingers(Middle):
+    has_goals_of_fingers = True
+    goal_low: Any = (-0.3,) * 9
+    goal_high: Any = (0.3,) * 9
+
+    def achieve(self, view: View) -> Any:
+        return view.tips.reshape(len(view.tips), 9)
+
+    def reward(self, achieved: Any, desired: Any) -> Any:
+        return np.zeros(len(achieved))
+
+    def show(self, view: View) -> Any:
+        return np.zeros((len(view.time), sum(len(entry.low) for entry in self.entries)))
+
+
+@pytest.mark.parametrize(
+    ("attributes", "says"),
+    [
+        ({"goal_low": (-1.0,) * 3, "goal_high": (1.0,) * 3}, "have 3 numbers, must have 9"),
+        ({"entries": (Entry("way", (-1,), (1,)),)}, "'way' has 1 numbers, not 9"),
+        ({"object_name": "cube", "config_overrides": CUBE}, "'object_position' has 3 numbers"),
+        ({"goal_low": (0.0,) * 9, "goal_high": (0.0,) * 9}, "is from 0 to 0"),
+        ({"goal_low": (1.0,) * 9}, "is from 1 to 0.3"),
+        ({"goal_low": (np.nan,) * 9}, "is from nan to 0.3"),
+        ({"goal_high": (np.inf,) * 9}, "is from -0.3 to inf"),
+        ({"goal_high": (0.3,) * 8}, "9 numbers, goal_high has 8"),
+        ({"entries": (Entry("way", (1,) * 9, (0,) * 9),)}, "number 0 of 'way' .* from 1 to 0"),
+        ({"entries": (Entry("way", (), ()),)}, "'way' .* 0 lower and 0 upper bounds"),
+        ({"entries": (Entry("way", (-1,) * 9, (1,) * 9),) * 2}, "two entries .* called 'way'"),
+        ({"entries": (Entry("image_age", (-1,) * 9, (1,) * 9),)}, "called 'image_age', which no"),
+        ({"entries": (Entry("", (-1,) * 9, (1,) * 9),)}, "called '', which no"),
+    ],
+)
+def test_goals_and_entries_that_nothing_can_be_between_are_refused(
+    attributes: dict[str, Any], says: str
+) -> None:
+    kind = type("Wrong", (Fingers,), attributes)
+    for make in (Environment, lambda task: VectorEnvironment(task, 3)):
+        with pytest.raises(trifinger.InvalidArgument, match=says):
+            make(kind())
+
+
+def test_entries_of_goals_of_fingers_need_not_be_for_fingers_in_a_dictionary() -> None:
+    kind = type("Short", (Fingers,), {"entries": (Entry("way", (-1,), (1,)),)})
+    observation, _ = Environment(kind(), observation="dictionary").reset(seed=1)
+    assert isinstance(observation, dict)
+    assert {name: len(row) for name, row in observation.items()} == {"way": 1}
+
+
+@pytest.mark.parametrize(
+    ("draw", "says"),
+    [
+        (lambda random: random.uniform([], []), "there are no bounds"),
+        (lambda random: random.uniform(np.nan, 1), "from nan to 1"),
+        (lambda random: random.uniform(-np.inf, 1), "from -inf to 1"),
+        (lambda random: random.uniform((0, 1), (1, 0)), "from 1 to 0"),
+        (lambda random: random.integer(5, 2), "no integer from 5 up to but not including 2"),
+        (lambda random: random.integer(0, 0), "no integer from 0 up to but not including 0"),
+    ],
+)
+def test_random_numbers_need_bounds_with_numbers_between_them(draw: Any, says: str) -> None:
+    class Draws(Middle):
+        def draw_start(self, random: Random) -> Start:
+            draw(random)
+            return Start()
+
+    with pytest.raises(trifinger.InvalidArgument, match=says):
+        Environment(Draws()).reset(seed=1)
+
+
+def test_rewards_of_goals_are_those_of_the_task_in_every_environment() -> None:
+    achieved, desired = np.zeros((4, 3)), np.ones((4, 3))
+    for environment in (Environment(Middle()), VectorEnvironment(Middle(), 2)):
+        rewards = environment._core.compute_reward(achieved, desired)
+        assert rewards == pytest.approx(-np.sqrt(3) * np.ones(4))
+        with pytest.raises(trifinger.InvalidArgument, match="4 achieved goals, but 2"):
+            environment._core.compute_reward(achieved, desired[:2])
+
+
+@pytest.mark.parametrize("place", [(0.02, 0.03, 0.0325), None])
+def test_an_object_begins_where_the_configuration_says(place: Any) -> None:
+    cube: dict[str, Any] = {"name": "cube", "type": "cube"}
+    objects = {"objects": [cube | ({"position": place} if place else {})]}
+
+    class Lies(Push):
+        config_overrides = objects
+
+        def draw_start(self, random: Random) -> Start:
+            self.seen[random.robots] = 0
+            return Start()
+
+        def achieve(self, view: View) -> Any:
+            self.position = view.object_position
+            return super().achieve(view)
+
+    one, many = Lies(), Lies()
+    environment, vector = Environment(one), VectorEnvironment(many, 2)
+    environment.reset(seed=1)
+    vector.reset(seed=1)
+    for task in (one, many):
+        assert task.position[0] == pytest.approx(place or (0.0, 0.0, 0.0325), abs=1e-4)
+    for _ in range(5):
+        environment.step(np.zeros(9, np.float32))
+    assert one.position[0, 2] == pytest.approx(0.0325, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("start", "says"),
+    [
+        (Start(position=[(0.0, 0.9, -1.7) * 3, (9.0,) * 9]), "joint 0 at 9 in row 1"),
+        (Start(object_orientation=[(1, 0, 0, 0), (0, 0, 0, 0)]), "no pose of the object in row 1"),
+    ],
+)
+def test_a_start_that_no_robot_can_have_is_refused(start: Start, says: str) -> None:
+    class Starts(Push):
+        def draw_start(self, random: Random) -> Start:
+            return start
+
+    vector = VectorEnvironment(Starts(), 2)
+    with pytest.raises(trifinger.InvalidArgument, match=says):
+        vector.reset(seed=1)

@@ -178,8 +178,7 @@ class Environment {
   [[nodiscard]] std::span<const double> position_high() const noexcept;
 
   /// Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
-  [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number,
-                            Episode& episode) const noexcept;
+  [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number, Episode& episode) const;
 
   /// Number of actions that a robot takes to move to the start of an episode by itself. They last 2
   /// s, or longer if that would be fewer than 20 actions.
@@ -197,24 +196,28 @@ class Environment {
 
   /// Computes the observation after the actions that `episode` counts. The outcome is judged by the
   /// goal that was shown before, which is written to `desired`. If a new goal begins now, it is in
-  /// `observation`.
+  /// `observation`. Neither blocks nor allocates, unless the task is one of many.
   Outcome observe(const Measurement& measurement, Episode& episode, std::span<float> observation,
-                  std::span<double> achieved,
-                  std::span<double> desired) const noexcept TRIFINGER_REALTIME;
+                  std::span<double> achieved, std::span<double> desired) const;
 
   /// @name Many robots at once
-  /// All tasks can be asked like this. Those of many (`TaskOfMany`) must be, by one thread, and
-  /// throw what the task throws; the functions for one robot are not for them.
+  /// All tasks can be asked like this, and for one robot. Those of many (`TaskOfMany`) are asked by
+  /// one thread only, and throw what the task throws, from the functions for one robot, too.
   /// @{
   [[nodiscard]] bool is_of_many() const noexcept;
+  /// @throws InvalidArgument if a task of many draws a start that no robot can have
   void begin(std::span<const Beginning> robots) const;
   /// Observes robots of which measurement, episode and places for the results are filled in.
   void observe(std::span<Observed> robots) const;
+  /// One reward for each of some goals that follow one another in `achieved` and `desired`.
+  /// @throws InvalidArgument if these are not so many goals
+  void rewards(std::span<const double> achieved, std::span<const double> desired,
+               std::span<double> rewards) const;
   /// @}
 
   /// The reward as a function of the achieved and the desired values.
   [[nodiscard]] double reward(std::span<const double> achieved,
-                              std::span<const double> desired) const noexcept TRIFINGER_REALTIME;
+                              std::span<const double> desired) const;
 
  private:
   struct Implementation;

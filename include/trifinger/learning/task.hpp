@@ -161,12 +161,16 @@ struct Observed {
 /// never while physics run. The functions are those of `Task`, and may throw.
 class TaskOfMany : public AnyTask {
  public:
-  /// Fills in starts and goals. They are as for `Task::draw_start` before.
+  /// Fills in starts and goals. The joints are at the robot's usual position before, and the object
+  /// is where the robot's configuration says.
   virtual void begin(std::span<const Beginning> robots) const = 0;
   virtual void draw_goals(std::span<const Beginning> robots) const = 0;
   /// Fills in what is achieved, number of goals, and of the outcome: reward, success, and in
   /// `terminated` whether nothing can follow.
   virtual void judge(std::span<Observed> robots) const = 0;
+  /// Fills in the rewards for goals that follow one another in `achieved` and `desired`.
+  virtual void reward(std::span<const double> achieved, std::span<const double> desired,
+                      std::span<double> rewards) const = 0;
   /// Fills in the numbers of `entries`, robot after robot.
   virtual void show(std::span<const Observed> robots, std::span<double> shown) const = 0;
 };
