@@ -239,6 +239,9 @@ the series of random numbers, and positions of the first hinges and slides of a 
           "terminated, truncated, success\nand the age of the object's pose [steps], -1 if it was "
           "not found yet; the arrays below change.");
   type.def_prop_ro(
+      "last_step", [](const Episodes& self) { return self.last_step; },
+      "Step of the robot that followed the last action, whatever the task said of it; -1: none.");
+  type.def_prop_ro(
       "bodies",
       [](const Episodes& self) {
         std::vector<std::string> names;

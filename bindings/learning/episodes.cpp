@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <variant>
@@ -175,6 +176,8 @@ void Episodes::check_robot(const std::optional<std::string>& actual) {
 
 Episodes::Seen Episodes::step(PythonFrontend& robot, std::span<const float> numbers,
                               const PythonFrontend* poses, const PythonSimulation* simulation) {
+  // First of all: who is refused has changed nothing.
+  const PythonFrontend::Turn turn(robot);
   const std::size_t joints = environment.num_joints();
   if (numbers.size() != joints) {
     throw InvalidArgument("an action must be an array of " + std::to_string(joints) + " numbers");
@@ -185,7 +188,7 @@ Episodes::Seen Episodes::step(PythonFrontend& robot, std::span<const float> numb
                                {position.data(), joints})) {
     throw InvalidArgument("an action must be finite");
   }
-  const RobotTypes& types = robot.session().description();
+  const RobotTypes& types = turn.session().description();
   const std::size_t size = types.default_action.size();
   const auto count = static_cast<std::size_t>(environment.options().steps_per_action);
   burst_.resize(count * size);
@@ -200,15 +203,16 @@ Episodes::Seen Episodes::step(PythonFrontend& robot, std::span<const float> numb
   element_.resize(types.observation.size());
   // Which observation follows an action: docs/learning.md.
   const bool is_first = environment.options().mapping == Mapping::kStateAugmentation;
-  const TimeIndex t = robot.act(burst_.data(), count, is_first, element_.data());
-  return judge(types.observation, element_, t, poses, simulation);
+  last_step = turn.act(burst_.data(), count, is_first, element_.data());
+  return judge(types.observation, element_, last_step, poses, simulation);
 }
 
 Episodes::Seen Episodes::look(PythonFrontend& robot, TimeIndex t, const PythonFrontend* poses,
                               const PythonSimulation* simulation) {
-  const ElementDescription& type = robot.session().description().observation;
+  const PythonFrontend::Held held(robot);
+  const ElementDescription& type = held.session().description().observation;
   element_.resize(type.size());
-  robot.copy(t, element_.data());
+  held.copy(t, element_.data());
   return judge(type, element_, t, poses, simulation);
 }
 
@@ -230,11 +234,13 @@ Episodes::Seen Episodes::judge(const ElementDescription& type, std::span<const s
   Seen seen{.time_index = t};
 
   std::vector<std::byte> objects;
+  std::optional<PythonFrontend::Held> held;
   const ElementDescription* objects_type = nullptr;
   if (poses != nullptr) {
-    objects_type = &poses->session().element(Series::kObservation);
+    held.emplace(*poses);
+    objects_type = &held->session().element(Series::kObservation);
     objects.resize(objects_type->size());
-    if (!poses->copy_latest_at(t, objects.data())) objects.clear();
+    if (!held->copy_latest_at(t, objects.data())) objects.clear();
   }
   ObjectPose pose;
   ObjectPose truth;

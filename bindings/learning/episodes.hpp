@@ -42,9 +42,6 @@ class Episodes {
   /// Refuses another robot than that of the configuration, by `actual` if that is known, and takes
   /// the age of its poses from there.
   void check_robot(const std::optional<std::string>& actual);
-  [[nodiscard]] bool is_from_file() const noexcept {
-    return std::holds_alternative<FileRobotConfig>(config);
-  }
 
   learning::Environment environment;
   AnyRobotConfig config;
@@ -53,6 +50,7 @@ class Episodes {
   learning::Start start;
   learning::Episode episode;
   learning::Outcome outcome;
+  TimeIndex last_step{-1};  // of the robot, after an action
   std::vector<float> observation;
   std::vector<double> achieved;
   std::vector<double> desired;

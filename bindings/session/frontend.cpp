@@ -27,6 +27,8 @@ auto without_gil(std::shared_ptr<Handle> handle, const Wait& wait) {
   return wait(user->frontend);
 }
 
+constexpr const char* kClosedMeanwhile = "this handle was closed while a thread waited with it";
+
 std::string suggestion(const nb::object& name, const nb::object& names) {
   const nb::object matches =
       nb::module_::import_("difflib").attr("get_close_matches")(name, names, 1);
@@ -63,23 +65,13 @@ void assign(const nb::object& action, const nb::object& name, const nb::object& 
 
 }  // namespace
 
-// Marks for its lifetime that a thread appends. Only one thread may append at a time.
-class PythonFrontend::Appending {
- public:
-  explicit Appending(PythonFrontend& frontend) : is_appending_(frontend.is_appending_) {
-    if (is_appending_) {
-      throw ControlHeld(
-          "another thread is appending with this handle; one thread controls a robot");
-    }
-    is_appending_ = true;
+PythonFrontend::Appending::Appending(PythonFrontend& frontend)
+    : is_appending_(frontend.is_appending_) {
+  if (is_appending_) {
+    throw ControlHeld("another thread is appending with this handle; one thread controls a robot");
   }
-  Appending(const Appending&) = delete;
-  Appending& operator=(const Appending&) = delete;
-  ~Appending() { is_appending_ = false; }
-
- private:
-  bool& is_appending_;
-};
+  is_appending_ = true;
+}
 
 PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object checks)
     : role_(role),
@@ -101,7 +93,7 @@ PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object c
     if (guiding::interrupt_guide()) return;
     // relaxed: a flag that guards no data.
     if (is_closed.load(std::memory_order_relaxed)) {
-      throw InvalidArgument("this handle was closed while a thread waited with it");
+      throw InvalidArgument(kClosedMeanwhile);
     }
     if (interruption != nullptr) interruption->raise();
     check_signals();
@@ -156,10 +148,36 @@ TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, nb::handle 
   return t;
 }
 
-TimeIndex PythonFrontend::act(const std::byte* actions, std::size_t count, bool is_first,
-                              std::byte* observation) {
-  const Appending appending(*this);
-  return without_gil(open(), [&](UntypedFrontend& frontend) {
+PythonFrontend::Held::~Held() {
+  if (frontend_.handle_ == handle_) return;
+  // It was closed meanwhile: this may end the session, which can need the GIL.
+  const GilRelease release;
+  handle_.reset();
+}
+
+template <class Wait>
+auto PythonFrontend::Held::wait(const Wait& wait) const {
+  auto result = without_gil(handle_, wait);
+  if (frontend_.handle_ != handle_) throw InvalidArgument(kClosedMeanwhile);
+  return result;
+}
+
+void PythonFrontend::Held::copy(TimeIndex t, std::byte* observation) const {
+  wait([&](const UntypedFrontend& frontend) {
+    frontend.get(Series::kObservation, t, observation, kForever);
+    return true;
+  });
+}
+
+bool PythonFrontend::Held::copy_latest_at(TimeIndex t, std::byte* element) const {
+  return wait([&](const UntypedFrontend& frontend) {
+    return frontend.get_latest_at(t, element, kForever);
+  });
+}
+
+TimeIndex PythonFrontend::Turn::act(const std::byte* actions, std::size_t count, bool is_first,
+                                    std::byte* observation) const {
+  return wait([&](UntypedFrontend& frontend) {
     // The first action is appended alone, to know its step. A burst returns only its last step, and
     // in real time its steps need not be successive.
     TimeIndex t = frontend.append_desired_action(actions, kForever);
@@ -170,18 +188,6 @@ TimeIndex PythonFrontend::act(const std::byte* actions, std::size_t count, bool 
     }
     frontend.get(Series::kObservation, t, observation, kForever);
     return t;
-  });
-}
-
-void PythonFrontend::copy(TimeIndex t, std::byte* observation) const {
-  without_gil(open(), [&](const UntypedFrontend& frontend) {
-    frontend.get(Series::kObservation, t, observation, kForever);
-  });
-}
-
-bool PythonFrontend::copy_latest_at(TimeIndex t, std::byte* element) const {
-  return without_gil(open(), [&](const UntypedFrontend& frontend) {
-    return frontend.get_latest_at(t, element, kForever);
   });
 }
 

@@ -52,14 +52,8 @@ class PythonFrontend {
 
   /// @name For other classes in C++
   /// @{
-  /// Appends `count` actions, one per step, waits for the observation of the first or of the last
-  /// of these steps, copies it to `observation` and returns the step.
-  TimeIndex act(const std::byte* actions, std::size_t count, bool is_first, std::byte* observation);
-  /// Copies the observation of step `t`; waits for it.
-  void copy(TimeIndex t, std::byte* observation) const;
-  /// For companions: copies the newest element that arrived at or before step `t`. False if none.
-  [[nodiscard]] bool copy_latest_at(TimeIndex t, std::byte* element) const;
-  [[nodiscard]] const Session& session() const { return open()->frontend.session(); }
+  class Held;
+  class Turn;
   /// @}
 
   [[nodiscard]] TimeIndex current_time_index() const;
@@ -104,7 +98,17 @@ class PythonFrontend {
     std::atomic<bool> is_closed{false};
     UntypedFrontend frontend;
   };
-  class Appending;
+  // Marks for its lifetime that a thread appends. Only one thread may append at a time.
+  class Appending {
+   public:
+    explicit Appending(PythonFrontend& frontend);
+    Appending(const Appending&) = delete;
+    Appending& operator=(const Appending&) = delete;
+    ~Appending() { is_appending_ = false; }
+
+   private:
+    bool& is_appending_;
+  };
 
   [[nodiscard]] std::shared_ptr<Handle> open() const;
   [[nodiscard]] const ElementType& type_of(Series series) const;
@@ -121,6 +125,50 @@ class PythonFrontend {
   nanobind::object checks_;                     // Checks that the robot calls
   std::shared_ptr<Interruption> interruption_;  // that of the checks; null without checks
   std::shared_ptr<Handle> handle_;              // null once closed; replaced under the GIL only
+};
+
+/// Reads from a front-end, which may be closed meanwhile: the session and all it describes stay as
+/// long as this object.
+class PythonFrontend::Held {
+ public:
+  /// @throws InvalidArgument if the front-end is closed
+  explicit Held(const PythonFrontend& frontend) : frontend_(frontend), handle_(frontend.open()) {}
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+  ~Held();
+
+  [[nodiscard]] const Session& session() const { return handle_->frontend.session(); }
+  /// Copies the observation of step `t`; waits for it.
+  /// @throws InvalidArgument if the front-end was closed meanwhile
+  void copy(TimeIndex t, std::byte* observation) const;
+  /// For companions: copies the newest element that arrived at or before step `t`. False if none.
+  /// @throws InvalidArgument if the front-end was closed meanwhile
+  [[nodiscard]] bool copy_latest_at(TimeIndex t, std::byte* element) const;
+
+ protected:
+  // Calls `wait` without the GIL.
+  template <class Wait>
+  auto wait(const Wait& wait) const;
+
+ private:
+  const PythonFrontend& frontend_;
+  std::shared_ptr<Handle> handle_;
+};
+
+/// The same, as the only one that appends.
+class PythonFrontend::Turn : public Held {
+ public:
+  /// @throws ControlHeld if another thread is appending, InvalidArgument if the front-end is closed
+  explicit Turn(PythonFrontend& frontend) : Held(frontend), appending_(frontend) {}
+
+  /// Appends `count` actions, one per step, waits for the observation of the first or of the last
+  /// of these steps, copies it to `observation` and returns the step.
+  /// @throws InvalidArgument if the front-end was closed meanwhile
+  TimeIndex act(const std::byte* actions, std::size_t count, bool is_first,
+                std::byte* observation) const;
+
+ private:
+  Appending appending_;
 };
 
 /// Takes part in the session of the robot `name` as soon as there is one, or until Ctrl-C is

@@ -3512,6 +3512,12 @@ class Episodes:
         """
 
     @property
+    def last_step(self) -> int:
+        """
+        Step of the robot that followed the last action, whatever the task said of it; -1: none.
+        """
+
+    @property
     def bodies(self) -> list[str]:
         """Names of the free bodies of a robot from a file."""
 
@@ -3643,7 +3649,8 @@ class EnvironmentBatch:
 
         Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
         nothing moves. Error if an image could not be drawn; then the episode of that simulation has
-        ended, and the others have moved on.
+        ended, and the others have moved on. What a task of many raises; then all episodes have
+        ended.
 
         The arrays below change.
         """

@@ -5,6 +5,7 @@ import dataclasses
 import re
 import subprocess
 import sys
+import threading
 
 import av
 import gymnasium
@@ -787,6 +788,36 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
         assert environment.process.time_index >= begin + 400
         assert info["fault"] == 0
     environment.close()
+
+
+@pytest.mark.slow
+def test_closing_it_ends_the_step_of_another_thread(start_program: StartProgram):
+    robot = start_program("run", "trifinger_edu", "--name", "learner", *PATIENT)
+    robot.wait_for("waits for a user")
+    environment = Environment(
+        "reach", connect=lambda: trifinger.connect("learner"), steps_per_action=500, duration=5.0
+    )
+    begins = threading.Event()
+    said = []
+
+    def step():
+        begins.set()
+        try:
+            environment.step(np.zeros(9, np.float32))
+        except trifinger.Error as error:
+            said.append(str(error))
+
+    for seed in range(3):
+        environment.reset(seed=seed)
+        handle = environment.process.robot
+        thread = threading.Thread(target=step)
+        thread.start()
+        begins.wait()
+        handle.wait_until_time_index(handle.current_time_index() + 100)
+        environment.close()
+        thread.join()
+        begins.clear()
+    assert said == ["this handle was closed while a thread waited with it"] * 3
 
 
 @pytest.mark.slow

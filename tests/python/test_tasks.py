@@ -514,3 +514,32 @@ def test_a_start_that_no_robot_can_have_is_refused(start: Start, says: str) -> N
     vector = VectorEnvironment(Starts(), 2)
     with pytest.raises(trifinger.InvalidArgument, match=says):
         vector.reset(seed=1)
+
+
+def test_a_refused_second_stepper_changes_nothing() -> None:
+    """While one thread steps, another is refused; the first one's episode goes on as if alone."""
+    alone = Environment(Middle(), action="position_change")
+    alone.reset(seed=1)
+    expected = alone.step(np.full(9, 0.5, np.float32))[0]
+
+    environment = Environment(Middle(), action="position_change")
+    environment.reset(seed=1)
+    refused: list[Exception] = []
+    task = environment._own
+    assert isinstance(task, Middle)
+    # The task is asked while the turn of the first step lasts.
+    achieve = task.achieve
+
+    def steps_again(view: View) -> Any:
+        task.achieve = achieve  # type: ignore[method-assign]
+        try:
+            environment.step(np.full(9, -0.5, np.float32))
+        except trifinger.ControlHeld as error:
+            refused.append(error)
+        return achieve(view)
+
+    task.achieve = steps_again  # type: ignore[method-assign]
+    observation = environment.step(np.full(9, 0.5, np.float32))[0]
+    assert len(refused) == 1
+    np.testing.assert_array_equal(observation, expected)
+    environment.step(np.zeros(9, np.float32))
