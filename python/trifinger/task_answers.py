@@ -10,7 +10,7 @@ import numpy as np
 
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
-from trifinger.tasks import Random, Task, View
+from trifinger.tasks import Random, Start, Task, View
 
 
 def view(
@@ -23,6 +23,8 @@ def view(
 def start(task: Task, random: Random, count: int, joints: int) -> Array:
     """Position of the joints, then position and orientation of the object; NaN if not given."""
     drawn = task.draw_start(random)
+    if not isinstance(drawn, Start):
+        raise InvalidArgument(f"draw_start() of {task!r} is {drawn!r:.100}, must be a Start")
     widths = {"position": joints, "object_position": 3, "object_orientation": 4}
     answer = np.full((count, sum(widths.values())), np.nan)
     column = 0
@@ -50,10 +52,8 @@ def judged(task: Task, seen: View) -> Array:
     one = (count,)
     reward = _answer(task, "reward()", task.reward(achieved, seen.goal), one, np.float64)
     answer[:, 0] = reward - _answer(task, "cost()", task.cost(seen), one, np.float64)
-    answer[:, 1] = _answer(
-        task, "is_success()", task.is_success(achieved, seen.goal), one, np.bool_
-    )
-    answer[:, 2] = _answer(task, "has_ended()", task.has_ended(seen), one, np.bool_)
+    answer[:, 1] = _truth(task, "is_success()", task.is_success(achieved, seen.goal), one)
+    answer[:, 2] = _truth(task, "has_ended()", task.has_ended(seen), one)
     answer[:, 3] = _answer(task, "num_goals()", task.num_goals(seen.time), one, np.float64)
     return answer
 
@@ -75,6 +75,14 @@ def _drawn(task: Task, name: str, given: Any, shape: tuple[int, int]) -> Array:
     if array.shape == shape[1:]:
         array = np.broadcast_to(array, shape)
     return _answer(task, name, array, shape, np.float64)
+
+
+# A distance is no truth value, though NumPy would take it as one.
+def _truth(task: Task, name: str, given: Any, shape: tuple[int, ...]) -> Array:
+    array = _answer(task, name, given, shape, np.float64)
+    if not np.isin(array, (0.0, 1.0)).all():
+        raise InvalidArgument(f"{name} of {task!r} is {given!r:.100}, must be True or False")
+    return array
 
 
 def _answer(task: Task, name: str, given: Any, shape: tuple[int, ...], kind: type) -> Array:

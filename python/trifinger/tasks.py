@@ -34,7 +34,10 @@ from trifinger.errors import InvalidArgument
 
 @dataclasses.dataclass(kw_only=True)
 class Start:
-    """Where episodes begin: a row for each robot, or one for all. None: the usual position."""
+    """Where episodes begin: a row for each robot, or one for all.
+
+    None: the usual position of the joints, and the place of the object in the configuration.
+    """
 
     position: npt.ArrayLike | None = None
     """Joint positions, N x joints [rad], [m]."""
@@ -168,19 +171,23 @@ def load(name: str) -> type[Task]:
     The module is found like any other, or in the current folder. Raises InvalidArgument.
     """
     module_name, _, class_name = name.partition(":")
+    missing = (
+        f"there is no module '{module_name}' for the task '{name}': it must be in the current "
+        "folder, installed, or on PYTHONPATH"
+    )
+    if not all(part.isidentifier() for part in module_name.split(".")):
+        raise InvalidArgument(missing)
     here = str(Path.cwd())
     added = here not in sys.path and "" not in sys.path
     if added:
         sys.path.append(here)
     try:
         found = getattr(importlib.import_module(module_name), class_name, None)
-    except (ModuleNotFoundError, ValueError) as error:
-        if isinstance(error, ModuleNotFoundError) and error.name != module_name:
+    except ModuleNotFoundError as error:
+        # What the module itself imports may be missing, too.
+        if not f"{module_name}.".startswith(f"{error.name}."):
             raise
-        raise InvalidArgument(
-            f"there is no module '{module_name}' for the task '{name}': it must be in the current "
-            "folder, installed, or on PYTHONPATH"
-        ) from error
+        raise InvalidArgument(missing) from error
     finally:
         if added:
             sys.path.remove(here)

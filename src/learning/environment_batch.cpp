@@ -670,7 +670,9 @@ void EnvironmentBatch::reset(std::span<const std::uint8_t> which) {
               " simulations");
   self.selected.clear();
   for (std::size_t i = 0; i < self.size; ++i) {
-    if (which.empty() || which[i] != 0) self.selected.push_back(static_cast<int>(i));
+    if (!which.empty() && which[i] == 0) continue;
+    self.selected.push_back(static_cast<int>(i));
+    self.results.terminated[i] = self.results.truncated[i] = 0;
   }
   self.call = Implementation::Call::kReset;
   if (!self.selected.empty()) self.run(self.selected);

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tasks that are written in Python."""
 
+import copy
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -472,6 +474,25 @@ def test_rewards_of_goals_are_those_of_the_task_in_every_environment() -> None:
             environment._core.compute_reward(achieved, desired[:2])
 
 
+def test_an_object_serves_one_environment() -> None:
+    task = Middle()
+    environment = Environment(task)
+    for make in (Environment, lambda task: VectorEnvironment(task, 2)):
+        with pytest.raises(
+            trifinger.InvalidArgument, match=r"this Middle\(\) serves another .*test_tasks:Middle'"
+        ):
+            make(task)
+    with pytest.raises(trifinger.InvalidArgument, match="serves another environment"):
+        gymnasium.make_vec(
+            "TriFinger/Task-v0", num_envs=2, vectorization_mode="sync", task=Middle()
+        )
+    environment.close()
+    Environment(copy.deepcopy(task))
+    del environment
+    gc.collect()
+    Environment(task)
+
+
 @pytest.mark.parametrize("place", [(0.02, 0.03, 0.0325), None])
 def test_an_object_begins_where_the_configuration_says(place: Any) -> None:
     cube: dict[str, Any] = {"name": "cube", "type": "cube"}
@@ -514,6 +535,96 @@ def test_a_start_that_no_robot_can_have_is_refused(start: Start, says: str) -> N
     vector = VectorEnvironment(Starts(), 2)
     with pytest.raises(trifinger.InvalidArgument, match=says):
         vector.reset(seed=1)
+
+
+class Needs(Middle):
+    def __init__(self, size: float) -> None:
+        self.size = size
+
+
+@pytest.mark.parametrize(
+    ("task", "says"),
+    [
+        ("..evil:X", "there is no module '..evil'"),
+        ("nopkg.sub:X", "there is no module 'nopkg.sub'"),
+        ("os:system", "the module 'os' has no class 'system'"),
+        ("this:X", "the module 'this' has no class 'X'"),
+        (f"{__name__}:Needs", "__init__ needs arguments"),
+        (type("A", (Middle,), {"goal_low": 0.1})(), "A.goal_low is 0.1, must be a list of numbers"),
+        (type("A", (Middle,), {"goal_low": "abc"})(), "A.goal_low is 'abc', must be a list"),
+        (type("A", (Middle,), {"name": 3})(), "A.name is 3, must be a text"),
+        (type("A", (Middle,), {"goal_low": ("1",) * 3})(), "must be a list of numbers"),
+        (type("A", (Middle,), {"num_fingers": 10**12})(), "must be 0 to 3"),
+        (type("A", (Middle,), {"options": {}})(), "A.options is {}, must be Options"),
+        (type("A", (Middle,), {"entries": [("a", [0], [1])]})(), "must be a list of Entry"),
+        (type("A", (Middle,), {"entries": [Entry("a", 0, 1)]})(), "low is 0, must be a list"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_task_that_says_something_impossible_is_refused_with_a_sentence(
+    task: Any, says: str
+) -> None:
+    with pytest.raises(trifinger.InvalidArgument, match=says):
+        Environment(task)
+
+
+def test_a_start_must_be_a_start_and_success_a_truth_value() -> None:
+    class Nothing(Middle):
+        def draw_start(self, random: Random) -> Any:
+            return None
+
+    class Distance(Middle):
+        def is_success(self, achieved: Any, desired: Any) -> Any:
+            return np.linalg.norm(achieved - desired, axis=1)
+
+    class Counts(Middle):
+        def is_success(self, achieved: Any, desired: Any) -> Any:
+            return np.ones(len(achieved), int)
+
+    for kind, says in ((Nothing, "must be a Start"), (Distance, "must be True or False")):
+        with pytest.raises(trifinger.InvalidArgument, match=says):
+            Environment(kind()).reset(seed=1)
+    assert Environment(Counts()).reset(seed=1)[1]["is_success"] is True
+
+
+def test_after_a_mistake_the_episode_has_ended_and_its_steps_count() -> None:
+    environment = Environment(Mistaken())
+    environment.reset(seed=1)
+    for _ in range(5):
+        environment.step(np.zeros(9, np.float32))
+    before = environment.process.time_index
+    with pytest.raises(LookupError):
+        environment.step(np.zeros(9, np.float32))
+    assert environment.process.time_index == before + environment.options.steps_per_action
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        environment.step(np.zeros(9, np.float32))
+    observation, _ = environment.reset(seed=1)
+    np.testing.assert_array_equal(observation, Environment(Middle()).reset(seed=1)[0])
+
+
+def test_after_a_mistake_a_connected_robot_is_given_back() -> None:
+    simulation = trifinger.Simulation("trifinger_edu", {"objects": []})
+    environment = Environment(Mistaken(), connect=simulation.connect)
+    environment.reset(seed=1)
+    for _ in range(5):
+        environment.step(np.zeros(9, np.float32))
+    with pytest.raises(LookupError):
+        environment.step(np.zeros(9, np.float32))
+    with simulation.connect():
+        pass
+
+
+def test_a_reset_that_fails_leaves_no_episode() -> None:
+    task = Mistaken()
+    vector = VectorEnvironment(task, 3, autoreset_mode=AutoresetMode.DISABLED)
+    vector.reset(seed=1)
+    task.achieve = lambda view: 1 / 0 * view  # type: ignore[method-assign]
+    with pytest.raises(ZeroDivisionError):
+        vector.reset(options={"reset_mask": np.arange(3) == 1})
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"simulations \[1\]"):
+        vector.step(np.zeros((3, 9), np.float32))
+    del task.achieve
+    vector.reset(options={"reset_mask": np.arange(3) == 1})
+    vector.step(np.zeros((3, 9), np.float32))
 
 
 def test_a_refused_second_stepper_changes_nothing() -> None:

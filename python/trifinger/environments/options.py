@@ -2,9 +2,10 @@
 """Options of environments, and the robots and policies that they make."""
 
 import dataclasses
+import inspect
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from trifinger import _trifinger
 from trifinger.environment_options import OptionFields
 from trifinger.errors import InvalidArgument
-from trifinger.tasks import Task, load
+from trifinger.tasks import Entry, Task, load
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -117,14 +118,77 @@ AnyTask = str | Task
 def task_of(task: AnyTask) -> AnyTask:
     """The name of a task in C++, or an object of one in Python."""
     known = _known(task)
-    return known() if isinstance(known, type) else known
+    if not isinstance(known, type):
+        return known
+    try:
+        inspect.signature(known).bind()
+    except TypeError as error:
+        raise InvalidArgument(
+            f"'{task}' cannot be made by its name, because __init__ needs arguments ({error}): "
+            "pass an object of it"
+        ) from None
+    made = known()
+    _check(made)
+    return made
 
 
 # The same, without making an object of a class.
 def _known(task: AnyTask) -> AnyTask | type[Task]:
     allowed = 'the name of a task, such as "reach" or "my_tasks:Middle", or a Task'
     require(isinstance(task, AnyTask), "task", task, allowed)
-    return load(task) if isinstance(task, str) and ":" in task else task
+    known = load(task) if isinstance(task, str) and ":" in task else task
+    if not isinstance(known, str):
+        _check(known)
+    return known
+
+
+MOST_FINGERS = 3  # of a TriFinger
+_KINDS: dict[str, tuple[type, str]] = {
+    "name": (str, "a text"),
+    "options": (OptionFields, "Options"),
+    "robot": (str, "the name of a configuration"),
+    "config_overrides": (Mapping, 'keys and values: {"objects": []}'),
+    "num_fingers": (int, "a whole number"),
+    "is_for_files": (bool, "True or False"),
+    "object_name": (str, "a text"),
+    "has_goals_of_fingers": (bool, "True or False"),
+    "goal_unit": (str, "a text"),
+}
+
+
+# Refuses what a task, or its class, cannot say of itself. What an object has of its own, only that
+# can tell.
+def _check(task: Task | type[Task]) -> None:
+    one = task if isinstance(task, type) else type(task)
+    for name, (kind, allowed) in _KINDS.items():
+        value = getattr(task, name)
+        if not (isinstance(task, type) and isinstance(value, property)):
+            require(isinstance(value, kind), f"{one.__name__}.{name}", value, allowed)
+    if isinstance(task, type):
+        return
+    is_number = not isinstance(task.num_fingers, bool) and 0 <= task.num_fingers <= MOST_FINGERS
+    allowed = f"0 to {MOST_FINGERS}"
+    require(is_number, f"{one.__name__}.num_fingers", task.num_fingers, allowed)
+    for name in ("goal_low", "goal_high"):
+        _require_numbers(f"{one.__name__}.{name}", getattr(task, name))
+    entries = task.entries
+    is_right = isinstance(entries, Sequence) and all(isinstance(e, Entry) for e in entries)
+    require(is_right, f"{one.__name__}.entries", entries, "a list of Entry")
+    for entry in entries:
+        named = f"an entry of {one.__name__}: "
+        require(isinstance(entry.name, str), f"{named}name", entry.name, "a text")
+        require(isinstance(entry.unit, str), f"{named}unit", entry.unit, "a text")
+        _require_numbers(f"{named}low", entry.low)
+        _require_numbers(f"{named}high", entry.high)
+
+
+def _require_numbers(name: str, value: Any) -> None:
+    try:
+        array = np.asarray(value)
+        is_right = array.ndim == 1 and (array.size == 0 or array.dtype.kind in "iuf")
+    except ValueError:
+        is_right = False
+    require(is_right, name, value, "a list of numbers")
 
 
 def options_of(task: AnyTask, options: Options | None, **changes: Any) -> Options:

@@ -23,7 +23,6 @@ from trifinger.environments.options import (
     require,
     reset_options,
     robot_of,
-    task_of,
     whole_number,
 )
 from trifinger.environments.task_environment import (
@@ -33,10 +32,11 @@ from trifinger.environments.task_environment import (
     Part,
     TaskEnvironment,
     copied,
+    prepared,
     seed_of,
 )
 from trifinger.environments.window import Window
-from trifinger.errors import InvalidArgument, RobotStopped
+from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped
 from trifinger.picture import Painter, View
 
 OBJECT = "object"  # the companion with the poses of objects
@@ -100,10 +100,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         observed = options
         if connect is not None:
             observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
-        known = task_of(task)
-        own = None if isinstance(known, str) else known
-        if own is not None:
-            own.prepare(1)
+        known, own = prepared(task, 1)
         core = _trifinger.Episodes(known, observed.to_json(), config, overrides)
         super().__init__(task if isinstance(task, str) else task.name, own, options, core)
         self.render_mode = render_mode
@@ -233,7 +230,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         A fault of the robot truncates the episode, with the reward of the last observation.
         info["fault"] is the number of the fault, info["fault_text"] says what it is. Raises
         gymnasium.error.ResetNeeded after the end of the episode, InvalidArgument for a wrong shape
-        or NaN.
+        or NaN. After an exception of a task in Python the episode has ended, and a connected robot
+        is given back.
         """
         if not self._is_running:
             raise gymnasium.error.ResetNeeded(
@@ -244,13 +242,20 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             raise InvalidArgument(
                 f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
             )
+        before = self._core.last_step
         try:
             seen = self._core.step(self._process.robot, numbers, self._poses, self._judge)
             self._take(seen)
+        except ControlHeld:
+            raise  # another thread steps, and goes on
         except RobotStopped as stopped:
             self._is_running = False
             info = self._info(is_success=False, fault=_code_of(stopped), fault_text=str(stopped))
             return self._observation(), self._last_reward, False, True, info
+        except BaseException:
+            if self._core.last_step != before:
+                self._end_unjudged()
+            raise
         _, reward, terminated, truncated, success, _ = seen
         if terminated or truncated:
             self._is_running = False
@@ -260,6 +265,13 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         if self.render_mode == "human":
             self.render()
         return self._observation(), reward, terminated, truncated, self._info(is_success=success)
+
+    # The robot has moved, and nobody knows how the episode goes on.
+    def _end_unjudged(self) -> None:
+        self._is_running = False
+        self._process.stepped_to(self._core.last_step)
+        if self._simulation is None:
+            self._process.close()
 
     def render(self) -> Any:
         """Draws the scene: as an image, height x width x 3, or in a window with mode "human"."""

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What all environments of a task have in common."""
 
+import weakref
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from trifinger import task_answers
 from trifinger.arrays import Array
-from trifinger.environments.options import Options
+from trifinger.environments.options import AnyTask, Options, task_of
 from trifinger.errors import InvalidArgument
 from trifinger.tasks import Task
 
@@ -24,6 +24,8 @@ ARRAYS = (
     *("reward", "terminated", "truncated", "success", "fault", "object_age", "image_age"),
 )
 FARTHEST = 10.0  # bound of all coordinates of goals [m]
+# The environments of tasks in Python, by the identity of the task, which they keep.
+_ENVIRONMENTS: "weakref.WeakValueDictionary[int, TaskEnvironment]" = weakref.WeakValueDictionary()
 
 
 class TaskEnvironment:
@@ -36,6 +38,8 @@ class TaskEnvironment:
     def __init__(self, task: str, own: Task | None, options: Options, core: Any) -> None:
         self.task = task
         self._own = own
+        if own is not None:
+            _ENVIRONMENTS[id(own)] = self
         self.options = options
         self._core = core
         # Memory that C++ writes: it stays the same as long as `core` lives.
@@ -55,7 +59,10 @@ class TaskEnvironment:
         self._slices: dict[str, slice] = {}
         self._flat: dict[str, tuple[list[int], Array, Array]] = {}  # places, bounds
         begin = 0
+        cameras = {name for name, *_ in core.cameras}
         for name, _, low, high in core.entries:
+            if name in cameras:
+                raise InvalidArgument(f"an entry of {own!r} is called '{name}', as a camera is")
             self._slices[name] = slice(begin, begin + len(low))
             begin += len(low)
             places = [place[f"{name}[{i}]"] for i in range(len(low))]
@@ -155,11 +162,24 @@ class TaskEnvironment:
         rows = [
             np.atleast_2d(np.ascontiguousarray(goal, np.float64)) for goal in (achieved, desired)
         ]
-        if self._own is not None:
-            rewards = task_answers.rewards(self._own, *rows)
-        else:
-            rewards = self._core.compute_reward(*rows)
+        rewards = self._core.compute_reward(*rows)
         return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
+
+
+def prepared(task: AnyTask, num_robots: int) -> tuple[str | Task, Task | None]:
+    """What C++ takes as a task, and the object if it is one in Python, ready for its robots."""
+    known = task_of(task)
+    if isinstance(known, str):
+        return known, None
+    other = _ENVIRONMENTS.get(id(known))
+    if other is not None and other._own is known:
+        kind = type(known)
+        raise InvalidArgument(
+            f"this {known!r} serves another environment; make another object, or pass "
+            f"'{kind.__module__}:{kind.__qualname__}'"
+        )
+    known.prepare(num_robots)
+    return known, known
 
 
 def copied(value: Observation, rows: Any = ...) -> Observation:

@@ -20,7 +20,6 @@ from trifinger.environments.options import (
     require,
     reset_options,
     robot_of,
-    task_of,
     whole_number,
 )
 from trifinger.environments.task_environment import (
@@ -30,6 +29,7 @@ from trifinger.environments.task_environment import (
     Part,
     TaskEnvironment,
     copied,
+    prepared,
     seed_of,
 )
 from trifinger.errors import InvalidArgument
@@ -73,10 +73,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         options = options_of(task, options, **changes)
         config = robot_of(task, config)
         overrides = overrides_of(task, options, config, config_overrides)
-        known = task_of(task)
-        own = None if isinstance(known, str) else known
-        if own is not None:
-            own.prepare(num_envs)
+        known, own = prepared(task, num_envs)
         core = _trifinger.EnvironmentBatch(
             known, options.to_json(), num_envs, num_threads, config, overrides
         )
@@ -140,9 +137,12 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             require(is_right, 'options["reset_mask"]', given, "True or False for each simulation")
         if mask is not None and not self._has_begun:
             raise InvalidArgument("the first reset must be of all simulations, without reset_mask")
-        self._core.reset(mask)
-        self._has_begun = True
-        self._has_ended[... if mask is None else mask] = False
+        try:
+            self._core.reset(mask)
+            self._has_begun = True
+        finally:
+            # Nobody knows how episodes go on that a task in Python could not begin.
+            self._has_ended = self._ends()[2]
         return self._observation(), self._info(
             np.ones(self.num_envs, bool) if mask is None else mask
         )
@@ -179,9 +179,8 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             self._core.step(numbers, self._mode)
         finally:
             # Episodes in which an image could not be drawn have ended, too.
-            terminated = arrays["terminated"].astype(bool)
-            truncated = arrays["truncated"].astype(bool)
-            self._has_ended = ended = terminated | truncated
+            terminated, truncated, ended = self._ends()
+            self._has_ended = ended
         info = self._info(np.ones(self.num_envs, bool))
         if self._mode == "SameStep" and ended.any():
             final = self._views("final_")
@@ -193,6 +192,12 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             info["final_obs"] = last
             info["_final_obs"] = info["_final_info"] = ended
         return self._observation(), arrays["reward"].copy(), terminated, truncated, info
+
+    # Which episodes are terminated, truncated, or either.
+    def _ends(self) -> tuple[Array, Array, Array]:
+        terminated = self._arrays["terminated"].astype(bool)
+        truncated = self._arrays["truncated"].astype(bool)
+        return terminated, truncated, terminated | truncated
 
     def compute_reward(
         self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
