@@ -250,6 +250,9 @@ int run(const RunPolicyOptions& options, const std::vector<std::string>& words) 
       task != metadata.end() && task->second.find(':') != std::string::npos) {
     run_python("run-policy-of-python", "run-policy", words);
   }
+  if (!options.sentence.empty() && options.marks.empty()) {
+    throw InvalidArgument("--task says what the marks of episodes mean: it needs --marks");
+  }
   if (Session::open(options.robot).info().type == Finger::kType) {
     auto robot = connect<Finger>(options.robot);
     return run_on(robot, policy, options);
@@ -279,15 +282,16 @@ int run_policy_command(const std::vector<std::string>& words) {
       ->capture_default_str();
   program.add_option("--json", options.json, "Also write the episodes to FILE")
       ->option_text("FILE");
-  CLI::Option* const marks =
-      program
-          .add_option("--marks", options.marks,
-                      "Also mark the episodes for `trifinger export --episodes marks`, in the file "
-                      "FILE.episodes.jsonl beside the robot's log")
-          ->option_text("FILE");
-  program.add_option("--task", options.sentence, "What the episodes do, for the marks")
-      ->option_text("SENTENCE")
-      ->needs(marks);
+  program
+      .add_option("--marks", options.marks,
+                  "Also mark the episodes for `trifinger export --episodes marks`, in the file "
+                  "FILE.episodes.jsonl beside the robot's log")
+      ->option_text("FILE");
+  program
+      .add_option("--task", options.sentence,
+                  "What the episodes do, for the marks; of a policy of a task in Python: that "
+                  "task, MODULE:CLASS")
+      ->option_text("SENTENCE");
   add_user_scheduling(program, options.scheduling);
   add_choice(program, "--precision", options.precision,
              {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}},

@@ -152,15 +152,27 @@ class Evaluator:
 
         Raises InvalidArgument if the policy does not fit the task.
         """
-        (seen,) = self._environment.single_observation_space.shape or (0,)
-        (acted,) = self._environment.single_action_space.shape or (0,)
-        rows = acted // policy.num_outputs
-        if (rows * policy.num_inputs, rows * policy.num_outputs) != (seen, acted):
-            raise InvalidArgument(
-                f"the policy turns {policy.num_inputs} numbers into {policy.num_outputs}, the task "
-                f"'{self._environment.task}' needs {seen} into {acted}"
-            )
-        return rows
+        environment = self._environment
+        return rows_of(
+            policy,
+            environment.task,
+            environment.single_observation_space.shape,
+            environment.single_action_space.shape,
+        )
+
+
+def rows_of(
+    policy: Policy, task: str, seen: tuple[int, ...] | None, acted: tuple[int, ...] | None
+) -> int:
+    """The same for a task with observations and actions of these shapes."""
+    (inputs,), (outputs,) = seen or (0,), acted or (0,)
+    rows = outputs // policy.num_outputs
+    if (rows * policy.num_inputs, rows * policy.num_outputs) != (inputs, outputs):
+        raise InvalidArgument(
+            f"the policy turns {policy.num_inputs} numbers into {policy.num_outputs}, the task "
+            f"'{task}' needs {inputs} into {outputs}"
+        )
+    return rows
 
 
 def act_of(policy: Policy) -> Act:

@@ -197,3 +197,17 @@ def load(name: str) -> type[Task]:
             "trifinger.tasks.Task"
         )
     return found
+
+
+def task_of_file(named: str, said: str | None, file: Path) -> str:
+    """The task that a file names, or `said`, what the user says it is.
+
+    The file may be a stranger's, so a module that only the file names is not imported. Raises
+    InvalidArgument.
+    """
+    if said is None and ":" in named:
+        raise InvalidArgument(
+            f"{file} is for the task '{named}', which runs what is in the module "
+            f"'{named.partition(':')[0]}': if you would run that, say --task {named}"
+        )
+    return said or named

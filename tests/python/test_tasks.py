@@ -3,6 +3,8 @@
 
 import copy
 import gc
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +12,17 @@ import gymnasium
 import numpy as np
 import pytest
 import trifinger
+from conftest import StartProgram
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from trifinger import policy_file
+from trifinger.commands import evaluate, run_policy_of_python
 from trifinger.environments import (
     Environment,
     GoalEnvironment,
     Options,
     VectorEnvironment,
+    policy_metadata,
 )
 from trifinger.tasks import Entry, Random, Start, Task, View
 
@@ -654,3 +660,83 @@ def test_a_refused_second_stepper_changes_nothing() -> None:
     assert len(refused) == 1
     np.testing.assert_array_equal(observation, expected)
     environment.step(np.zeros(9, np.float32))
+
+
+FINGERS = """
+import os
+import signal
+from trifinger.environments import Options
+from trifinger.tasks import Task
+
+class Fingers(Task):
+    options = Options(duration=0.2, action="position_change", per_finger=True)
+    has_goals_of_fingers = True
+    goal_low = (-0.3, -0.3, 0.0) * 3
+    goal_high = (0.3, 0.3, 0.5) * 3
+
+    def achieve(self, view):
+        return view.tips.reshape(len(view.tips), 9)
+
+class Ended(Fingers):
+    begun = 0
+
+    def achieve(self, view):
+        self.begun += int(view.time[0] == 0.0)
+        if self.begun == 2 and view.time[0] > 0.0:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return super().achieve(view)
+"""
+
+
+@pytest.fixture
+def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Writes a policy that the fingers share, for a task of a module in the current folder."""
+    (tmp_path / "finger_tasks.py").write_text(FINGERS)
+    monkeypatch.chdir(tmp_path)
+
+    def write(kind: str) -> str:
+        name = f"finger_tasks:{kind}"
+        policy_file.write(
+            f"{kind}.policy",
+            [(np.zeros((3, 9)), np.zeros(3), "identity")],
+            metadata=policy_metadata(name, Options.of(name)),
+        )
+        monkeypatch.delitem(sys.modules, "finger_tasks")
+        return name
+
+    return write
+
+
+def test_no_file_alone_decides_what_is_imported(
+    policy: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = policy("Fingers")
+    says = f"runs what is in the module 'finger_tasks': if you would run that, say --task {name}"
+    for main in (evaluate.main, run_policy_of_python.main):
+        assert main(["Fingers.policy"]) == 2
+        assert says in capsys.readouterr().err
+    assert run_policy_of_python.main(["Fingers.policy", "--task", "finger_tasks:Other"]) == 2
+    assert f"is for the task '{name}', not for" in capsys.readouterr().err
+    assert "finger_tasks" not in sys.modules
+    assert evaluate.main(["Fingers.policy", "--task", name, "--episodes", "2"]) == 0
+
+
+def test_a_policy_that_fingers_share_runs_and_what_it_did_is_kept(
+    policy: Any, start_program: StartProgram, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start_program("run", "trifinger_edu", "--name", "p", "--non-real-time").wait_for(
+        "waits for a user"
+    )
+    name = policy("Fingers")
+    words = ["Fingers.policy", "--robot", "p", "--task", name, "--episodes", "2", "--json", "j"]
+    assert run_policy_of_python.main(words) == 0
+    assert [one["actions"] for one in json.loads(Path("j").read_text())] == [10, 10]
+    assert run_policy_of_python.main([*words, "--scheduling", "require"]) == 2
+    assert "keeps no real-time promise" in capsys.readouterr().err
+    # SIGTERM in the second episode ends it like Ctrl-C.
+    name = policy("Ended")
+    words = ["Ended.policy", "--robot", "p", "--task", name, "--episodes", "3", "--json", "k"]
+    assert run_policy_of_python.main(words) == 130
+    assert [one["episode"] for one in json.loads(Path("k").read_text())] == [0]
+    assert "1 of 1" in (said := capsys.readouterr().out) or "0 of 1" in said
+    trifinger.connect("p").close()

@@ -594,10 +594,16 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
     policy = str(tmp_path / "Middle/Middle.policy")
     assert trifinger.Policy(policy).metadata["task"] == "my_tasks:Middle"
     capsys.readouterr()
-    assert evaluate.main([policy, "--episodes", "3", "--json"]) == 0
+    assert evaluate.main([policy, "--episodes", "3", "--json"]) == 2
+    assert "say --task my_tasks:Middle" in capsys.readouterr().err
+    said = ["--task", "my_tasks:Middle"]
+    assert evaluate.main([policy, *said, "--episodes", "3", "--json"]) == 0
     assert 0 < json.loads(capsys.readouterr().out)["median"] < 0.5
     if algorithm == "ppo":
         return
+    assert train.main(["--resume", "Middle"]) == 2
+    assert "say --task my_tasks:Middle" in capsys.readouterr().err
+    assert train.main(["--resume", "Middle", *said]) == 0
 
     # The program in C++ hands the policy to that of the Python package.
     script = tmp_path / "bin/trifinger-run-policy-of-python"
@@ -613,12 +619,19 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
     program = Path(PROGRAM).parent / "trifinger-run-policy"
     words = [program, policy, "--robot", "p", "--episodes", "2", "--seed", "3", "--json", "j"]
 
-    def run(path):
+    def run(path, *more):
         return subprocess.run(
-            words, capture_output=True, text=True, check=False, env=os.environ | {"PATH": path}
+            [*words, *more],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | {"PATH": path},
         )
 
     done = run(f"{script.parent}:/usr/bin")
+    assert done.returncode == 2
+    assert "say --task my_tasks:Middle" in done.stderr
+    done = run(f"{script.parent}:/usr/bin", *said)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "of 2 episodes ended at their goal." in done.stdout
     reports = json.loads(Path("j").read_text())

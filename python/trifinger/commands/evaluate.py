@@ -21,7 +21,7 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("policy", type=Path, help="a file that `trifinger train` wrote")
     parser.add_argument(
-        "--task", help="default: the task that the file names; MODULE:CLASS is one of your own"
+        "--task", help="default: the task that the file names, unless it is a MODULE:CLASS"
     )
     parser.add_argument("--episodes", type=int, default=50)
     parser.add_argument(
@@ -35,9 +35,10 @@ def main(words: Sequence[str] | None = None) -> int:
     def run() -> None:
         extras.require("learning", "gymnasium")
         from trifinger import evaluation
+        from trifinger.tasks import task_of_file
 
         policy = Policy(arguments.policy)
-        task = arguments.task or policy.metadata.get("task")
+        task = task_of_file(policy.metadata.get("task", ""), arguments.task, arguments.policy)
         if not task:
             raise InvalidArgument(f"{arguments.policy} does not say its task: --task is needed")
         if arguments.episodes < 1:

@@ -2,8 +2,10 @@
 """The part of `trifinger run-policy` for policies of tasks in Python."""
 
 import argparse
+import contextlib
 import json
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,13 @@ import numpy as np
 
 from trifinger import extras
 from trifinger._trifinger import Policy, connect
+from trifinger.arrays import Array
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import Error, InvalidArgument
+from trifinger.tasks import task_of_file
+
+Act = Callable[[Array], Array]
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -28,9 +34,9 @@ def main(words: Sequence[str] | None = None) -> int:
         parser.add_argument(name, type=int, default=number)
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--precision", choices=("double", "single"), default="double")
-    parser.add_argument("--scheduling", help="not used: Python keeps no real-time promise")
-    for name in ("--marks", "--task"):
-        parser.add_argument(name, help="not possible here: RecordEpisodes marks such episodes")
+    parser.add_argument("--scheduling", choices=("require", "try", "off"), default="try")
+    parser.add_argument("--task", help="the task that the file names, MODULE:CLASS")
+    parser.add_argument("--marks", help="not possible here: RecordEpisodes marks such episodes")
     arguments = parser.parse_args(words)
     return command_line.run(lambda: run(arguments))
 
@@ -38,50 +44,78 @@ def main(words: Sequence[str] | None = None) -> int:
 def run(arguments: argparse.Namespace) -> None:
     """Runs the episodes, says how each ended, and writes them to a file if asked."""
     extras.require("learning", "gymnasium")
-    from trifinger.environments import Environment, Options
 
-    if arguments.marks or arguments.task:
+    if arguments.marks:
         raise InvalidArgument(
             "--marks is for tasks in C++; RecordEpisodes of trifinger.data_sets marks episodes of "
             "tasks in Python"
         )
+    if arguments.scheduling == "require":
+        raise InvalidArgument("--scheduling require: a task in Python keeps no real-time promise")
     policy = Policy(arguments.policy, precision=arguments.precision)
     missing = {"task", "options", "robot"} - set(policy.metadata)
     if missing:
         raise InvalidArgument(f"{arguments.policy} does not say its '{min(missing)}'")
+    named = policy.metadata["task"]
+    task = task_of_file(named, arguments.task, arguments.policy)
+    if task != named:
+        raise InvalidArgument(f"{arguments.policy} is for the task '{named}', not for '{task}'")
+    with command_line.ended_by_signals(), tempfile.TemporaryDirectory() as folder:
+        _episodes(arguments, policy, _configuration_of(policy, Path(folder)))
+
+
+# The configuration of the robot in the training. Files of older versions only have its name.
+def _configuration_of(policy: Policy, folder: Path) -> str:
+    text = policy.metadata.get("configuration")
+    if text is None:
+        return policy.metadata["robot"]
+    file = folder / "configuration.yml"
+    file.write_text(text)
+    return str(file)
+
+
+def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> None:
+    from trifinger.environments import Environment, Options
+    from trifinger.evaluation import act_of, rows_of
+
     task = policy.metadata["task"]
     environment = Environment(
         task,
         options=Options.from_json(policy.metadata["options"]),
-        config=policy.metadata["robot"],
+        config=config,
         connect=lambda: connect(arguments.robot),
     )
-    if environment.observation_space.shape != (policy.num_inputs,):
-        raise InvalidArgument(
-            f"the policy takes {policy.num_inputs} numbers, the task '{task}' shows "
-            f"{environment.observation_space}"
-        )
+    rows = rows_of(
+        policy, task, environment.observation_space.shape, environment.action_space.shape
+    )
+    act = act_of(policy)
+
+    def acted(observation: Array) -> Array:
+        return act(observation.reshape(rows, -1)).ravel()
+
     say(f"'{arguments.robot}' shall do '{task}' with {arguments.policy}", flush=True)
+    reports: list[dict[str, Any]] = []
     try:
-        last = arguments.first + arguments.episodes
-        reports = [
-            _episode(environment, policy, arguments.seed, number)
-            for number in range(arguments.first, last)
-        ]
+        with contextlib.closing(environment):
+            last = arguments.first + arguments.episodes
+            for number in range(arguments.first, last):
+                _episode(environment, acted, arguments.seed, number, reports)
     finally:
-        environment.close()
-    successes = sum(report["is_success"] for report in reports)
-    say(f"{successes} of {len(reports)} episodes ended at their goal.")
-    if arguments.json:
-        arguments.json.write_text(json.dumps(reports, indent=2) + "\n")
+        # What was done counts, even if more cannot be done.
+        successes = sum(report["is_success"] for report in reports)
+        say(f"{successes} of {len(reports)} episodes ended at their goal.")
+        if arguments.json:
+            arguments.json.write_text(json.dumps(reports, indent=2) + "\n")
 
 
-def _episode(environment: Any, policy: Policy, seed: int, number: int) -> dict[str, Any]:
+def _episode(
+    environment: Any, act: Act, seed: int, number: int, reports: list[dict[str, Any]]
+) -> None:
     observation, info = environment.reset(seed=seed, options={"episode": number})
     first = environment.process.time_index
     total, count, terminated, truncated = 0.0, 0, False, False
     while not (terminated or truncated):
-        observation, reward, terminated, truncated, info = environment.step(policy(observation))
+        observation, reward, terminated, truncated, info = environment.step(act(observation))
         total, count = total + reward, count + 1
     steps = environment.process.time_index - first
     distance = np.atleast_1d(info["distance"])
@@ -92,12 +126,14 @@ def _episode(environment: Any, policy: Policy, seed: int, number: int) -> dict[s
     )
     if info["fault"]:
         raise Error(f"the robot has stopped: {info['fault_text']}")
-    return {
-        "episode": number,
-        "actions": count,
-        "total_reward": total,
-        "distance": distance.tolist(),
-        "is_success": bool(info["is_success"]),
-        "is_terminated": terminated,
-        "repeated_steps": steps - count * environment.options.steps_per_action,
-    }
+    reports.append(
+        {
+            "episode": number,
+            "actions": count,
+            "total_reward": total,
+            "distance": distance.tolist(),
+            "is_success": bool(info["is_success"]),
+            "is_terminated": terminated,
+            "repeated_steps": steps - count * environment.options.steps_per_action,
+        }
+    )

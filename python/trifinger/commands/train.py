@@ -62,10 +62,18 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="KEY=VALUE",
         help="a field of trifinger.training.Recipe or trifinger.environments.Options",
     )
+    parser.add_argument(
+        "--task",
+        dest="said",
+        metavar="MODULE:CLASS",
+        help="the task of the training that --resume continues, if it is one of your own",
+    )
     add_view_options(parser)
     arguments = parser.parse_args(words)
     if (arguments.task is None) == (arguments.resume is None):
         parser.error("either a task or --resume is needed")
+    if arguments.said and not arguments.resume:
+        parser.error("--task belongs to --resume")
     others = (arguments.algorithm, arguments.episodes, arguments.seed, arguments.out)
     if arguments.resume and (
         arguments.shared or arguments.set or any(one is not None for one in others)
@@ -79,7 +87,7 @@ def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
     from trifinger.training import Plan, name_of, parse_setting
 
     if arguments.resume:
-        return Plan.of_folder(arguments.resume), arguments.resume
+        return Plan.of_folder(arguments.resume, arguments.said), arguments.resume
     numbers = {name: getattr(arguments, name) for name in ("episodes", "seed")}
     plan = Plan.of(
         arguments.task,
@@ -113,7 +121,8 @@ def train(arguments: argparse.Namespace) -> None:
         try:
             summary = training.run()
         except KeyboardInterrupt:
-            report(f"--resume {folder} goes on.")
+            more = f" --task {plan.task}" if ":" in plan.task else ""
+            report(f"--resume {folder}{more} goes on.")
             raise
         show(bar, plan.episodes)
         try:

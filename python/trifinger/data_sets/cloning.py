@@ -256,10 +256,18 @@ def _network(sizes: Sequence[int]) -> Any:
 
 def _metadata(examples: Examples) -> dict[str, str]:
     if examples.environment:
+        from trifinger._trifinger import robot_configuration
         from trifinger.environments import Options
         from trifinger.environments.options import policy_metadata
 
         made = examples.environment
+        if ":" in made["task"]:  # A stranger's data set may name it, so it is not imported.
+            return {
+                "task": made["task"],
+                "options": Options.from_json(made["options"]).to_json(),
+                "robot": made["config"],
+                "configuration": robot_configuration(made["config"], made["config_overrides"]),
+            }
         return policy_metadata(
             made["task"],
             Options.from_json(made["options"]),

@@ -11,6 +11,7 @@ from typing import Any, Literal, Self, get_args
 # This import comes first because its error says what to install.
 from trifinger.environments import Options
 from trifinger.errors import InvalidArgument
+from trifinger.tasks import task_of_file
 
 Algorithm = Literal["ddpg", "td3", "sac", "ppo"]
 PLAN = "plan.json"  # the file in the folder of a training
@@ -152,11 +153,14 @@ class Plan:
         return json.dumps(dataclasses.asdict(self), indent=2)
 
     @classmethod
-    def of_folder(cls, folder: Path) -> Self:
-        """The plan of the training in a folder."""
+    def of_folder(cls, folder: Path, task: str | None = None) -> Self:
+        """The plan of the training in a folder; a task in Python must be named here, too."""
         if not (folder / PLAN).is_file():
             raise InvalidArgument(f"there is no training in {folder}")
-        return cls.from_json((folder / PLAN).read_text())
+        plan = cls.from_json((folder / PLAN).read_text())
+        if task_of_file(plan.task, task, folder) != plan.task:
+            raise InvalidArgument(f"{folder} has a training of '{plan.task}', not of '{task}'")
+        return plan
 
     @classmethod
     def from_json(cls, text: str) -> Self:

@@ -97,9 +97,11 @@ class Training:
         self._model.set_logger(Logger(str(folder), [board]))
 
     @classmethod
-    def resume(cls, folder: Path, *callbacks: Callable[[Any], None]) -> Self:
+    def resume(
+        cls, folder: Path, *callbacks: Callable[[Any], None], task: str | None = None
+    ) -> Self:
         """The training in a folder, which goes on after its newest checkpoint."""
-        return cls(Plan.of_folder(folder), folder, *callbacks)
+        return cls(Plan.of_folder(folder, task), folder, *callbacks)
 
     def run(self) -> Summary:
         """Trains to the end, writes policy and curve, and returns the last evaluation.
