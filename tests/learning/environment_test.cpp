@@ -8,9 +8,11 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "support/allocation_counter.hpp"
@@ -256,6 +258,83 @@ TEST(EnvironmentOptions, AreCheckedByName) {
   refuses([](auto& options) { options.position_noise = std::nan(""); }, "position_noise is nan");
   EXPECT_THAT([] { (void)default_options("fly"); },
               ThrowsMessage<InvalidArgument>(HasSubstr("there are 'reach', 'finger_reach'")));
+}
+
+// A task of many that begins at `start`, with goals at a half.
+class Everywhere final : public TaskOfMany {
+ public:
+  explicit Everywhere(std::vector<Entry> entries = {}, double start = 0.0)
+      : entries_(std::move(entries)), start_(start) {}
+
+  [[nodiscard]] bool has_goals_of_fingers() const noexcept override { return true; }
+  [[nodiscard]] Entry goal() const override {
+    return {.name = "goal",
+            .unit = "m",
+            .low = std::vector<double>(9, -1.0),
+            .high = std::vector<double>(9, 1.0)};
+  }
+  [[nodiscard]] std::vector<Entry> entries() const override { return entries_; }
+  void begin(std::span<const Beginning> robots) const override {
+    for (const Beginning& one : robots) one.start->position.front() = start_;
+    draw_goals(robots);
+  }
+  void draw_goals(std::span<const Beginning> robots) const override {
+    for (const Beginning& one : robots) one.episode->goal.fill(0.5);
+  }
+  void judge(std::span<Observed> robots) const override {
+    for (Observed& one : robots) {
+      std::ranges::fill(one.achieved, 0.25);
+      one.outcome.reward = 7.0;
+    }
+  }
+  void reward(std::span<const double> achieved, std::span<const double> /*desired*/,
+              std::span<double> rewards) const override {
+    for (std::size_t i = 0; i < rewards.size(); ++i) rewards[i] = achieved[9 * i];
+  }
+  void show(std::span<const Observed> /*robots*/, std::span<double> shown) const override {
+    std::ranges::fill(shown, 0.0);
+  }
+
+ private:
+  std::vector<Entry> entries_;
+  double start_;
+};
+
+Environment everywhere(const std::vector<Entry>& entries = {}, double start = 0.0) {
+  const TaskDescription task{.name = "everywhere", .make = [=](Workspace&) {
+                               return std::make_unique<Everywhere>(entries, start);
+                             }};
+  return {task, {}, RobotDescription{}};
+}
+
+TEST(TaskOfMany, AnswersForOneRobot) {
+  const Environment environment = everywhere();
+  Episode episode;
+  const Start start = environment.begin(1, 0, episode);
+  EXPECT_EQ(episode.goal.front(), 0.5);
+  std::vector<float> observation(environment.observation_size());
+  std::vector<double> achieved(9);
+  std::vector<double> desired(9);
+  const Outcome outcome = environment.observe({.position = std::span(start.position).first(9),
+                                               .velocity = std::span(start.position).first(9)},
+                                              episode, observation, achieved, desired);
+  EXPECT_EQ(outcome.reward, 7.0);
+  EXPECT_EQ(achieved.front(), 0.25);
+  EXPECT_EQ(desired.front(), 0.5);
+  EXPECT_EQ(environment.reward(achieved, desired), 0.25);
+  EXPECT_THROW((void)environment.reward(achieved, std::span(desired).first(8)), InvalidArgument);
+}
+
+TEST(TaskOfMany, BeginsWhereARobotCanBe) {
+  Episode episode;
+  EXPECT_THAT([&] { (void)everywhere({}, 9.0).begin(1, 0, episode); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("joint 0 at 9 in row 0")));
+}
+
+TEST(TaskOfMany, ShowsFingersThreeNumbersEach) {
+  const Entry way{.name = "way", .unit = "m", .low = {-1.0}, .high = {1.0}};
+  EXPECT_THAT([&] { (void)everywhere({way}); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("'way' has 1 numbers, not 9")));
 }
 
 }  // namespace
