@@ -9,6 +9,7 @@
 #include <utility>
 #include <variant>
 
+#include "conversion/timeout.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/robot_cameras.hpp"

@@ -123,6 +123,7 @@ def test_a_backend_that_stands_still_does_not_hold_the_program(running: Running)
     guide = trifinger.guide("g")
     guide.wait_until_arrived()
     os.kill(running.process.pid, signal.SIGSTOP)
+    os.waitid(os.P_PID, running.process.pid, os.WSTOPPED)
     try:
         with pytest.raises(trifinger.TimedOut, match="does not answer"):
             guide.finish(timeout=0.1)

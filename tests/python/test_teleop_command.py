@@ -224,6 +224,7 @@ def test_fault_69_a_back_end_that_stands_still_keeps_nobody_from_ending(
     terminal.wait_for("holds its pose")
     hold_key_until_moved(terminal, tips, PAGE_UP, 2)
     robot.process.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, robot.process.pid, os.WSTOPPED)
     if isinstance(end, signal.Signals):
         terminal.process.send_signal(end)
     else:

@@ -196,6 +196,7 @@ def test_fault_68_a_viewer_that_stands_still_does_not_hold_up_the_robot(
     page.goto(viewing.url)
     says(page, "state", "holds its pose")
     viewing.process.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, viewing.process.pid, os.WSTOPPED)
     with trifinger.connect("bot") as robot:
         for _ in range(20):  # more than the history holds
             robot.append_desired_actions(np.repeat(robot.new_action(), 1000))

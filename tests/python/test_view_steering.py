@@ -4,6 +4,7 @@
 import contextlib
 import html
 import http.client
+import os
 import signal
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -362,6 +363,7 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
         driver.take_control()
         driver.press("Recover")  # which is not shown: nothing happens
         gate.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, gate.process.pid, os.WSTOPPED)
         robot.wait_for_end()
         gate.process.send_signal(signal.SIGCONT)
         driver.wait_until(lambda: driver.is_visible("Recover"))

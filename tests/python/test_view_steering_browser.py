@@ -251,6 +251,7 @@ def test_a_stop_that_does_not_reach_the_server_is_said(
     tab = open_tab(viewing.url)
     expect(tab.button("Take control")).to_be_visible(timeout=NEVER)
     viewing.process.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, viewing.process.pid, os.WSTOPPED)
     tab.button("Stop the robot").click()
     tab.says("NOT stopped: this page's server does not answer")
     tab.says("trifinger stop sim")

@@ -39,6 +39,7 @@ ELSEWHERE = {
     "data_sets/minari.py": ("_write_episodes",),
     # In a temporary folder.
     "data_sets/recorded_environment.py": ("make",),
+    "commands/run_policy_of_python.py": ("_configuration_of",),
     # Into the memory.
     "log/camera_film.py": ("__init__",),
     "colour_labels.py": ("_source",),

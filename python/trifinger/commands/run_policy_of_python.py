@@ -18,6 +18,7 @@ from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.tasks import task_of_file
+from trifinger.whole_file import whole_file
 
 Act = Callable[[Array], Array]
 
@@ -105,7 +106,8 @@ def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> Non
         successes = sum(report["is_success"] for report in reports)
         say(f"{successes} of {len(reports)} episodes ended at their goal.")
         if arguments.json:
-            arguments.json.write_text(json.dumps(reports, indent=2) + "\n")
+            with whole_file(arguments.json) as part:
+                part.write_text(json.dumps(reports, indent=2) + "\n")
 
 
 def _episode(

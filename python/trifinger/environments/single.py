@@ -127,6 +127,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._seed: int | None = None
         self._episode = 0
         self._is_running = False
+        self._acted_to = -1  # the last step whose outcome is known
         self._drawing: Any = None
         self._view = view or View()
         metadata = dict(type(self).metadata)
@@ -206,6 +207,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self._poses = robot.companion(OBJECT) if self._sees_objects else None
             seen = self._core.look(robot, self._process.time_index, self._poses, self._judge)
             self._take(seen)
+            self._acted_to = self._core.last_step
         except BaseException:
             # A robot that has begun to move must not stay without control.
             self._process.close()
@@ -242,7 +244,6 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             raise InvalidArgument(
                 f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
             )
-        before = self._core.last_step
         try:
             seen = self._core.step(self._process.robot, numbers, self._poses, self._judge)
             self._take(seen)
@@ -253,10 +254,10 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             info = self._info(is_success=False, fault=_code_of(stopped), fault_text=str(stopped))
             return self._observation(), self._last_reward, False, True, info
         except BaseException:
-            if self._core.last_step != before:
+            if self._core.last_step != self._acted_to:
                 self._end_unjudged()
             raise
-        _, reward, terminated, truncated, success, _ = seen
+        self._acted_to, reward, terminated, truncated, success, _ = seen
         if terminated or truncated:
             self._is_running = False
             # Actions that have not acted yet may cause a fault; the episode has ended before it.
