@@ -791,11 +791,12 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
 
 
 @pytest.mark.slow
+@pytest.mark.without_sanitizer  # it needs the program
 def test_closing_it_ends_the_step_of_another_thread(start_program: StartProgram):
     robot = start_program("run", "trifinger_edu", "--name", "learner", *PATIENT)
     robot.wait_for("waits for a user")
     environment = Environment(
-        "reach", connect=lambda: trifinger.connect("learner"), steps_per_action=500, duration=5.0
+        "reach", connect=lambda: trifinger.connect("learner"), steps_per_action=1000, duration=10.0
     )
     begins = threading.Event()
     said = []

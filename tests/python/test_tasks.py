@@ -721,6 +721,7 @@ def test_no_file_alone_decides_what_is_imported(
     assert evaluate.main(["Fingers.policy", "--task", name, "--episodes", "2"]) == 0
 
 
+@pytest.mark.without_sanitizer  # it needs the program
 def test_a_policy_that_fingers_share_runs_and_what_it_did_is_kept(
     policy: Any, start_program: StartProgram, capsys: pytest.CaptureFixture[str]
 ) -> None:
