@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """If somebody removes, cuts off or overwrites session files, a command restores order."""
 
+import contextlib
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -43,7 +44,9 @@ def test_fault_32_a_backend_can_be_stopped_whatever_became_of_its_files(
     robot = start_program("run", "fake", "--name", "x")
     robot.wait_for("holds its pose")
     for path in session_folder.glob(f"trifinger.x.{files}"):
-        lose(path)
+        # A back-end that notices what is lost may take its other files away.
+        with contextlib.suppress(FileNotFoundError):
+            lose(path)
 
     second = run("run", "fake", "--name", "x", expect=1)
     assert f"is run by trifinger (process {robot.process.pid})" in second

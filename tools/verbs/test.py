@@ -86,7 +86,6 @@ def test_layers(*names: str) -> int:
 def python_tests(count: Count, group: str, preset: str, *arguments: str, **variables: str) -> bool:
     """Runs the Python tests that `arguments` of pytest select, and says whether they passed.
 
-    Two processes share a processor, because many tests only wait for a robot in real time.
     Each process makes the fixtures of a file again, so few files should be split between processes.
     Two modes of pytest do that, worksteal and loadfile. worksteal goes on when a process has
     crashed or its watchdog, faulthandler_timeout, has ended it; loadfile may wait for ever. If all
@@ -95,7 +94,7 @@ def python_tests(count: Count, group: str, preset: str, *arguments: str, **varia
     """
     limit = ["timeout", "--foreground", "--signal=INT", "--kill-after=1m", "60m"]
     results = f"--junitxml={RESULTS / group / 'python.xml'}"
-    pytest = [PYTHON, "-m", "pytest", "-n", str(2 * jobs()), "--dist", "worksteal", results]
+    pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal", results]
     command = [*limit, *pytest, *arguments, "tests/python"]
     return count.pytest(
         Steps(group), "Python tests", command, **uses(preset), **variables
