@@ -6,7 +6,7 @@
 It checks all files except tests, or with `tests` those. With `analyser`, clang's static analyser
 checks all files except tests, which takes as long as all the checks of .clang-tidy.
 
-Files that the release build compiles together are checked together: their headers are read once.
+Files that the database compiles together are checked together: their headers are read once.
 A unit that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
 version and configuration, the compile command, the file, and all headers of this repository that it
 includes.
