@@ -6,8 +6,7 @@
 It checks all files except tests, or with `tests` those. With `analyser`, clang's static analyser
 checks all files except tests, which takes as long as all the checks of .clang-tidy.
 
-Files that the database compiles together are checked together: their headers are read once.
-A unit that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
+A file that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
 version and configuration, the compile command, the file, and all headers of this repository that it
 includes.
 """
@@ -43,7 +42,7 @@ def direct_includes(file: Path) -> tuple[Path, ...]:
     folders = (file.parent, ROOT / "include", ROOT / "tests")
     names = [name.decode() for name in INCLUDE.findall(file.read_bytes())]
     candidates = ((folder / name).resolve() for name in names for folder in folders)
-    return tuple(dict.fromkeys(path for path in candidates if path.is_file()))
+    return tuple(path for path in candidates if path.is_file())
 
 
 def with_includes(file: Path) -> list[Path]:
@@ -55,12 +54,6 @@ def with_includes(file: Path) -> list[Path]:
         seen |= new
         queue += new
     return sorted(seen)
-
-
-def sources_of(entry: dict[str, str]) -> list[str]:
-    """Returns the file of an entry, or the files that are compiled together in it."""
-    file = Path(entry["file"])
-    return [str(path) for path in (file, *direct_includes(file)) if path.suffix == ".cpp"]
 
 
 def own_size(file: Path) -> int:
@@ -96,7 +89,7 @@ def main(build: Path, jobs: int, mode: str) -> int:
         if (path.parts[0] == "tests") == (mode == "tests")
     }
     database = json.loads((build / "compile_commands.json").read_text())
-    entries = {entry["file"]: entry for entry in database if ours & set(sources_of(entry))}
+    entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
     configs = [path for path in tracked_files() if path.name == ".clang-tidy"]
     config = b"".join((ROOT / path).read_bytes() for path in configs)
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout
@@ -129,7 +122,7 @@ def main(build: Path, jobs: int, mode: str) -> int:
 
     # The printed number of checks reveals a misspelt glob in .clang-tidy.
     checks = sum(line.startswith("    ") for line in listing.splitlines())
-    print(f"{checks} checks, {len(entries)} units, {len(changed)} of them new or changed")
+    print(f"{checks} checks, {len(entries)} files, {len(changed)} of them new or changed")
     return 1 if failures else 0
 
 

@@ -155,7 +155,7 @@ class PythonFrontend::Held {
   std::shared_ptr<Handle> handle_;
 };
 
-/// The same, as the only one that appends.
+/// A `Held` of the only thread that appends.
 class PythonFrontend::Turn : public Held {
  public:
   /// @throws ControlHeld if another thread is appending, InvalidArgument if the front-end is closed

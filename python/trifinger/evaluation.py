@@ -164,7 +164,11 @@ class Evaluator:
 def rows_of(
     policy: Policy, task: str, seen: tuple[int, ...] | None, acted: tuple[int, ...] | None
 ) -> int:
-    """The same for a task with observations and actions of these shapes."""
+    """Number of actions that a policy computes per step: 1, or one per finger if they share it.
+
+    `seen` and `acted` are the shapes of observations and actions. Raises InvalidArgument if the
+    policy does not fit them.
+    """
     (inputs,), (outputs,) = seen or (0,), acted or (0,)
     rows = outputs // policy.num_outputs
     if (rows * policy.num_inputs, rows * policy.num_outputs) != (inputs, outputs):

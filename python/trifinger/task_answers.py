@@ -45,48 +45,46 @@ def judged(task: Task, seen: View) -> Array:
     """Reward, success, whether nothing can follow, number of goals, and what is achieved."""
     count = len(seen.time)
     answer = np.empty((count, 4 + len(task.goal_low)))
-    achieved = _answer(
-        task, "achieve()", task.achieve(seen), (count, len(task.goal_low)), np.float64
-    )
+    achieved = _answer(task, "achieve()", task.achieve(seen), (count, len(task.goal_low)))
     answer[:, 4:] = achieved
     one = (count,)
-    reward = _answer(task, "reward()", task.reward(achieved, seen.goal), one, np.float64)
-    answer[:, 0] = reward - _answer(task, "cost()", task.cost(seen), one, np.float64)
+    reward = _answer(task, "reward()", task.reward(achieved, seen.goal), one)
+    answer[:, 0] = reward - _answer(task, "cost()", task.cost(seen), one)
     answer[:, 1] = _truth(task, "is_success()", task.is_success(achieved, seen.goal), one)
     answer[:, 2] = _truth(task, "has_ended()", task.has_ended(seen), one)
-    answer[:, 3] = _answer(task, "num_goals()", task.num_goals(seen.time), one, np.float64)
+    answer[:, 3] = _answer(task, "num_goals()", task.num_goals(seen.time), one)
     return answer
 
 
 def shown(task: Task, seen: View) -> Array:
     """What a task shows of itself: the numbers of its `entries`."""
     width = sum(len(entry.low) for entry in task.entries)
-    return _answer(task, "show()", task.show(seen), (len(seen.time), width), np.float64)
+    return _answer(task, "show()", task.show(seen), (len(seen.time), width))
 
 
 def rewards(task: Task, achieved: Array, desired: Array) -> Array:
     """One reward for each row of goals."""
-    return _answer(task, "reward()", task.reward(achieved, desired), (len(achieved),), np.float64)
+    return _answer(task, "reward()", task.reward(achieved, desired), (len(achieved),))
 
 
 # What is drawn may be the same for all robots.
 def _drawn(task: Task, name: str, given: Any, shape: tuple[int, int]) -> Array:
-    array = _array(task, name, given, np.float64)
+    array = _array(task, name, given)
     if array.shape == shape[1:]:
         array = np.broadcast_to(array, shape)
-    return _answer(task, name, array, shape, np.float64)
+    return _answer(task, name, array, shape)
 
 
 # A distance is no truth value, though NumPy would take it as one.
 def _truth(task: Task, name: str, given: Any, shape: tuple[int, ...]) -> Array:
-    array = _answer(task, name, given, shape, np.float64)
+    array = _answer(task, name, given, shape)
     if not np.isin(array, (0.0, 1.0)).all():
         raise InvalidArgument(f"{name} of {task!r} is {given!r:.100}, must be True or False")
     return array
 
 
-def _answer(task: Task, name: str, given: Any, shape: tuple[int, ...], kind: type) -> Array:
-    array = _array(task, name, given, kind)
+def _answer(task: Task, name: str, given: Any, shape: tuple[int, ...]) -> Array:
+    array = _array(task, name, given)
     if array.shape != shape:
         raise InvalidArgument(
             f"{name} of {task!r} has the shape {array.shape}, must have {shape}: a row for each of "
@@ -99,9 +97,9 @@ def _answer(task: Task, name: str, given: Any, shape: tuple[int, ...], kind: typ
     return array
 
 
-def _array(task: Task, name: str, given: Any, kind: type) -> Array:
+def _array(task: Task, name: str, given: Any) -> Array:
     try:
-        return np.asarray(given, kind)
+        return np.asarray(given, np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidArgument(
             f"{name} of {task!r} is {given!r:.100}, must be an array of numbers: {error}"

@@ -45,13 +45,3 @@ def test_another_command_or_configuration_is_seen(entry: dict[str, str]) -> None
     before = fingerprint(entry)
     assert fingerprint(entry, b"other version") != before
     assert fingerprint(entry | {"command": "c++ -O2 -c a.cpp"}) != before
-
-
-def test_files_that_are_compiled_together_belong_to_their_unit(entry: dict[str, str]) -> None:
-    unit = Path(entry["file"]).parent / "unity_0_cxx.cxx"
-    unit.write_text(f'#include "{entry["file"]}"\n')
-    assert run_clang_tidy.sources_of({"file": str(unit)}) == [entry["file"]]
-    assert run_clang_tidy.sources_of(entry) == [entry["file"]]
-    before = fingerprint({"file": str(unit), "command": "c++"})
-    Path(entry["file"]).write_text("// new\n")
-    assert fingerprint({"file": str(unit), "command": "c++"}) != before

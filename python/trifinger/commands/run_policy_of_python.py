@@ -5,9 +5,9 @@ import argparse
 import contextlib
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from trifinger.errors import Error, InvalidArgument
 from trifinger.tasks import task_of_file
 from trifinger.whole_file import whole_file
 
-Act = Callable[[Array], Array]
+if TYPE_CHECKING:  # it needs the extra `learning`
+    from trifinger.evaluation import Act
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -111,7 +112,7 @@ def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> Non
 
 
 def _episode(
-    environment: Any, act: Act, seed: int, number: int, reports: list[dict[str, Any]]
+    environment: Any, act: "Act", seed: int, number: int, reports: list[dict[str, Any]]
 ) -> None:
     observation, info = environment.reset(seed=seed, options={"episode": number})
     first = environment.process.time_index

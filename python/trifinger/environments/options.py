@@ -132,7 +132,7 @@ def task_of(task: AnyTask) -> AnyTask:
     return made
 
 
-# The same, without making an object of a class.
+# The name of a task in C++, or the class or object of one in Python, which is not made here.
 def _known(task: AnyTask) -> AnyTask | type[Task]:
     allowed = 'the name of a task, such as "reach" or "my_tasks:Middle", or a Task'
     require(isinstance(task, AnyTask), "task", task, allowed)
