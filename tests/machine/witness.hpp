@@ -21,22 +21,17 @@ class Witness {
   explicit Witness(const std::string& filter)
       : candump_({"candump", "-d", "-r", "100000000", "-L", filter}, folder_ / "frames") {
     // It says nothing when it begins to listen, but it hears this on another bus.
-    if (run({"ip", "link", "add", "dev", kOwnBus, "type", "vcan"}) != 0 ||
-        run({"ip", "link", "set", kOwnBus, "up"}) != 0) {
-      throw std::runtime_error("there is no bus for the witness");
-    }
-    while (candump_.text().empty()) {
-      if (run({"cansend", kOwnBus, "007#"}) != 0) throw std::runtime_error("cansend failed");
-    }
-    run({"ip", "link", "del", kOwnBus});
+    show("007#");
   }
   Witness(const Witness&) = delete;
   Witness& operator=(const Witness&) = delete;
   ~Witness() = default;
 
-  /// Ends it.
+  /// Waits until it has written all frames that were sent before, and ends it.
   /// @throws std::runtime_error if it has missed frames
   void dismiss() {
+    // It has one queue for all buses, and its signal to end would lose what is still in there.
+    show("007#0E");
     candump_.end();
     std::ifstream lines(folder_ / "frames");
     // "(1795384655.961230)  vcan3 005#0066F2AE00000000"
@@ -56,6 +51,18 @@ class Witness {
   }
 
  private:
+  // Sends a frame that is on no other bus, until it is written.
+  void show(const std::string& frame) const {
+    if (run({"ip", "link", "add", "dev", kOwnBus, "type", "vcan"}) != 0 ||
+        run({"ip", "link", "set", kOwnBus, "up"}) != 0) {
+      throw std::runtime_error("there is no bus for the witness");
+    }
+    while (candump_.text().find(frame + '\n') == std::string::npos) {
+      if (run({"cansend", kOwnBus, frame}) != 0) throw std::runtime_error("cansend failed");
+    }
+    run({"ip", "link", "del", kOwnBus});
+  }
+
   static constexpr const char* kOwnBus = "vcan-w";
 
   Folder folder_;

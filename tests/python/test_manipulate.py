@@ -134,6 +134,7 @@ def test_carries_out_a_skill(
     assert "fault" not in robot.end()[1]
 
 
+@pytest.mark.slow
 def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
     command = [BUILD / "evaluation/evaluate_teach", "turn", "--output", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
