@@ -48,10 +48,9 @@ Manipulation::Manipulation(const RobotDescription& description, const Manipulati
                   config.controller),
       estimator_(config.pose_bandwidth),
       last_seen_(std::numeric_limits<TimeIndex>::min()),
-      memory_(kMemory),
-      position_sum_(Eigen::Vector3d::Zero()),
-      orientation_sum_(Eigen::Vector4d::Zero()) {
+      memory_(kMemory) {
   if (!(period > Seconds(0))) throw InvalidArgument("the period of a step is not above zero");
+  looked_.restart(step_);
 }
 
 void Manipulation::enter(Phase phase) noexcept {
@@ -65,9 +64,7 @@ void Manipulation::fail(Failure failure) noexcept {
 }
 
 void Manipulation::look_again() noexcept {
-  num_seen_ = 0;
-  position_sum_.setZero();
-  orientation_sum_.setZero();
+  looked_.restart(step_);
   enter(Phase::kLook);
 }
 
@@ -89,11 +86,7 @@ void Manipulation::take_news() noexcept {
   if (captured > step_ || captured <= step_ - static_cast<TimeIndex>(kMemory)) return;
   last_seen_ = captured;
   if (phase_ == Phase::kLook) {
-    if (captured < phase_begin_) return;
-    ++num_seen_;
-    position_sum_ += pose.position;
-    const Eigen::Vector4d& orientation = pose.orientation.coeffs();
-    orientation_sum_ += orientation_sum_.dot(orientation) < 0.0 ? -orientation : orientation;
+    looked_.add(captured, pose);
     return;
   }
   const Remembered& then = memory_at(captured);
@@ -129,12 +122,11 @@ void Manipulation::feel() noexcept {
 }
 
 void Manipulation::finish_look() noexcept {
-  if (num_seen_ == 0) {
+  if (looked_.count() == 0) {
     fail(Failure::kNotSeen);
     return;
   }
-  Pose rest =
-      upright({position_sum_ / num_seen_, Eigen::Quaterniond(orientation_sum_.normalized())});
+  Pose rest = upright(looked_.mean());
   const Eigen::Vector3d up = rest.orientation.conjugate() * Eigen::Vector3d::UnitZ();
   rest.position.z() = half_size_.dot(up.cwiseAbs());
   rest_at(rest);
@@ -217,7 +209,7 @@ void Manipulation::follow_phases() noexcept {
   const Seconds elapsed = time_of(step_ - phase_begin_);
   switch (phase_) {
     case Phase::kLook:
-      if (elapsed >= (num_seen_ > 0 ? look_time_ : kLongestLook)) finish_look();
+      if (elapsed >= (looked_.count() > 0 ? look_time_ : kLongestLook)) finish_look();
       break;
     case Phase::kGrasp:
       if (grasp != GraspPhase::kHold) break;

@@ -239,7 +239,7 @@ void PinchedHandling::enter(Phase phase) noexcept {
 
 void PinchedHandling::see(TimeIndex captured, const Pose& pose) noexcept {
   if (!estimator_.update(clock_.time_of(captured), pose)) return;
-  if (captured >= average_from_) average_.add(pose);
+  average_.add(captured, pose);
 }
 
 void PinchedHandling::stop() noexcept {
@@ -307,8 +307,7 @@ void PinchedHandling::put_down(std::string_view failure) noexcept {
   if (next_failure_.empty()) next_failure_ = failure;
   middle_way_.rest_at(middle_);
   // The poses from now on tell how far it is to the table.
-  average_.reset();
-  average_from_ = clock_.step();
+  average_.restart(clock_.step());
   withdraw_pusher();
   enter(Phase::kWithdraw);
 }
@@ -436,8 +435,7 @@ void PinchedHandling::try_again_or_fail(std::string_view failure) noexcept {
   }
   ++attempt_;
   next_failure_ = {};
-  average_.reset();
-  average_from_ = clock_.step();
+  average_.restart(clock_.step());
   enter(Phase::kLook);
 }
 
@@ -506,8 +504,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
       const Seconds duration = corrections_ == 0 ? config_.turn_time : kCorrectionTime;
       follow_roll(elapsed);
       if (clock_.in_phase() < duration + kSettle) {
-        average_.reset();
-        average_from_ = clock_.step();
+        average_.restart(clock_.step());
       } else if (average_.count() >= kPosesForAngle ||
                  clock_.in_phase() > duration + kSettle + Seconds(0.5)) {
         const double left =
@@ -553,8 +550,7 @@ void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
       break;
     case Phase::kCheck:
       if (clock_.in_phase() < kPinchCheckTime / 2) {
-        average_.reset();
-        average_from_ = clock_.step();
+        average_.restart(clock_.step());
       } else if (clock_.in_phase() >= kPinchCheckTime) {
         finish_check();
       }

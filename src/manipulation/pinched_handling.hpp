@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "phase_clock.hpp"
-#include "pose_average.hpp"
 #include "tip_servo.hpp"
 #include "tip_way.hpp"
 #include "trifinger/config/node.hpp"
 #include "trifinger/control/pose_estimator.hpp"
+#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {
@@ -161,7 +161,6 @@ class PinchedHandling : public Skill {
   Kinematics planning_;  // Used by `plan` only, perhaps in another thread.
   control::PoseEstimator estimator_;
   PoseAverage average_;
-  TimeIndex average_from_{0};
   TriFinger::Action action_;
   SkillState state_;
 

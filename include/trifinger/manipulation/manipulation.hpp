@@ -9,6 +9,7 @@
 #include "trifinger/base/time.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/pose_estimator.hpp"
+#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/manipulation/skill.hpp"
 #include "trifinger/manipulation/task.hpp"
 
@@ -148,11 +149,7 @@ class Manipulation {
   Motion object_;
   Pose felt_;  // See `Remembered::felt`.
   std::vector<Remembered> memory_;
-
-  // Sums over the poses seen while looking.
-  int num_seen_{0};
-  Eigen::Vector3d position_sum_;
-  Eigen::Vector4d orientation_sum_;
+  PoseAverage looked_;  // The poses seen while looking.
 };
 
 }  // namespace trifinger::manipulation

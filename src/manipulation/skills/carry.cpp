@@ -13,7 +13,6 @@
 
 #include "grasp_config.hpp"
 #include "phase_clock.hpp"
-#include "pose_average.hpp"
 #include "skills/makers.hpp"
 #include "skills/repose.hpp"
 #include "torque_action.hpp"
@@ -21,6 +20,7 @@
 #include "trifinger/config/file.hpp"
 #include "trifinger/manipulation/carry_planner.hpp"
 #include "trifinger/manipulation/manipulation.hpp"
+#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
@@ -71,7 +71,7 @@ class Carry final : public Skill {
       return;
     }
     handling_.see(captured, pose);
-    if (handling_.phase() == Phase::kHold && captured >= held_since_) held_.add(pose);
+    if (handling_.phase() == Phase::kHold) held_.add(captured, pose);
   }
 
   [[nodiscard]] const TriFinger::Action& update(
@@ -179,10 +179,8 @@ class Carry final : public Skill {
     const JointValues& torques = handling_.update(step, joints);
     set_torques(action_, torques);
     const Phase phase = handling_.phase();
-    if (phase == Phase::kHold && before != Phase::kHold) {
-      held_.reset();
-      held_since_ = step + static_cast<TimeIndex>(kSettle / clock_.period());
-    }
+    if (phase == Phase::kHold && before != Phase::kHold)
+      held_.restart(step + static_cast<TimeIndex>(kSettle / clock_.period()));
     if (state_.has_ended) return action_;
     state_.phase = name_of(phase);
     state_.torque_share = handling_.grasp().torque_share;
@@ -270,7 +268,6 @@ class Carry final : public Skill {
   bool is_planning_{false};  // A plan of the push may be under way.
 
   PoseAverage held_;
-  TimeIndex held_since_{0};
 };
 
 std::vector<Figure> Carry::figures(const SkillTrace& trace, std::span<const SeenPose> poses) const {

@@ -12,7 +12,6 @@
 #include "object_of.hpp"
 #include "pen_grip.hpp"
 #include "phase_clock.hpp"
-#include "pose_average.hpp"
 #include "skills/makers.hpp"
 #include "tip_servo.hpp"
 #include "tip_way.hpp"
@@ -24,6 +23,7 @@
 #include "trifinger/control/impedance.hpp"
 #include "trifinger/control/pose_estimator.hpp"
 #include "trifinger/manipulation/drawing.hpp"
+#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
@@ -240,10 +240,6 @@ class Draw final : public Skill {
     next_failure_ = failure;
     enter(Phase::kFailed);
   }
-  void restart_average() noexcept {
-    average_.reset();
-    average_from_ = clock_.step();
-  }
   void follow_phases(Seconds elapsed) noexcept;
   void look() noexcept;
   void check() noexcept;
@@ -309,7 +305,6 @@ class Draw final : public Skill {
   SkillState state_;
   TriFinger::Action action_;
   PoseAverage average_;
-  TimeIndex average_from_{0};
   bool has_sensed_{false};
 
   Pose rest_;  // Where the pen is before it is gripped.
@@ -346,7 +341,7 @@ class Draw final : public Skill {
 
 void Draw::see(TimeIndex captured, const Pose& pose) noexcept {
   if (!estimator_.update(clock_.time_of(captured), pose)) return;
-  if (captured >= average_from_) average_.add(pose);
+  average_.add(captured, pose);
   if (leads()) correct(captured, axis_of(pose));
   last_seen_ = captured;
 }
@@ -478,7 +473,7 @@ void Draw::look() noexcept {
                        pen.up.cross(axis_of(before).up).norm() < kStillTilt;
     if (!rests && looked_ < kLongestLook) {
       looked_ += clock_.in_phase();
-      restart_average();
+      average_.restart(clock_.step());
       enter(Phase::kLook);
       return;
     }
@@ -616,7 +611,7 @@ void Draw::follow_phases(Seconds elapsed) noexcept {
     }
     case Phase::kGrip:
       if (squeeze_ < config_.grip.force) {
-        restart_average();
+        average_.restart(clock_.step());
         clock_.begin_phase();
       } else if (clock_.in_phase() >= config_.look_time + Seconds(0.05)) {
         hold();
@@ -668,7 +663,7 @@ void Draw::follow_phases(Seconds elapsed) noexcept {
       break;
     case Phase::kCheck:
       if (clock_.in_phase() < kCheckTime / 2) {
-        restart_average();
+        average_.restart(clock_.step());
       } else if (clock_.in_phase() >= kCheckTime) {
         check();
       }

@@ -39,7 +39,7 @@ void Repose::see(TimeIndex captured, const Pose& pose) noexcept {
   pusher_.see(clock_.time_of(captured), pose);
   seen_ = pose;
   last_seen_ = clock_.now();
-  if (captured >= mean_begin_) mean_.add(pose);
+  mean_.add(captured, pose);
   if (phase_ == Phase::kCarry) carrier_->see(captured, pose);
 }
 
@@ -75,10 +75,7 @@ void Repose::enter(Phase phase) noexcept {
   phase_ = phase;
   state_.phase = kNames[static_cast<std::size_t>(phase)];
   clock_.begin_phase();
-  if (phase == Phase::kLook || phase == Phase::kCheck) {
-    mean_.clear();
-    mean_begin_ = clock_.step() + 1;
-  }
+  if (phase == Phase::kLook || phase == Phase::kCheck) mean_.restart(clock_.step() + 1);
 }
 
 void Repose::end(std::string_view failure) noexcept {

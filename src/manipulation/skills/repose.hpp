@@ -12,9 +12,9 @@
 #include "phase_clock.hpp"
 #include "skills/carrier.hpp"
 #include "skills/fetcher.hpp"
-#include "skills/pose_mean.hpp"
 #include "skills/pusher.hpp"
 #include "trifinger/config/node.hpp"
+#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {
@@ -115,8 +115,7 @@ class Repose final : public Skill {
   bool can_carry_{false};  // What the last plan has found.
   Pose seen_{};            // The newest pose.
   Seconds last_seen_{0};
-  PoseMean mean_;
-  TimeIndex mean_begin_{0};
+  PoseAverage mean_;
   std::string_view next_failure_;  // Of the end after the tips have left.
   std::optional<Seconds> close_since_;
   double least_{0.0};  // Least deviation so far, in multiples of what is allowed.
