@@ -10,7 +10,6 @@
 #include "object_of.hpp"
 #include "plan_untried.hpp"
 #include "soft_limits.hpp"
-#include "torque_action.hpp"
 #include "torque_figure.hpp"
 #include "towards.hpp"
 #include "trifinger/control/impedance.hpp"
@@ -214,66 +213,33 @@ std::optional<Pinch> choose_pinch(const Kinematics& kinematics, const control::S
 }
 
 PinchedHandling::PinchedHandling(const SkillContext& context, PinchedHandlingConfig config)
-    : config_(std::move(config)),
+    : TipsSkill(context),
+      config_(std::move(config)),
       box_(object_of(context.description, config_.object, ObjectShape::kBox)),
       limits_(context.limits),
-      clock_(context.period),
-      servo_(context.description, context.limits),
-      planning_(context.description),
-      estimator_(3.0) {
-  state_.phase = name_of(phase_);
-}
+      planning_(context.description) {}
 
-std::string_view PinchedHandling::name_of(Phase phase) noexcept {
-  constexpr std::array<std::string_view, 14> kNames{
-      "look",     "plan",  "approach", "pinch",   "lift",  "reach", "turn",
-      "withdraw", "lower", "loosen",   "release", "check", "done",  "failed"};
-  return kNames[static_cast<std::size_t>(phase)];
-}
-
-void PinchedHandling::enter(Phase phase) noexcept {
-  phase_ = phase;
-  clock_.begin_phase();
-  state_.phase = name_of(phase);
-}
+constinit const std::array<PinchedHandling::Row, 14> PinchedHandling::kPhases{{
+    // name, when it is stopped, done, next, entry, during
+    {"look", &S::fail, nullptr, kPlan, nullptr, &S::look},
+    {"plan", &S::fail},
+    {"approach", &S::open, &S::are_tips_there, kPinch, &S::begin_pinch},
+    {"pinch", &S::open, &S::is_pressed, kLift, &S::begin_lift, &S::pinch},
+    {"lift", &S::put_down, &S::is_middle_there, kReach, &S::begin_reach, &S::watch},
+    {"reach", &S::put_down, &S::is_pusher_there, kTurn, &S::begin_turn, &S::watch},
+    {"turn", &S::put_down, nullptr, kWithdraw, nullptr, &S::turn},
+    {"withdraw", &S::note_failure, &S::is_pusher_there, kLower, &S::begin_lower, &S::watch},
+    {"lower", &S::note_failure, &S::is_middle_there, kLoosen, nullptr, &S::watch},
+    {"loosen", &S::note_failure, &S::has_loosened, kRelease, &S::open_fingers, &S::loosen},
+    {"release", &S::note_failure, &S::has_let_go, kCheck, nullptr, &S::release},
+    {"check", &S::fail, nullptr, kDone, nullptr, &S::check},
+    {"done"},
+    {"failed"},
+}};
 
 void PinchedHandling::see(TimeIndex captured, const Pose& pose) noexcept {
   if (!estimator_.update(clock_.time_of(captured), pose)) return;
   average_.add(captured, pose);
-}
-
-void PinchedHandling::stop() noexcept {
-  if (std::exchange(is_stopped_, true) || state_.has_ended) return;
-  switch (phase_) {
-    case Phase::kLook:
-    case Phase::kPlan:
-      next_failure_ = "it was stopped";
-      enter(Phase::kFailed);
-      break;
-    case Phase::kApproach:
-    case Phase::kPinch:
-      open("it was stopped");
-      break;
-    case Phase::kLift:
-    case Phase::kReach:
-    case Phase::kTurn:
-      put_down("it was stopped");
-      break;
-    case Phase::kWithdraw:
-    case Phase::kLower:
-    case Phase::kLoosen:
-    case Phase::kRelease:
-      // The box is on its way down already.
-      if (next_failure_.empty()) next_failure_ = "it was stopped";
-      break;
-    case Phase::kCheck:
-      next_failure_ = "it was stopped";
-      enter(Phase::kFailed);
-      break;
-    case Phase::kDone:
-    case Phase::kFailed:
-      break;
-  }
 }
 
 // The third tip goes away from the box.
@@ -286,9 +252,14 @@ void PinchedHandling::withdraw_pusher() noexcept {
                  config_.approach_speed);
 }
 
-// Opens the fingers; fails then if there is a failure.
+// Opens the fingers, then fails.
 void PinchedHandling::open(std::string_view failure) noexcept {
-  if (next_failure_.empty()) next_failure_ = failure;
+  note_failure(failure);
+  open_fingers();
+  enter(Phase::kRelease);
+}
+
+void PinchedHandling::open_fingers() noexcept {
   if (phase_ == Phase::kReach || phase_ == Phase::kTurn) withdraw_pusher();
   for (const auto& [finger, side] : {std::pair{pinch_.left, -1.0}, std::pair{pinch_.right, 1.0}}) {
     TipWay& way = ways_[static_cast<std::size_t>(finger)];
@@ -299,12 +270,11 @@ void PinchedHandling::open(std::string_view failure) noexcept {
     constexpr double kOpeningSpeed = 0.06;
     way.begin({back, up}, kOpeningSpeed);
   }
-  enter(Phase::kRelease);
 }
 
-// Puts the box down where it is.
+// Puts the box down where it is, then fails if there is a failure.
 void PinchedHandling::put_down(std::string_view failure) noexcept {
-  if (next_failure_.empty()) next_failure_ = failure;
+  note_failure(failure);
   middle_way_.rest_at(middle_);
   // The poses from now on tell how far it is to the table.
   average_.restart(clock_.step());
@@ -322,8 +292,7 @@ void PinchedHandling::plan() {
 void PinchedHandling::begin() noexcept {
   if (phase_ != Phase::kPlan) return;  // It was stopped meanwhile.
   if (!planned_) {
-    next_failure_ = "the fingers cannot pinch and turn it where it lies";
-    enter(Phase::kFailed);
+    fail("the fingers cannot pinch and turn it where it lies");
     return;
   }
   pinch_ = *planned_;
@@ -391,35 +360,33 @@ bool PinchedHandling::is_pinched() const noexcept {
   return std::abs(distance_ - pinch_.width - 2 * servo_.tip_radius()) < kPinchFit;
 }
 
-void PinchedHandling::measure() noexcept {
+void PinchedHandling::sense_object(const control::JointState& /*joints*/,
+                                   Seconds /*elapsed*/) noexcept {
   const Vector3d& left = servo_.tip(pinch_.left);
   const Vector3d& right = servo_.tip(pinch_.right);
   middle_ = (left + right) / 2;
   distance_ = (right - left).dot(pinch_.axis);
 }
 
-void PinchedHandling::look() noexcept {
+void PinchedHandling::look(Seconds /*elapsed*/) noexcept {
   if (average_.count() > 0 && clock_.in_phase() >= config_.look_time) {
     rest_ = average_.mean();
     if (!first_) first_ = rest_;
     if (goal_ && error_of(rest_, *goal_) <= config_.end_tolerance) {
       enter(Phase::kDone);  // It fell as it should lie.
     } else if (!may_begin_again(*first_, rest_)) {
-      next_failure_ = wrong_end();
-      enter(Phase::kFailed);
+      fail(wrong_end());
     } else {
       enter(Phase::kPlan);
     }
   } else if (clock_.in_phase() >= kLongestLook) {
-    next_failure_ = "the object was not seen";
-    enter(Phase::kFailed);
+    fail("the object was not seen");
   }
 }
 
 void PinchedHandling::finish_check() noexcept {
   if (average_.count() == 0) {
-    next_failure_ = "the object was not seen at the end";
-    enter(Phase::kFailed);
+    fail("the object was not seen at the end");
   } else if (error_of(average_.mean(), *goal_) > config_.end_tolerance) {
     try_again_or_fail(wrong_end());
   } else {
@@ -429,8 +396,7 @@ void PinchedHandling::finish_check() noexcept {
 
 void PinchedHandling::try_again_or_fail(std::string_view failure) noexcept {
   if (is_stopped_ || attempt_ >= config_.attempts) {
-    next_failure_ = failure;
-    enter(Phase::kFailed);
+    fail(failure);
     return;
   }
   ++attempt_;
@@ -445,116 +411,84 @@ void PinchedHandling::watch(Seconds elapsed) noexcept {
   if (numb_ > kPinchNumbTime) open("the object slipped away");
 }
 
-void PinchedHandling::follow_phases(Seconds elapsed) noexcept {
-  const auto pusher = static_cast<std::size_t>(pinch_.pusher);
-  switch (phase_) {
-    case Phase::kLook:
-      look();
-      break;
-    case Phase::kPlan:
-    case Phase::kDone:
-    case Phase::kFailed:
-      break;
-    case Phase::kApproach:
-      if (std::ranges::all_of(ways_, &TipWay::is_complete)) {
-        middle_way_.rest_at(pinch_.centre);
-        squeeze_ = 0.0;
-        carried_ = 0.0;
-        still_ = numb_ = Seconds(0);
-        corrections_ = 0;
-        turned_ = 0.0;
-        enter(Phase::kPinch);
-      }
-      break;
-    case Phase::kPinch: {
-      const double closing =
-          (servo_.velocity(pinch_.right) - servo_.velocity(pinch_.left)).dot(pinch_.axis);
-      still_ = std::abs(closing) < kPinchedSpeed && is_pinched() ? still_ + elapsed : Seconds(0);
-      if (squeeze_ >= config_.pinch_force) {
-        middle_way_.rest_at(middle_);
-        Vector3d up = middle_;
-        up.z() = config_.lift_height;
-        middle_way_.begin({up}, (up - middle_).norm() / config_.lift_time.count());
-        enter(Phase::kLift);
-      } else if (clock_.in_phase() > kLongestPinch) {
-        open("the object was not between the tips");
-      }
-      break;
+void PinchedHandling::begin_pinch() noexcept {
+  middle_way_.rest_at(pinch_.centre);
+  squeeze_ = 0.0;
+  carried_ = 0.0;
+  still_ = numb_ = Seconds(0);
+  corrections_ = 0;
+  turned_ = 0.0;
+}
+
+void PinchedHandling::pinch(Seconds elapsed) noexcept {
+  const double closing =
+      (servo_.velocity(pinch_.right) - servo_.velocity(pinch_.left)).dot(pinch_.axis);
+  still_ = std::abs(closing) < kPinchedSpeed && is_pinched() ? still_ + elapsed : Seconds(0);
+  if (!is_pressed() && clock_.in_phase() > kLongestPinch)
+    open("the object was not between the tips");
+}
+
+void PinchedHandling::begin_lift() noexcept {
+  middle_way_.rest_at(middle_);
+  Vector3d up = middle_;
+  up.z() = config_.lift_height;
+  middle_way_.begin({up}, (up - middle_).norm() / config_.lift_time.count());
+}
+
+void PinchedHandling::begin_reach() noexcept {
+  ways_[static_cast<std::size_t>(pinch_.pusher)].begin(
+      {contact_at(0.0, kHover), contact_at(0.0, 0.0)}, config_.approach_speed / 2);
+}
+
+void PinchedHandling::begin_turn() noexcept {
+  turn_from_ = 0.0;
+  turn_to_ = config_.turn_angle;
+  turn_sum_ = 0.0;
+  rolled_ = 0.0;
+}
+
+void PinchedHandling::turn(Seconds elapsed) noexcept {
+  constexpr Seconds kSettle{0.15};
+  const Seconds duration = corrections_ == 0 ? config_.turn_time : kCorrectionTime;
+  follow_roll(elapsed);
+  if (clock_.in_phase() < duration + kSettle) {
+    average_.restart(clock_.step());
+  } else if (average_.count() >= kPosesForAngle ||
+             clock_.in_phase() > duration + kSettle + Seconds(0.5)) {
+    const double left =
+        average_.count() > 0 ? config_.turn_angle - seen_angle(average_.mean()) : 0.0;
+    if (left > config_.turn_tolerance && corrections_ < kMostCorrections) {
+      ++corrections_;
+      turn_from_ = turn_to_;
+      turn_to_ += std::min(left, 0.5);
+      enter(Phase::kTurn);
+    } else {
+      put_down({});
     }
-    case Phase::kLift:
-      if (middle_way_.is_complete()) {
-        ways_[pusher].begin({contact_at(0.0, kHover), contact_at(0.0, 0.0)},
-                            config_.approach_speed / 2);
-        enter(Phase::kReach);
-      }
-      watch(elapsed);
-      break;
-    case Phase::kReach:
-      if (ways_[pusher].is_complete()) {
-        turn_from_ = 0.0;
-        turn_to_ = config_.turn_angle;
-        turn_sum_ = 0.0;
-        rolled_ = 0.0;
-        enter(Phase::kTurn);
-      }
-      watch(elapsed);
-      break;
-    case Phase::kTurn: {
-      constexpr Seconds kSettle{0.15};
-      const Seconds duration = corrections_ == 0 ? config_.turn_time : kCorrectionTime;
-      follow_roll(elapsed);
-      if (clock_.in_phase() < duration + kSettle) {
-        average_.restart(clock_.step());
-      } else if (average_.count() >= kPosesForAngle ||
-                 clock_.in_phase() > duration + kSettle + Seconds(0.5)) {
-        const double left =
-            average_.count() > 0 ? config_.turn_angle - seen_angle(average_.mean()) : 0.0;
-        if (left > config_.turn_tolerance && corrections_ < kMostCorrections) {
-          ++corrections_;
-          turn_from_ = turn_to_;
-          turn_to_ += std::min(left, 0.5);
-          enter(Phase::kTurn);
-        } else {
-          put_down({});
-        }
-      }
-      watch(elapsed);
-      break;
-    }
-    case Phase::kWithdraw:
-      if (ways_[pusher].is_complete()) {
-        Vector3d down = middle_;
-        down.z() -= std::clamp(gap(), 0.0, config_.lift_height) + kPress;
-        middle_way_.rest_at(middle_);
-        middle_way_.begin({down}, kLowerSpeed);
-        enter(Phase::kLower);
-      }
-      watch(elapsed);
-      break;
-    case Phase::kLower:
-      if (middle_way_.is_complete()) enter(Phase::kLoosen);
-      watch(elapsed);
-      break;
-    case Phase::kLoosen:
-      if (clock_.in_phase() > Seconds(0.8)) middle_way_.rest_at(middle_);
-      if (clock_.in_phase() > Seconds(1.0)) open({});
-      break;
-    case Phase::kRelease:
-      if (std::ranges::all_of(ways_, &TipWay::is_complete)) {
-        if (next_failure_.empty()) {
-          enter(Phase::kCheck);
-        } else {
-          try_again_or_fail(next_failure_);
-        }
-      }
-      break;
-    case Phase::kCheck:
-      if (clock_.in_phase() < kPinchCheckTime / 2) {
-        average_.restart(clock_.step());
-      } else if (clock_.in_phase() >= kPinchCheckTime) {
-        finish_check();
-      }
-      break;
+  }
+  watch(elapsed);
+}
+
+void PinchedHandling::begin_lower() noexcept {
+  Vector3d down = middle_;
+  down.z() -= std::clamp(gap(), 0.0, config_.lift_height) + kPress;
+  middle_way_.rest_at(middle_);
+  middle_way_.begin({down}, kLowerSpeed);
+}
+
+void PinchedHandling::loosen(Seconds /*elapsed*/) noexcept {
+  if (clock_.in_phase() > Seconds(0.8)) middle_way_.rest_at(middle_);
+}
+
+void PinchedHandling::release(Seconds /*elapsed*/) noexcept {
+  if (!next_failure_.empty() && are_tips_there()) try_again_or_fail(next_failure_);
+}
+
+void PinchedHandling::check(Seconds /*elapsed*/) noexcept {
+  if (clock_.in_phase() < kPinchCheckTime / 2) {
+    average_.restart(clock_.step());
+  } else if (clock_.in_phase() >= kPinchCheckTime) {
+    finish_check();
   }
 }
 
@@ -608,34 +542,6 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
                              {.stiffness = config_.turn_stiffness, .damping = config_.damping});
   forces[k] = within_friction(forces[k], turn_by(pinch_, turned_) * -Vector3d::UnitZ());
   accelerations[k].setZero();
-}
-
-void PinchedHandling::set_state() noexcept {
-  state_.torque_share = servo_.torque_share();
-  state_.object = estimator_.predict(clock_.now());
-  state_.desired = {};
-  state_.desired.pose = goal_ && phase_ >= Phase::kTurn ? *goal_ : rest_;
-  state_.has_ended = phase_ == Phase::kDone || phase_ == Phase::kFailed;
-  if (phase_ == Phase::kFailed) state_.failure = next_failure_;
-}
-
-const TriFinger::Action& PinchedHandling::update(TimeIndex step,
-                                                 const control::JointState& joints) noexcept {
-  const Seconds elapsed = clock_.advance(step);
-  servo_.sense(joints);
-  if (!std::exchange(has_sensed_, true)) {
-    for (int i = 0; i < control::kContacts; ++i)
-      ways_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
-    clock_.begin_phase();
-  }
-  measure();
-  follow_phases(elapsed);
-  TipVectors forces;
-  TipVectors accelerations;
-  press(forces, accelerations, elapsed);
-  set_torques(action_, servo_.torques(forces, accelerations));
-  set_state();
-  return action_;
 }
 
 std::vector<Figure> PinchedHandling::figures(const SkillTrace& trace,

@@ -10,13 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "phase_clock.hpp"
-#include "tip_servo.hpp"
-#include "tip_way.hpp"
+#include "tips_skill.hpp"
 #include "trifinger/config/node.hpp"
-#include "trifinger/control/pose_estimator.hpp"
-#include "trifinger/manipulation/pose_average.hpp"
-#include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {
 
@@ -79,13 +74,30 @@ struct Pinch {
                                                 const PinchedHandlingConfig& config,
                                                 double tip_radius, std::span<const int> tried = {});
 
+enum class PinchPhase : std::uint8_t {
+  kLook,
+  kPlan,
+  kApproach,
+  kPinch,
+  kLift,
+  kReach,
+  kTurn,
+  kWithdraw,
+  kLower,
+  kLoosen,
+  kRelease,
+  kCheck,
+  kDone,
+  kFailed,
+};
+
 // Two tips pinch a box between them and lift it, the third tip turns it about the line between
 // them by a quarter of a turn, and they put it down. The skills that do this add what it is for.
 //
 // The tips that pinch keep their middle and the direction of the line between them with a spring,
 // but not their distance: there the force of the pinch acts, from either side the same. What the
 // third tip does is known from the joints; poses of the object correct it at the end.
-class PinchedHandling : public Skill {
+class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
  public:
   // @throws InvalidArgument if the robot has not three fingers, or no box of this name
   PinchedHandling(const SkillContext& context, PinchedHandlingConfig config);
@@ -93,11 +105,6 @@ class PinchedHandling : public Skill {
   [[nodiscard]] std::string_view object() const noexcept override { return config_.object; }
   [[nodiscard]] Seconds max_duration() const noexcept override { return config_.max_duration; }
   void see(TimeIndex captured, const Pose& pose) noexcept override;
-  [[nodiscard]] const TriFinger::Action& update(
-      TimeIndex step, const control::JointState& joints) noexcept override;
-  void stop() noexcept override;
-  [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
-  [[nodiscard]] bool wants_plan() const noexcept override { return phase_ == Phase::kPlan; }
   void plan() override;
   void begin() noexcept override;
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
@@ -112,41 +119,48 @@ class PinchedHandling : public Skill {
   [[nodiscard]] virtual bool may_begin_again(const Pose& first, const Pose& now) const noexcept = 0;
 
  private:
-  enum class Phase : std::uint8_t {
-    kLook,
-    kPlan,
-    kApproach,
-    kPinch,
-    kLift,
-    kReach,
-    kTurn,
-    kWithdraw,
-    kLower,
-    kLoosen,
-    kRelease,
-    kCheck,
-    kDone,
-    kFailed,
-  };
-  static std::string_view name_of(Phase phase) noexcept;
+  using S = PinchedHandling;
+  using Phase = PinchPhase;
+  using enum PinchPhase;
+  friend TipsSkill;
+  static const std::array<Row, 14> kPhases;
+
   [[nodiscard]] bool holds() const noexcept {
     return phase_ >= Phase::kPinch && phase_ <= Phase::kLoosen;
   }
 
-  void enter(Phase phase) noexcept;
-  void follow_phases(Seconds elapsed) noexcept;
-  void look() noexcept;
+  // What happens in phases, between them, and when the skill is stopped; see `kPhases`.
+  void look(Seconds elapsed) noexcept;
+  void begin_pinch() noexcept;
+  void pinch(Seconds elapsed) noexcept;
+  void begin_lift() noexcept;
+  void begin_reach() noexcept;
+  void begin_turn() noexcept;
+  void turn(Seconds elapsed) noexcept;
+  void begin_lower() noexcept;
+  void loosen(Seconds elapsed) noexcept;
+  void open_fingers() noexcept;
+  void release(Seconds elapsed) noexcept;
+  void check(Seconds elapsed) noexcept;
+  void watch(Seconds elapsed) noexcept;
+  void open(std::string_view failure) noexcept;
+  void put_down(std::string_view failure) noexcept;
+  [[nodiscard]] bool is_pressed() const noexcept { return squeeze_ >= config_.pinch_force; }
+  [[nodiscard]] bool is_middle_there() const noexcept { return middle_way_.is_complete(); }
+  [[nodiscard]] bool is_pusher_there() const noexcept {
+    return ways_[static_cast<std::size_t>(pinch_.pusher)].is_complete();
+  }
+  [[nodiscard]] bool has_loosened() const noexcept { return clock_.in_phase() > Seconds(1.0); }
+
   void finish_check() noexcept;
   void try_again_or_fail(std::string_view failure) noexcept;
   void withdraw_pusher() noexcept;
-  void open(std::string_view failure) noexcept;
-  void put_down(std::string_view failure) noexcept;
-  void take_torques(Seconds elapsed) noexcept;
-  void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
   void follow_roll(Seconds elapsed) noexcept;
-  void watch(Seconds elapsed) noexcept;
-  void measure() noexcept;
-  void set_state() noexcept;
+  void sense_object(const control::JointState& joints, Seconds elapsed) noexcept;
+  void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+  [[nodiscard]] Motion desired() const noexcept {
+    return {.pose = goal_ && phase_ >= Phase::kTurn ? *goal_ : rest_};
+  }
   [[nodiscard]] Eigen::Vector3d contact_at(double angle, double distance) const noexcept;
   [[nodiscard]] double tip_angle() const noexcept;
   [[nodiscard]] double seen_angle(const Pose& pose) const noexcept;
@@ -156,17 +170,8 @@ class PinchedHandling : public Skill {
   PinchedHandlingConfig config_;
   ObjectDescription box_;
   control::SafetyLimits limits_;
-  PhaseClock clock_;
-  TipServo servo_;
   Kinematics planning_;  // Used by `plan` only, perhaps in another thread.
-  control::PoseEstimator estimator_;
-  PoseAverage average_;
-  TriFinger::Action action_;
-  SkillState state_;
 
-  Phase phase_{Phase::kLook};
-  std::string_view next_failure_;
-  bool is_stopped_{false};
   int attempt_{1};
   Pose rest_;                     // Of the box before it is handled.
   std::optional<Pose> first_;     // The same in the first attempt.
@@ -175,8 +180,6 @@ class PinchedHandling : public Skill {
   Pinch pinch_;
   std::optional<Pose> goal_;
 
-  std::array<TipWay, control::kContacts> ways_;
-  bool has_sensed_{false};
   Eigen::Vector3d middle_{Eigen::Vector3d::Zero()};  // Of the pinching tips, as measured.
   double distance_{0.0};                             // Of the pinching tips.
   TipWay middle_way_;

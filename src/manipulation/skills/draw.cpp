@@ -11,19 +11,14 @@
 #include "line_way.hpp"
 #include "object_of.hpp"
 #include "pen_grip.hpp"
-#include "phase_clock.hpp"
 #include "skills/makers.hpp"
-#include "tip_servo.hpp"
-#include "tip_way.hpp"
-#include "torque_action.hpp"
+#include "tips_skill.hpp"
 #include "torque_figure.hpp"
 #include "towards.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
-#include "trifinger/control/pose_estimator.hpp"
 #include "trifinger/manipulation/drawing.hpp"
-#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
@@ -150,37 +145,47 @@ DrawConfig read_draw(const config::Node& root) {
   return config;
 }
 
+enum class DrawPhase : std::uint8_t {
+  kLook,
+  kPlan,
+  kApproach,
+  kClose,
+  kGrip,
+  kLift,
+  kCarry,
+  kHop,
+  kDraw,
+  kReturn,
+  kLower,
+  kRelease,
+  kCheck,
+  kDone,
+  kFailed,
+};
+
 // Takes a pen from its holder, draws with it, and puts it back.
 //
 // The pen is led at its nib: where the nib and the pen's direction should be follows from the
 // drawing, and the tips follow with the pen. Only their distance is not kept: there the force of
 // the grip acts. What poses show of the nib and the direction is made up for slowly.
-class Draw final : public Skill {
+class Draw final : public TipsSkill<Draw, DrawPhase> {
  public:
   Draw(const SkillContext& context, DrawConfig config)
-      : config_(std::move(config)),
+      : TipsSkill(context),
+        config_(std::move(config)),
         pen_(object_of(context.description, config_.object, ObjectShape::kStick)),
         limits_(context.limits),
-        clock_(context.period),
-        servo_(context.description, context.limits),
         planning_(context.description),
-        estimator_(3.0),
         pen_radius_(pen_.size[1] / 2),
         reach_(pen_.size[0] / 2 - pen_radius_),
         radii_(pen_radius_ + servo_.tip_radius()) {
     for (const PenStroke& stroke : config_.lines)
       strokes_.push_back(parts_of(stroke, config_.line_speed, config_.ramp));
-    enter(Phase::kLook);
   }
 
   [[nodiscard]] std::string_view object() const noexcept override { return config_.object; }
   [[nodiscard]] Seconds max_duration() const noexcept override { return config_.max_duration; }
   void see(TimeIndex captured, const Pose& pose) noexcept override;
-  [[nodiscard]] const TriFinger::Action& update(
-      TimeIndex step, const control::JointState& joints) noexcept override;
-  void stop() noexcept override;
-  [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
-  [[nodiscard]] bool wants_plan() const noexcept override { return phase_ == Phase::kPlan; }
   void plan() override;
   void begin() noexcept override;
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
@@ -189,31 +194,11 @@ class Draw final : public Skill {
       const SkillTrace& trace, std::span<const SeenPose> poses) const override;
 
  private:
-  enum class Phase : std::uint8_t {
-    kLook,
-    kPlan,
-    kApproach,
-    kClose,
-    kGrip,
-    kLift,
-    kCarry,
-    kHop,
-    kDraw,
-    kReturn,
-    kLower,
-    kRelease,
-    kCheck,
-    kDone,
-    kFailed,
-  };
-  void enter(Phase phase) noexcept {
-    constexpr std::array<std::string_view, 15> kNames{
-        "look", "plan",   "approach", "close",   "grip",  "lift", "carry", "hop",
-        "draw", "return", "lower",    "release", "check", "done", "failed"};
-    phase_ = phase;
-    clock_.begin_phase();
-    state_.phase = kNames[static_cast<std::size_t>(phase)];
-  }
+  using Phase = DrawPhase;
+  using enum DrawPhase;
+  friend TipsSkill;
+  static const std::array<Row, 15> kPhases;
+
   // The tips press on the pen.
   [[nodiscard]] bool grips() const noexcept {
     return phase_ >= Phase::kClose && phase_ <= Phase::kLower;
@@ -236,26 +221,44 @@ class Draw final : public Skill {
     return {hole_.x(), hole_.y(), height};
   }
 
-  void fail(std::string_view failure) noexcept {
-    next_failure_ = failure;
-    enter(Phase::kFailed);
-  }
-  void follow_phases(Seconds elapsed) noexcept;
-  void look() noexcept;
-  void check() noexcept;
+  // What happens in phases, between them, and when the skill is stopped; see `kPhases`.
+  void look(Seconds elapsed) noexcept;
+  void begin_closing() noexcept;
+  void close(Seconds elapsed) noexcept;
+  void grip(Seconds elapsed) noexcept;
   void hold() noexcept;
+  void begin_carrying() noexcept;
   void begin_stroke() noexcept;
-  void finish_part() noexcept;
-  void put_back(std::string_view failure) noexcept;
-  void open(std::string_view failure) noexcept;
+  void draw(Seconds elapsed) noexcept;
+  void begin_lowering() noexcept;
+  void take_tips_off() noexcept;
+  void release(Seconds elapsed) noexcept;
+  void check(Seconds elapsed) noexcept;
   void watch(Seconds elapsed) noexcept;
+  void open(std::string_view failure) noexcept;
+  void put_back(std::string_view failure) noexcept;
+  [[nodiscard]] bool has_closed() const noexcept { return still_ >= kStillTime; }
+  [[nodiscard]] bool has_gripped() const noexcept {
+    return squeeze_ >= config_.grip.force && clock_.in_phase() >= config_.look_time + Seconds(0.05);
+  }
+  [[nodiscard]] bool is_nib_there() const noexcept { return nib_way_.is_complete(); }
+  // What the pen has turned in the holder is made up for before it draws.
+  [[nodiscard]] bool is_upright_there() const noexcept {
+    return is_nib_there() && clock_.in_phase() > Seconds(2.0);
+  }
+
+  void finish_check() noexcept;
+  void finish_part() noexcept;
   void lead(Seconds elapsed) noexcept;
   void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
   void add_grip(TipVectors& forces) noexcept;
   void correct(TimeIndex captured, const PenAxis& seen) noexcept;
+  void sense_object(const control::JointState& joints, Seconds elapsed) noexcept {
+    if (leads()) feel(joints, elapsed);
+  }
   void feel(const control::JointState& joints, Seconds elapsed) noexcept;
   void make_up(Seconds elapsed) noexcept;
-  void set_state() noexcept;
+  [[nodiscard]] Motion desired() const noexcept;
   [[nodiscard]] std::size_t finger(std::size_t k) const noexcept {
     return static_cast<std::size_t>(grip_.fingers[k]);
   }
@@ -289,23 +292,12 @@ class Draw final : public Skill {
   DrawConfig config_;
   ObjectDescription pen_;
   control::SafetyLimits limits_;
-  PhaseClock clock_;
-  TipServo servo_;
   Kinematics planning_;  // Used by `plan` only, perhaps in another thread.
-  control::PoseEstimator estimator_;
   control::ForceOptimizer optimizer_;
   double pen_radius_;
   double reach_;  // From the centre of the pen to that of its nib.
   double radii_;  // The radii of the pen and a tip together.
   std::vector<std::vector<LinePart>> strokes_;
-
-  Phase phase_{Phase::kLook};
-  std::string_view next_failure_;
-  bool is_stopped_{false};
-  SkillState state_;
-  TriFinger::Action action_;
-  PoseAverage average_;
-  bool has_sensed_{false};
 
   Pose rest_;  // Where the pen is before it is gripped.
   Seconds looked_{0};
@@ -314,8 +306,7 @@ class Draw final : public Skill {
   std::optional<PenGrip> planned_;
   PenGrip grip_;
   Vector3d inward_{Vector3d::UnitX()};  // The direction of the grip as the pen is led.
-  std::array<TipWay, control::kContacts> ways_;
-  std::array<Vector3d, 3> touch_;  // Where the tips should touch the resting pen.
+  std::array<Vector3d, 3> touch_;       // Where the tips should touch the resting pen.
 
   // From here on in the order of the grip.
   std::array<Vector3d, 3> arms_;     // From the nib to the tips, of the upright pen.
@@ -338,6 +329,27 @@ class Draw final : public Skill {
   PenAxis felt_;  // Where the pen is: from how the tips move, corrected by poses.
   std::array<PenAxis, 128> history_;  // The same by step, for poses that come late.
 };
+
+constinit const std::array<Draw::Row, 15> Draw::kPhases{{
+    // name, when it is stopped, done, next, entry, during
+    {"look", &Draw::fail, nullptr, kPlan, nullptr, &Draw::look},
+    {"plan", &Draw::fail},
+    {"approach", &Draw::open, &Draw::are_tips_there, kClose, &Draw::begin_closing},
+    {"close", &Draw::open, &Draw::has_closed, kGrip, nullptr, &Draw::close},
+    {"grip", &Draw::open, &Draw::has_gripped, kLift, &Draw::hold, &Draw::grip},
+    {"lift", &Draw::put_back, &Draw::is_nib_there, kCarry, &Draw::begin_carrying, &Draw::watch},
+    {"carry", &Draw::put_back, &Draw::is_upright_there, kHop, &Draw::begin_stroke, &Draw::watch},
+    {"hop", &Draw::put_back, &Draw::is_nib_there, kDraw, nullptr, &Draw::watch},
+    {"draw", &Draw::put_back, nullptr, kReturn, nullptr, &Draw::draw},
+    {"return", &Draw::note_failure, &Draw::is_upright_there, kLower, &Draw::begin_lowering,
+     &Draw::watch},
+    {"lower", &Draw::note_failure, &Draw::is_nib_there, kRelease, &Draw::take_tips_off,
+     &Draw::watch},
+    {"release", &Draw::note_failure, &Draw::has_let_go, kCheck, nullptr, &Draw::release},
+    {"check", &Draw::fail, nullptr, kDone, nullptr, &Draw::check},
+    {"done"},
+    {"failed"},
+}};
 
 void Draw::see(TimeIndex captured, const Pose& pose) noexcept {
   if (!estimator_.update(clock_.time_of(captured), pose)) return;
@@ -399,36 +411,6 @@ void Draw::make_up(Seconds elapsed) noexcept {
   if (correction_.norm() > kMostTilt) correction_ *= kMostTilt / correction_.norm();
 }
 
-void Draw::stop() noexcept {
-  if (std::exchange(is_stopped_, true) || state_.has_ended) return;
-  switch (phase_) {
-    case Phase::kLook:
-    case Phase::kPlan:
-    case Phase::kCheck:
-      fail("it was stopped");
-      break;
-    case Phase::kApproach:
-    case Phase::kClose:
-    case Phase::kGrip:
-      open("it was stopped");
-      break;
-    case Phase::kLift:
-    case Phase::kCarry:
-    case Phase::kHop:
-    case Phase::kDraw:
-      put_back("it was stopped");
-      break;
-    case Phase::kReturn:
-    case Phase::kLower:
-    case Phase::kRelease:
-      if (next_failure_.empty()) next_failure_ = "it was stopped";
-      break;
-    case Phase::kDone:
-    case Phase::kFailed:
-      break;
-  }
-}
-
 void Draw::plan() {
   std::vector<Vector3d> nibs{above_holder(travel_height())};
   Eigen::AlignedBox2d box;
@@ -465,7 +447,7 @@ void Draw::begin() noexcept {
   enter(Phase::kApproach);
 }
 
-void Draw::look() noexcept {
+void Draw::look(Seconds /*elapsed*/) noexcept {
   if (average_.count() > 0 && clock_.in_phase() >= config_.look_time) {
     const Pose before = std::exchange(rest_, average_.mean());
     const PenAxis pen = axis_of(rest_);
@@ -511,7 +493,6 @@ void Draw::hold() noexcept {
   is_lost_ = false;
   felt_ = pen;
   history_.fill(pen);
-  enter(Phase::kLift);
 }
 
 void Draw::begin_stroke() noexcept {
@@ -521,7 +502,6 @@ void Draw::begin_stroke() noexcept {
   nib_way_.rest_at(nib_.position);
   nib_way_.begin({up, on_paper(start, config_.hop), on_paper(start, 0.0)}, config_.hop_speed);
   part_ = 0;
-  enter(Phase::kHop);
 }
 
 void Draw::finish_part() noexcept {
@@ -531,13 +511,15 @@ void Draw::finish_part() noexcept {
   }
   if (++stroke_ < strokes_.size()) {
     begin_stroke();
+    enter(Phase::kHop);
   } else {
     put_back({});
   }
 }
 
+// Brings the pen back to its holder, then fails if there is a failure.
 void Draw::put_back(std::string_view failure) noexcept {
-  if (next_failure_.empty()) next_failure_ = failure;
+  note_failure(failure);
   Vector3d up = nib_.position;
   up.z() = travel_height();
   nib_way_.rest_at(nib_.position);
@@ -547,9 +529,14 @@ void Draw::put_back(std::string_view failure) noexcept {
   enter(Phase::kReturn);
 }
 
-// Takes the tips off the pen, then fails if there is a failure.
+// Takes the tips off the pen, then fails.
 void Draw::open(std::string_view failure) noexcept {
-  if (next_failure_.empty()) next_failure_ = failure;
+  note_failure(failure);
+  take_tips_off();
+  enter(Phase::kRelease);
+}
+
+void Draw::take_tips_off() noexcept {
   for (std::size_t k = 0; k < 3; ++k) {
     const Vector3d now = servo_.tip(grip_.fingers[k]);
     const double side = k == 0 ? -1.0 : 1.0;
@@ -559,10 +546,9 @@ void Draw::open(std::string_view failure) noexcept {
     if (phase_ != Phase::kApproach)
       way.begin({now + side * config_.grip.clearance * inward_}, kOpeningSpeed);
   }
-  enter(Phase::kRelease);
 }
 
-void Draw::check() noexcept {
+void Draw::finish_check() noexcept {
   const PenAxis pen = axis_of(average_.mean());
   const double off = (pen.nib.head<2>() - hole_).norm();
   if (average_.count() == 0) {
@@ -582,92 +568,47 @@ void Draw::watch(Seconds elapsed) noexcept {
   if (numb_ > kNumbTime) open("the pen slipped away");
 }
 
-void Draw::follow_phases(Seconds elapsed) noexcept {
-  switch (phase_) {
-    case Phase::kLook:
-      look();
-      break;
-    case Phase::kPlan:
-    case Phase::kDone:
-    case Phase::kFailed:
-      break;
-    case Phase::kApproach:
-      if (std::ranges::all_of(ways_, &TipWay::is_complete)) {
-        squeeze_ = 0.0;
-        still_ = Seconds(0);
-        enter(Phase::kClose);
-      }
-      break;
-    case Phase::kClose: {
-      const bool is_still =
-          std::abs(gap(velocities())) < kStillSpeed && std::abs(gap(tips()) - 2 * radii_) < kFit;
-      still_ = is_still ? still_ + elapsed : Seconds(0);
-      if (still_ >= kStillTime) {
-        enter(Phase::kGrip);
-      } else if (clock_.in_phase() > kLongestClose) {
-        open("the pen was not between the tips");
-      }
-      break;
-    }
-    case Phase::kGrip:
-      if (squeeze_ < config_.grip.force) {
-        average_.restart(clock_.step());
-        clock_.begin_phase();
-      } else if (clock_.in_phase() >= config_.look_time + Seconds(0.05)) {
-        hold();
-      }
-      break;
-    case Phase::kLift:
-      if (nib_way_.is_complete()) {
-        const Eigen::Vector2d start = strokes_.front().front().at(Seconds(0)).position;
-        nib_way_.begin({on_paper(start, travel_height())}, config_.carry_speed);
-        enter(Phase::kCarry);
-      }
-      watch(elapsed);
-      break;
-    case Phase::kCarry:
-      // What the pen has turned in the holder is made up for before it draws.
-      if (nib_way_.is_complete() && clock_.in_phase() > Seconds(2.0)) {
-        stroke_ = 0;
-        begin_stroke();
-      }
-      watch(elapsed);
-      break;
-    case Phase::kHop:
-      if (nib_way_.is_complete()) enter(Phase::kDraw);
-      watch(elapsed);
-      break;
-    case Phase::kDraw:
-      if (clock_.in_phase() >= strokes_[stroke_][part_].duration()) finish_part();
-      watch(elapsed);
-      break;
-    case Phase::kReturn:
-      if (nib_way_.is_complete() && clock_.in_phase() > Seconds(2.0)) {
-        nib_way_.begin({above_holder(pen_radius_)}, config_.holder_speed);
-        enter(Phase::kLower);
-      }
-      watch(elapsed);
-      break;
-    case Phase::kLower:
-      if (nib_way_.is_complete()) open({});
-      watch(elapsed);
-      break;
-    case Phase::kRelease:
-      if (std::ranges::all_of(ways_, &TipWay::is_complete)) {
-        if (next_failure_.empty()) {
-          enter(Phase::kCheck);
-        } else {
-          enter(Phase::kFailed);
-        }
-      }
-      break;
-    case Phase::kCheck:
-      if (clock_.in_phase() < kCheckTime / 2) {
-        average_.restart(clock_.step());
-      } else if (clock_.in_phase() >= kCheckTime) {
-        check();
-      }
-      break;
+void Draw::begin_closing() noexcept {
+  squeeze_ = 0.0;
+  still_ = Seconds(0);
+}
+
+void Draw::close(Seconds elapsed) noexcept {
+  const bool is_still =
+      std::abs(gap(velocities())) < kStillSpeed && std::abs(gap(tips()) - 2 * radii_) < kFit;
+  still_ = is_still ? still_ + elapsed : Seconds(0);
+  if (!has_closed() && clock_.in_phase() > kLongestClose) open("the pen was not between the tips");
+}
+
+void Draw::grip(Seconds /*elapsed*/) noexcept {
+  if (squeeze_ >= config_.grip.force) return;
+  average_.restart(clock_.step());
+  clock_.begin_phase();
+}
+
+void Draw::begin_carrying() noexcept {
+  const Eigen::Vector2d start = strokes_.front().front().at(Seconds(0)).position;
+  nib_way_.begin({on_paper(start, travel_height())}, config_.carry_speed);
+}
+
+void Draw::draw(Seconds elapsed) noexcept {
+  if (clock_.in_phase() >= strokes_[stroke_][part_].duration()) finish_part();
+  watch(elapsed);
+}
+
+void Draw::begin_lowering() noexcept {
+  nib_way_.begin({above_holder(pen_radius_)}, config_.holder_speed);
+}
+
+void Draw::release(Seconds /*elapsed*/) noexcept {
+  if (!next_failure_.empty() && are_tips_there()) enter(Phase::kFailed);
+}
+
+void Draw::check(Seconds /*elapsed*/) noexcept {
+  if (clock_.in_phase() < kCheckTime / 2) {
+    average_.restart(clock_.step());
+  } else if (clock_.in_phase() >= kCheckTime) {
+    finish_check();
   }
 }
 
@@ -797,37 +738,14 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
   if (phase_ != Phase::kClose) add_grip(forces);
 }
 
-void Draw::set_state() noexcept {
-  state_.torque_share = servo_.torque_share();
-  state_.object = estimator_.predict(clock_.now());
-  state_.desired = {};
-  state_.desired.pose = rest_;
+Motion Draw::desired() const noexcept {
+  Motion desired{.pose = rest_};
   if (leads()) {
-    state_.desired.pose.orientation = turn_ * upright_;
-    state_.desired.pose.position =
-        nib_.position - reach_ * (state_.desired.pose.orientation * Vector3d::UnitX());
-    state_.desired.twist.linear = nib_.velocity;
+    desired.pose.orientation = turn_ * upright_;
+    desired.pose.position = nib_.position - reach_ * (desired.pose.orientation * Vector3d::UnitX());
+    desired.twist.linear = nib_.velocity;
   }
-  state_.has_ended = phase_ == Phase::kDone || phase_ == Phase::kFailed;
-  if (phase_ == Phase::kFailed) state_.failure = next_failure_;
-}
-
-const TriFinger::Action& Draw::update(TimeIndex step, const control::JointState& joints) noexcept {
-  const Seconds elapsed = clock_.advance(step);
-  servo_.sense(joints);
-  if (!std::exchange(has_sensed_, true)) {
-    for (int i = 0; i < control::kContacts; ++i)
-      ways_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
-    clock_.begin_phase();
-  }
-  if (leads()) feel(joints, elapsed);
-  follow_phases(elapsed);
-  TipVectors forces;
-  TipVectors accelerations;
-  press(forces, accelerations, elapsed);
-  set_torques(action_, servo_.torques(forces, accelerations));
-  set_state();
-  return action_;
+  return desired;
 }
 
 // What was drawn, from noisy poses: the mean of all within 50 ms.
