@@ -14,8 +14,8 @@
 #include <string>
 #include <string_view>
 
+#include "skills/carry/carry_planner.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/manipulation/carry_planner.hpp"
 
 namespace trifinger::evaluation {
 namespace {

@@ -22,10 +22,10 @@
 #include <vector>
 
 #include "evaluation/landing.hpp"
+#include "skills/throw/stroke.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
-#include "trifinger/manipulation/stroke.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"

@@ -56,7 +56,8 @@ std::vector<SkillRow> all_skill_rows() {
   add(balance_rows());
   add(stand_rows());
   add(turn_rows());
-  add(repose_rows());
+  add(flip_rows());
+  add(place_rows());
   add(carry_rows());
   add(draw_rows());
   add(catch_rows());

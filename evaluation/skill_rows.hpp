@@ -7,19 +7,17 @@
 
 namespace trifinger::evaluation {
 
-// The rows of each skill, in judge_SKILL.cpp. All of them together are the table of
-// `./run evaluate skills`.
+// The rows of each skill, in src/manipulation/skills/SKILL/judge.cpp. All of them together are the
+// table of `./run evaluate skills`. A judge knows nothing of its skill but what it should do.
 [[nodiscard]] std::vector<SkillRow> balance_rows();
-[[nodiscard]] std::vector<SkillRow> stand_rows();
-[[nodiscard]] std::vector<SkillRow> turn_rows();
-
-[[nodiscard]] std::vector<SkillRow> repose_rows();  // Of flip and place.
-
 [[nodiscard]] std::vector<SkillRow> carry_rows();
-[[nodiscard]] std::vector<SkillRow> draw_rows();
-
 [[nodiscard]] std::vector<SkillRow> catch_rows();
+[[nodiscard]] std::vector<SkillRow> draw_rows();
+[[nodiscard]] std::vector<SkillRow> flip_rows();
+[[nodiscard]] std::vector<SkillRow> place_rows();
+[[nodiscard]] std::vector<SkillRow> stand_rows();
 [[nodiscard]] std::vector<SkillRow> throw_rows();
+[[nodiscard]] std::vector<SkillRow> turn_rows();
 
 [[nodiscard]] std::vector<SkillRow> all_skill_rows();
 

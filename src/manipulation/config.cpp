@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/manipulation/config.hpp"
 
-#include "grasp_config.hpp"
-#include "read_time.hpp"
+#include "parts/grasp_config.hpp"
+#include "parts/read_time.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/sim/robot_config.hpp"

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "object_of.hpp"
+#include "parts/object_of.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "plan_untried.hpp"
+#include "parts/plan_untried.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 
 namespace trifinger::manipulation {

@@ -21,7 +21,7 @@ struct Entry {
   SkillMaker make;
 };
 
-// A skill is one file in src/manipulation/skills, one configuration, and one entry here.
+// A skill is a folder in src/manipulation/skills, a configuration, and an entry here.
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
       {{.name = "balance",

@@ -11,8 +11,8 @@
 #include <system_error>
 #include <utility>
 
-#include "decimal.hpp"
-#include "phase_clock.hpp"
+#include "parts/decimal.hpp"
+#include "parts/phase_clock.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/control/trajectories.hpp"

@@ -8,7 +8,7 @@
 
 #include "evaluation/skill_rows.hpp"
 #include "skill_trials.hpp"
-#include "tilt_observer.hpp"
+#include "skills/balance/tilt_observer.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -12,7 +12,7 @@
 #include "evaluation/carry_goals.hpp"
 #include "evaluation/contact.hpp"
 #include "evaluation/skill_rows.hpp"
-#include "trifinger/manipulation/carry_planner.hpp"
+#include "skills/carry/carry_planner.hpp"
 
 namespace trifinger::manipulation {
 namespace {

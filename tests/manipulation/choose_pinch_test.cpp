@@ -10,7 +10,7 @@
 #include <set>
 #include <vector>
 
-#include "pinched_handling.hpp"
+#include "parts/pinched_handling.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/sim/robot_config.hpp"
 

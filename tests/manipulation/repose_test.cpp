@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/repose.hpp"
+#include "parts/repose.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <variant>
 
 #include "../support/allocation_counter.hpp"
-#include "skills/carrier.hpp"
-#include "skills/fetcher.hpp"
-#include "skills/object_observer.hpp"
+#include "parts/carrier.hpp"
+#include "parts/fetcher.hpp"
+#include "parts/object_observer.hpp"
 #include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"

@@ -10,10 +10,10 @@
 #include "evaluation/landing.hpp"
 #include "evaluation/skill_rows.hpp"
 #include "evaluation/skill_trial.hpp"
+#include "skills/throw/stroke.hpp"
 #include "support/allocation_counter.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/manipulation/skills.hpp"
-#include "trifinger/manipulation/stroke.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::manipulation {

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <string_view>
+#include <utility>
+
+#include "parts/phase_clock.hpp"
+#include "parts/tip_servo.hpp"
+#include "parts/tip_way.hpp"
+#include "parts/torque_action.hpp"
+#include "trifinger/control/pose_estimator.hpp"
+#include "trifinger/manipulation/pose_average.hpp"
+#include "trifinger/manipulation/skill.hpp"
+
+namespace trifinger::manipulation {
+
+// A phase of the skill `S`, as a row of its table.
+template <class S, class Phase>
+struct PhaseRow {
+  std::string_view name;
+  // What the skill does when it is stopped. Nothing: it has ended.
+  void (S::*stop)(std::string_view failure) noexcept {nullptr};
+  // Whether `next` begins, which `entry` prepares. Nothing: only `during` ends the phase.
+  bool (S::*done)() const noexcept {nullptr};
+  Phase next{};
+  void (S::*entry)() noexcept {nullptr};
+  // Is called in every step of the phase, and may enter another one.
+  void (S::*during)(Seconds elapsed) noexcept {nullptr};
+};
+
+// A skill that moves the tips with forces, in phases. `S` is the skill itself; its table `kPhases`
+// has a row for each `Phase`, in their order. It has these functions, too:
+//
+//     void sense_object(const control::JointState& joints, Seconds elapsed) noexcept;
+//     void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+//     [[nodiscard]] Motion desired() const noexcept;
+template <class S, class Phase>
+class TipsSkill : public Skill {
+ public:
+  [[nodiscard]] const TriFinger::Action& update(
+      TimeIndex step, const control::JointState& joints) noexcept override {
+    const Seconds elapsed = clock_.advance(step);
+    servo_.sense(joints);
+    if (!std::exchange(has_sensed_, true)) {
+      for (int i = 0; i < control::kContacts; ++i)
+        ways_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
+      clock_.begin_phase();
+    }
+    self().sense_object(joints, elapsed);
+    follow_phases(elapsed);
+    TipVectors forces;
+    TipVectors accelerations;
+    self().press(forces, accelerations, elapsed);
+    set_torques(action_, servo_.torques(forces, accelerations));
+    state_.torque_share = servo_.torque_share();
+    state_.object = estimator_.predict(clock_.now());
+    state_.desired = self().desired();
+    state_.has_ended = phase_ == Phase::kDone || phase_ == Phase::kFailed;
+    if (phase_ == Phase::kFailed) state_.failure = next_failure_;
+    return action_;
+  }
+  void stop() noexcept override {
+    if (std::exchange(is_stopped_, true) || state_.has_ended) return;
+    if (const auto stop = row().stop) (self().*stop)("it was stopped");
+  }
+  [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
+  [[nodiscard]] bool wants_plan() const noexcept override { return phase_ == Phase::kPlan; }
+
+ protected:
+  using Row = PhaseRow<S, Phase>;
+
+  explicit TipsSkill(const SkillContext& context)
+      : clock_(context.period), servo_(context.description, context.limits) {
+    enter(Phase::kLook);
+  }
+
+  void enter(Phase phase) noexcept {
+    phase_ = phase;
+    clock_.begin_phase();
+    state_.phase = row().name;
+  }
+  void fail(std::string_view failure) noexcept {
+    next_failure_ = failure;
+    enter(Phase::kFailed);
+  }
+  // The failure to report at the end, unless there is an earlier one.
+  void note_failure(std::string_view failure) noexcept {
+    if (next_failure_.empty()) next_failure_ = failure;
+  }
+  [[nodiscard]] bool are_tips_there() const noexcept {
+    return std::ranges::all_of(ways_, &TipWay::is_complete);
+  }
+  // The tips are away from an object that nothing has happened to.
+  [[nodiscard]] bool has_let_go() const noexcept {
+    return next_failure_.empty() && are_tips_there();
+  }
+
+  PhaseClock clock_;
+  TipServo servo_;
+  control::PoseEstimator estimator_{3.0};
+  PoseAverage average_;
+  std::array<TipWay, control::kContacts> ways_;
+  Phase phase_{};
+  std::string_view next_failure_;
+  bool is_stopped_{false};
+
+ private:
+  [[nodiscard]] S& self() noexcept { return static_cast<S&>(*this); }
+  [[nodiscard]] const Row& row() const noexcept {
+    return S::kPhases[static_cast<std::size_t>(phase_)];
+  }
+  void follow_phases(Seconds elapsed) noexcept {
+    const Row& now = row();
+    if (now.during != nullptr) (self().*now.during)(elapsed);
+    if (&row() != &now || now.done == nullptr || !(self().*now.done)()) return;
+    if (now.entry != nullptr) (self().*now.entry)();
+    enter(now.next);
+  }
+
+  bool has_sensed_{false};
+  SkillState state_;
+  TriFinger::Action action_;
+};
+
+}  // namespace trifinger::manipulation

@@ -1,0 +1,449 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "parts/object_of.hpp"
+#include "parts/phase_clock.hpp"
+#include "skills/makers.hpp"
+#include "skills/throw/stroke.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/control/ballistics.hpp"
+#include "trifinger/control/impedance.hpp"
+#include "trifinger/control/trajectories.hpp"
+#include "trifinger/model/kinematics.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+using config::Node;
+using config::Range;
+
+struct ThrowConfig {
+  std::string object;
+  Seconds wait_time;
+  Seconds centre_time;
+  Seconds watch_time;
+  double approach_speed;   // [rad/s]
+  double cradle_distance;  // [m]
+  double centre_distance;  // [m]
+  double rest_speed;       // [m/s]
+  double feedback;         // [1/s]
+  double least_distance;   // [m]
+  Stroke stroke;
+  Eigen::Vector3d ball;  // Where the ball lies when the stroke begins [m].
+};
+
+ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
+  const Range time{.unit = "s", .min = 0, .max = 60, .above_min = true};
+  const Range length{.unit = "m", .min = 0, .max = 1, .above_min = true};
+  ThrowConfig config{
+      .object = root.required<std::string>("object"),
+      .wait_time = Seconds(root.required<double>("wait_time", time)),
+      .centre_time = Seconds(root.required<double>("centre_time", time)),
+      .watch_time = Seconds(root.required<double>("watch_time", time)),
+      .approach_speed = root.required<double>(
+          "approach_speed", {.unit = "rad/s", .min = 0, .max = 5, .above_min = true}),
+      .cradle_distance = root.required<double>("cradle_distance", length),
+      .centre_distance = root.required<double>("centre_distance", length),
+      .rest_speed = root.required<double>("rest_speed",
+                                          {.unit = "m/s", .min = 0, .max = 1, .above_min = true}),
+      .feedback = root.required<double>("feedback", {.unit = "1/s", .min = 0, .max = 20}),
+      .least_distance = root.required<double>("least_distance", {.unit = "m", .min = 0, .max = 10}),
+      .stroke = {},
+      .ball = {}};
+  // All strokes are read, so that a mistake in any of them is found.
+  const auto name = root.required<std::string>("stroke");
+  std::string names;
+  bool is_found = false;
+  for (const std::string_view known : {"usual", "far"}) {
+    const Node section = root.section("strokes").section(known);
+    Stroke stroke{
+        .spacing = Seconds(section.required<double>("spacing", time)),
+        .targets = {},
+        .stiffness = section.required<double>(
+            "stiffness", {.unit = "Nm/rad", .min = 0, .max = 50, .above_min = true}),
+        .damping = section.required<double>("damping", {.unit = "Nms/rad", .min = 0, .max = 0.5})};
+    for (const Node& target : section.at("targets", "rad").items()) {
+      const auto joints =
+          target.as<std::array<double, kMaxJoints>>({.unit = "rad", .min = -7, .max = 7});
+      stroke.targets.push_back(joint_values(joints));
+    }
+    const auto ball =
+        section.required<std::array<double, 3>>("ball", {.unit = "m", .min = -1, .max = 1});
+    const auto most =
+        section.required<double>("safety_kd", {.unit = "Nms/rad", .min = 0, .max = 1});
+    names += (names.empty() ? "'" : "' and '") + std::string(known);
+    if (known != name) continue;
+    is_found = true;
+    if (*std::ranges::max_element(limits.safety_kd) > most) {
+      throw InvalidArgument("the stroke '" + name +
+                            "' is for a robot with less safety_kd: 'trifinger run throw_far'");
+    }
+    validate(stroke, limits);
+    config.stroke = std::move(stroke);
+    config.ball = Eigen::Vector3d::Map(ball.data());
+  }
+  if (!is_found) {
+    throw config::ConfigError(root.at("stroke").location(),
+                              "stroke is '" + name + "', must be one of " + names + "'");
+  }
+  return config;
+}
+
+// Throws a ball that lies on the tips.
+class Throw final : public Skill {
+ public:
+  Throw(const SkillContext& context, ThrowConfig config)
+      : config_(std::move(config)),
+        limits_(context.limits),
+        kinematics_(context.description),
+        clock_(context.period),
+        ball_(object_of(context.description, config_.object, ObjectShape::kBall)),
+        correction_(Eigen::Vector3d::Zero()),
+        last_targets_(config_.stroke.targets.front()),
+        begin_(last_targets_) {
+    if (!context.description.flipped)
+      throw InvalidArgument("to throw, the fingers must point up: 'platform: flipped'");
+    kinematics_.update(last_targets_);
+    // Each tip carries a third of the ball.
+    const Eigen::Vector3d weight = ball_.mass / 3.0 * control::gravity();
+    const TipPositions forces = weight.replicate<3, 1>();
+    weight_ = -kinematics_.tip_jacobians().transpose() * forces;
+    jacobians_ = kinematics_.tip_jacobians();
+    set_state();
+  }
+
+  [[nodiscard]] std::string_view object() const noexcept override { return config_.object; }
+  [[nodiscard]] Seconds max_duration() const noexcept override {
+    return kMaxApproach + 2 * config_.wait_time + config_.centre_time + config_.stroke.duration() +
+           config_.watch_time + Seconds(1);
+  }
+
+  void see(TimeIndex captured, const Pose& pose) noexcept override {
+    if (is_seen_ && captured <= last_seen_) return;
+    flight_.add(clock_.time_of(captured), pose.position);
+    measured_ = pose;
+    if (!is_seen_) {
+      place_ = pose.position;
+      last_seen_ = captured;
+      is_seen_ = true;
+      return;
+    }
+    // Noise is averaged away: a ball on the fingers hardly moves.
+    const Eigen::Vector3d step = kSmoothing * (pose.position - place_);
+    const Seconds elapsed = clock_.time_of(captured - last_seen_);
+    place_ += step;
+    velocity_ += kSmoothing * (step / elapsed.count() - velocity_);
+    last_seen_ = captured;
+  }
+
+  [[nodiscard]] const TriFinger::Action& update(
+      TimeIndex step, const control::JointState& joints) noexcept override {
+    const Seconds elapsed = clock_.advance(step);
+    if (!has_begun_) begin_at(joints);
+    follow_phases();
+    act(elapsed, joints);
+    set_state();
+    return action_;
+  }
+
+  void stop() noexcept override {
+    // A stroke takes less time than to stop the ball safely.
+    is_stopped_ = true;
+    if (phase_ != Phase::kThrow && phase_ != Phase::kWatch && !state_.has_ended) {
+      end("it was stopped");
+      set_state();
+    }
+  }
+
+  [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
+
+  [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
+                                            std::span<const SeenPose> poses) const override {
+    const auto watch = std::ranges::find(trace.steps, name_of(Phase::kWatch), &SkillStep::phase);
+    control::BallisticEstimator flight(kFlightTolerance);
+    if (watch != trace.steps.end()) {
+      const TimeIndex first = watch->step + static_cast<TimeIndex>(kReleaseTime / trace.period);
+      for (const SeenPose& seen : poses)
+        if (seen.step >= first && seen.pose.position.z() > kLowest)
+          flight.add(trace.period * static_cast<double>(seen.step), seen.pose.position);
+    }
+    std::vector<Figure> figures;
+    if (const auto distance = distance_of(flight)) {
+      const control::PointMotion release =
+          flight.at(trace.period * static_cast<double>(watch->step));
+      figures.push_back({"distance", *distance, "m",
+                         "from the axis to where it lands, 1 m below the platform's feet"});
+      figures.push_back(
+          {"speed", release.velocity.norm(), "m/s", "of the ball at the stroke's end"});
+      figures.push_back({"elevation", std::asin(release.velocity.normalized().z()), "rad",
+                         "of its way at the stroke's end"});
+      figures.push_back({"azimuth", std::atan2(release.velocity.y(), release.velocity.x()), "rad",
+                         "of its way, from x towards y"});
+    }
+    figures.push_back({"num_poses", static_cast<double>(flight.count()), "", "seen in its flight"});
+    return figures;
+  }
+
+ private:
+  enum class Phase { kApproach, kWait, kCentre, kThrow, kWatch, kDone, kFailed };
+  static constexpr std::array<std::string_view, 7> kPhaseNames{
+      "approach", "wait", "centre", "throw", "watch", "done", "failed"};
+  static constexpr std::string_view name_of(Phase phase) noexcept {
+    return kPhaseNames[static_cast<std::size_t>(phase)];
+  }
+
+  static constexpr Seconds kMaxApproach{10};
+  static constexpr Seconds kReleaseTime{0.02};  // After the stroke the ball still touches a tip.
+  static constexpr Seconds kRestTime{0.3};      // In which the ball must lie still.
+  static constexpr Seconds kOldPose{0.2};       // An older pose says nothing.
+  static constexpr double kSmoothing = 0.15;    // Share of a new pose in the ball's place.
+  static constexpr double kFlightTolerance = 0.004;  // [m]
+  static constexpr double kLowest = 0.06;            // Below it the ball meets the table [m].
+  static constexpr double kFloorDepth = 1.0;         // Below the feet of the platform [m].
+  static constexpr double kAtStart = 0.03;           // Joints so near need no approach [rad].
+  static constexpr double kBrakeStiffness = 3.0;     // [Nm/rad]
+  static constexpr double kBrakeDamping = 0.15;      // [Nms/rad]
+  static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
+  static constexpr double kMostCorrection = 0.01;    // [m]
+
+  void enter(Phase phase) noexcept {
+    phase_ = phase;
+    clock_.begin_phase();
+  }
+  void end(std::string_view failure) noexcept {
+    failure_ = failure;
+    enter(failure.empty() ? Phase::kDone : Phase::kFailed);
+  }
+
+  void begin_at(const control::JointState& joints) noexcept {
+    has_begun_ = true;
+    begin_ = joints.position;
+    const double way = (begin_ - config_.stroke.targets.front()).cwiseAbs().maxCoeff();
+    approach_time_ = std::min(Seconds(way / config_.approach_speed), kMaxApproach);
+    enter(way > kAtStart ? Phase::kApproach : Phase::kWait);
+    if (way <= kAtStart) approach_time_ = Seconds(0);
+  }
+
+  [[nodiscard]] bool is_ball_in_cradle() const noexcept {
+    return is_seen_ && clock_.now() - clock_.time_of(last_seen_) < kOldPose &&
+           (place_ - config_.ball).norm() < config_.cradle_distance;
+  }
+
+  void follow_phases() noexcept {
+    const Seconds elapsed = clock_.in_phase();
+    switch (phase_) {
+      case Phase::kApproach:
+        if (elapsed >= approach_time_) enter(Phase::kWait);
+        break;
+      case Phase::kWait:
+        if (is_ball_in_cradle() && velocity_.norm() < 3 * config_.rest_speed) {
+          enter(Phase::kCentre);
+        } else if (elapsed >= config_.wait_time) {
+          end(is_seen_ ? "no ball lies on the fingers" : "nobody has said where the ball is");
+        }
+        break;
+      case Phase::kCentre:
+        follow_centre(elapsed);
+        break;
+      case Phase::kThrow:
+        if (elapsed >= config_.stroke.duration()) enter(Phase::kWatch);
+        break;
+      case Phase::kWatch:
+        if (elapsed >= kReleaseTime && !has_left_) {
+          has_left_ = true;
+          flight_.reset();
+        }
+        if (has_left_) note_flight();
+        if (elapsed >= config_.watch_time) finish();
+        break;
+      case Phase::kDone:
+      case Phase::kFailed:
+        break;
+    }
+  }
+
+  void follow_centre(Seconds elapsed) noexcept {
+    if (!is_ball_in_cradle()) {
+      end("the ball has left the fingers");
+      return;
+    }
+    const double error = (place_ - config_.ball).norm();
+    if (error > config_.centre_distance || velocity_.norm() > config_.rest_speed)
+      rest_begin_ = elapsed;
+    if (elapsed - rest_begin_ >= kRestTime) {
+      enter(Phase::kThrow);
+    } else if (elapsed >= config_.centre_time) {
+      end("the ball does not come to rest in the middle");
+    }
+  }
+
+  // The flight as long as the ball has not met the table.
+  void note_flight() noexcept {
+    if (flight_.count() == 0) return;
+    is_down_ = is_down_ || measured_.position.z() < kLowest;
+    if (!is_down_) distance_ = distance_of(flight_);
+  }
+
+  void finish() noexcept {
+    if (is_stopped_) {
+      end("it was stopped");
+    } else if (!distance_) {
+      end("the ball was not seen in its flight");
+    } else if (*distance_ < config_.least_distance) {
+      end("the ball was not thrown");
+    } else {
+      end({});
+    }
+  }
+
+  // Where a ball lands that is seen in its flight.
+  [[nodiscard]] std::optional<double> distance_of(
+      const control::BallisticEstimator& flight) const noexcept {
+    if (flight.count() < 4) return std::nullopt;
+    const auto time = flight.falls_through(ball_.size[0] / 2 - kFloorDepth);
+    if (!time) return std::nullopt;
+    return flight.at(*time).position.head<2>().norm();
+  }
+
+  void act(Seconds elapsed, const control::JointState& joints) noexcept {
+    if (has_left_) {
+      brake(joints);
+      return;
+    }
+    StrokeTargets targets = targets_at(config_.stroke, Seconds(-1));
+    kinematics_.update(joints.position);
+    JointValues torque = kinematics_.gravity_torques();
+    switch (phase_) {
+      case Phase::kApproach: {
+        const control::Progress progress = control::minimum_jerk(clock_.in_phase(), approach_time_);
+        const JointValues way = targets.position - begin_;
+        targets = {begin_ + progress.value * way, progress.rate * way};
+        break;
+      }
+      case Phase::kWait:
+        torque += weight_;
+        break;
+      case Phase::kCentre: {
+        // The cradle moves against the ball's error.
+        correction_ += elapsed.count() * config_.feedback * (config_.ball - place_);
+        const double length = correction_.norm();
+        if (length > kMostCorrection) correction_ *= kMostCorrection / length;
+        targets.position += shift_of(correction_);
+        torque += weight_;
+        break;
+      }
+      case Phase::kThrow:
+      case Phase::kWatch: {
+        const Seconds time =
+            phase_ == Phase::kThrow ? clock_.in_phase() : config_.stroke.duration();
+        targets = targets_at(config_.stroke, time);
+        // What brought the ball to the middle fades out.
+        const double rest = std::max(1.0 - time / config_.stroke.duration(), 0.0);
+        targets.position += rest * shift_of(correction_);
+        torque += rest * weight_;
+        break;
+      }
+      case Phase::kDone:
+      case Phase::kFailed:
+        targets = {last_targets_, JointValues::Zero(kMaxJoints)};
+        break;
+    }
+    last_targets_ = targets.position;
+    follow(config_.stroke, targets, limits_, torque, action_);
+    double share = 0.0;
+    for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      const double asked = action_.torque[i] +
+                           config_.stroke.stiffness * (targets.position[k] - joints.position[k]) -
+                           (config_.stroke.damping + limits_.safety_kd[i]) * joints.velocity[k];
+      share = std::max(share, std::abs(asked) / limits_.max_torque[i]);
+    }
+    torque_share_ = std::min(share, 1.0);
+  }
+
+  // Fast joints are damped as hard as they can be. At the stroke's own stiffness they would swing.
+  void brake(const control::JointState& joints) noexcept {
+    if (!is_braking_) last_targets_ = joints.position;
+    is_braking_ = true;
+    kinematics_.update(joints.position);
+    const JointValues torque = kinematics_.gravity_torques();
+    for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      action_.position[i] = std::clamp(last_targets_[k], limits_.soft_lower[i] + kBrakeMargin,
+                                       limits_.soft_upper[i] - kBrakeMargin);
+      action_.position_kp[i] = kBrakeStiffness;
+      action_.position_kd[i] = kBrakeDamping;
+      action_.torque[i] = torque[k];
+    }
+    torque_share_ = 0.0;
+  }
+
+  // The joints' way for the same small shift of all tips.
+  [[nodiscard]] JointValues shift_of(const Eigen::Vector3d& shift) const noexcept {
+    JointValues way(kMaxJoints);
+    for (Eigen::Index i = 0; i < kMaxJoints; i += 3)
+      way.segment<3>(i) = jacobians_.block<3, 3>(i, i).inverse() * shift;
+    return way;
+  }
+
+  void set_state() noexcept {
+    state_.phase = name_of(phase_);
+    state_.has_ended = phase_ == Phase::kDone || phase_ == Phase::kFailed;
+    state_.failure = failure_;
+    state_.desired = {.pose = {.position = config_.ball}};
+    state_.object.pose = {.position = place_, .orientation = measured_.orientation};
+    state_.torque_share = torque_share_;
+  }
+
+  ThrowConfig config_;
+  control::SafetyLimits limits_;
+  Kinematics kinematics_;
+  PhaseClock clock_;
+  ObjectDescription ball_;
+  JointMatrix jacobians_;
+  JointValues weight_;  // Torques that carry the ball in the cradle [Nm].
+
+  Phase phase_{Phase::kWait};
+  std::string_view failure_;
+  bool has_begun_{false};
+  bool is_stopped_{false};
+  Seconds approach_time_{0};
+  Seconds rest_begin_{0};
+
+  // What is known of the ball.
+  bool is_seen_{false};
+  bool has_left_{false};
+  bool is_down_{false};
+  bool is_braking_{false};
+  TimeIndex last_seen_{-1};
+  Pose measured_;
+  Eigen::Vector3d place_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d velocity_{Eigen::Vector3d::Zero()};
+  control::BallisticEstimator flight_{kFlightTolerance};
+  std::optional<double> distance_;
+
+  Eigen::Vector3d correction_;
+  JointValues last_targets_;
+  JointValues begin_;
+  double torque_share_{0.0};
+  TriFinger::Action action_;
+  SkillState state_;
+};
+
+}  // namespace
+
+std::unique_ptr<Skill> make_throw(const SkillContext& context, const config::Node& root) {
+  return std::make_unique<Throw>(context, read_throw(root, context.limits));
+}
+
+}  // namespace trifinger::manipulation
