@@ -11,41 +11,39 @@
 #include <utility>
 #include <vector>
 
-#include "rows.hpp"
-#include "trial.hpp"
+#include "evaluation/rows.hpp"
+#include "skills/lift/lift.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::evaluation {
 namespace {
 
 using manipulation::LiftTask;
-using manipulation::Report;
 
-Row run_row(const Options& options, Row row, const Trial& trial, bool is_pushed = false) {
+Row run_row(const Options& options, Row row, const SkillTrial& trial, bool is_pushed = false) {
   return run_row(options, std::move(row), [&](std::uint64_t seed) {
-    Trial made = varied(trial, seed);
-    if (is_pushed) made.push = push_from_any_side(seed);
+    SkillTrial made = varied(trial, seed);
+    if (is_pushed) push_from_any_side(made, seed);
     return made;
   });
 }
 
 // The same as in `simulated`, over emulated motor boards. Each trial must meet the same limits, and
 // the root mean square of all trials together is compared.
-Row run_on_boards(const Options& options, const Row& simulated, const Trial& trial) {
+Row run_on_boards(const Options& options, const Row& simulated, const SkillTrial& trial) {
   constexpr double kMost = 1.2;
   Row row{"over emulated motor boards: " + simulated.what,
           fmt::format("all likewise; together rms <= {} x of that", kMost),
           1.0,
           simulated.limits,
           {}};
-  row.most_position_rms = kMost * simulated.together(&Report::position_rms);
-  row.most_orientation_rms = kMost * simulated.together(&Report::orientation_rms);
+  row.most_position_rms = kMost * simulated.together("position_rms");
+  row.most_orientation_rms = kMost * simulated.together("orientation_rms");
   row = run_row(options, std::move(row), trial);
   fmt::print("  together {:.2f} mm and {:.2f}°, simulated {:.2f} mm and {:.2f}°\n",
-             row.together(&Report::position_rms) / kMillimetre,
-             row.together(&Report::orientation_rms) / kDegree,
-             simulated.together(&Report::position_rms) / kMillimetre,
-             simulated.together(&Report::orientation_rms) / kDegree);
+             row.together("position_rms") / kMillimetre, row.together("orientation_rms") / kDegree,
+             simulated.together("position_rms") / kMillimetre,
+             simulated.together("orientation_rms") / kDegree);
   return row;
 }
 
@@ -68,17 +66,18 @@ Heaviest find_heaviest(const Options& options) {
     const double mass = 0.01 * decagrams;
     std::vector<std::string> settings = kRaised;
     settings.push_back(fmt::format("objects.0.mass={}", mass));
-    const Trial trial = make_trial("sim", settings, "edu", "lift",
-                                   {"lift.height=0.1", "lift.hold_time=5", "grasp.friction=0.8",
-                                    "grasp.slip_friction=0.9", "lift.planned_friction=0.8"});
+    const SkillTrial trial =
+        make_skill_trial("sim", "lift", settings,
+                         {"lift.height=0.1", "lift.hold_time=5", "grasp.friction=0.8",
+                          "grasp.slip_friction=0.9", "lift.planned_friction=0.8"});
     const auto reports = run_all(few, [&](std::uint64_t seed) {
-      Trial made = varied(trial, seed);
+      SkillTrial made = varied(trial, seed);
       made.simulation.description.objects[0].mass = mass;
       made.simulation.description.contact.tip_friction = 1.0;
       return made;
     });
-    const bool lifts = std::ranges::all_of(
-        reports, [](const Report& report) { return report.is_done && report.grasps == 1; });
+    const bool lifts =
+        std::ranges::all_of(reports, [](const Report& report) { return report.is_done_at_once(); });
     if (!lifts) break;
     heaviest.mass = mass;
   }
@@ -125,12 +124,15 @@ int evaluate(const Options& options) {
   const Limits fast{4.0 * kMillimetre, kAny, kAny};
   const Limits slide{1.5 * kMillimetre, 1.5 * kDegree, kAny};
   const Limits none{kAny, kAny, kAny};
-  const Trial lift_trial = make_trial("sim", kRaised, "edu", "lift");
+  const SkillTrial lift_trial = make_skill_trial("sim", "lift", kRaised);
 
-  const Trial pro_lift = make_trial("trifinger_pro", kCube, "pro", "lift");
-  const double pro_height = manipulation::reachable_height(pro_lift.believed, pro_lift.config);
-  const double pro_lifted = std::get<LiftTask>(pro_lift.config.task).height;
-  fmt::print("pro reaches {:.3f} m, config/manipulate/pro.yml asks for {:.3f} m\n", pro_height,
+  const SkillTrial pro_lift = make_skill_trial("trifinger_pro", "lift", kCube);
+  const manipulation::ManipulationConfig pro_config =
+      manipulation::load_lift({.description = pro_lift.believed,
+                               .limits = manipulation::safety_limits_of(pro_lift.simulation)});
+  const double pro_height = manipulation::reachable_height(pro_lift.believed, pro_config);
+  const double pro_lifted = std::get<LiftTask>(pro_config.task).height;
+  fmt::print("pro reaches {:.3f} m, config/skills/lift_pro.yml asks for {:.3f} m\n", pro_height,
              pro_lifted);
 
   std::vector<Row> rows;
@@ -140,10 +142,10 @@ int evaluate(const Options& options) {
       lift_trial));
   rows.push_back(run_row(
       options, {"the same in 1 s", "90 %; 4 mm", 0.9, fast, {}},
-      make_trial("sim", kRaised, "edu", "lift", {"lift.time=1", "grasp.tip_stiffness=200"})));
+      make_skill_trial("sim", "lift", kRaised, {"lift.time=1", "grasp.tip_stiffness=200"})));
   rows.push_back(run_row(
       options, {"slide on a circle of 5 cm, 3 turns of 4 s", "all; 1.5 mm, 1.5°", 1.0, slide, {}},
-      make_trial("sim", {}, "edu", "slide")));
+      make_skill_trial("sim", "slide", {})));
   rows.push_back(run_row(
       options, {"1 N for 50 ms from any side while held", "90 % not dropped", 0.9, none, {}},
       lift_trial, true));
@@ -156,13 +158,13 @@ int evaluate(const Options& options) {
                {}},
               pro_lift));
   rows.push_back(run_row(options, {"`pro`: slide, likewise", "90 %; 1.5 mm, 1.5°", 0.9, slide, {}},
-                         make_trial("trifinger_pro", kCube, "pro", "slide")));
+                         make_skill_trial("trifinger_pro", "slide", kCube)));
   const std::size_t simulated_lift = 0;
   const std::size_t simulated_slide = 2;
   rows.push_back(run_on_boards(options, rows[simulated_lift],
-                               make_trial("trifinger_edu_emulated", kRaised, "edu", "lift")));
+                               make_skill_trial("trifinger_edu_emulated", "lift", kRaised)));
   rows.push_back(run_on_boards(options, rows[simulated_slide],
-                               make_trial("trifinger_edu_emulated", {}, "edu", "slide")));
+                               make_skill_trial("trifinger_edu_emulated", "slide", {})));
   const Heaviest heaviest = find_heaviest(options);
 
   write_page(options.output, page(options, rows, heaviest, pro_height));

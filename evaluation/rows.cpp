@@ -9,6 +9,7 @@
 #include <exception>
 #include <span>
 #include <thread>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
@@ -26,15 +27,18 @@ void tell(const Row& row) {
 }  // namespace
 
 std::vector<Report> run_all(const Options& options,
-                            const std::function<Trial(std::uint64_t seed)>& trial_of) {
+                            const std::function<SkillTrial(std::uint64_t seed)>& trial_of) {
   std::vector<Report> reports(static_cast<std::size_t>(options.seeds));
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
   std::atomic_flag has_failed;
   const auto work = [&] {
     try {
-      for (std::size_t i = next++; i < reports.size(); i = next++)
-        reports[i] = run_trial(trial_of(options.first_seed + i)).report;
+      for (std::size_t i = next++; i < reports.size(); i = next++) {
+        SkillTrialResult result = run_skill_trial(trial_of(options.first_seed + i));
+        reports[i] = {.failure = std::string(result.trace.failure),
+                      .figures = std::move(result.figures)};
+      }
     } catch (...) {
       if (!has_failed.test_and_set()) failure = std::current_exception();
       next = reports.size();
@@ -49,7 +53,7 @@ std::vector<Report> run_all(const Options& options,
 }
 
 Row run_row(const Options& options, Row row,
-            const std::function<Trial(std::uint64_t seed)>& trial_of) {
+            const std::function<SkillTrial(std::uint64_t seed)>& trial_of) {
   row.reports = run_all(options, trial_of);
   tell(row);
   return row;
@@ -59,12 +63,12 @@ std::string line_of(const Row& row) {
   return fmt::format(
       "| {} | {} | {} of {} | {:.2f} mm | {:.2f}° | {} | {:.2f} to {:.2f} N | {:.0f} % | {} |\n",
       row.what, row.reach, row.successes(), row.reports.size(),
-      row.worst(&Report::position_rms) / kMillimetre, row.worst(&Report::orientation_rms) / kDegree,
-      row.worst(&Report::hold_drift) > 0.0
-          ? fmt::format("{:.2f} mm", row.worst(&Report::hold_drift) / kMillimetre)
+      row.worst("position_rms") / kMillimetre, row.worst("orientation_rms") / kDegree,
+      row.worst("hold_drift") > 0.0
+          ? fmt::format("{:.2f} mm", row.worst("hold_drift") / kMillimetre)
           : "",
-      row.least(&Report::normal_force_min), row.worst(&Report::normal_force_max),
-      100 * row.least(&Report::torque_margin), row.holds() ? "yes" : "**no**");
+      row.least("normal_force_min"), row.worst("normal_force_max"),
+      100 * row.least("torque_margin"), row.holds() ? "yes" : "**no**");
 }
 
 std::string details_of(const Row& row, std::uint64_t first_seed) {
@@ -78,12 +82,15 @@ std::string details_of(const Row& row, std::uint64_t first_seed) {
     const Report& r = row.reports[i];
     text += fmt::format(
         "| {} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f} to {:.2f} | {:.2f} | "
-        "{:.0f} | {} | {} |\n",
-        first_seed + i, r.position_rms / kMillimetre, r.position_max / kMillimetre,
-        r.orientation_rms / kDegree, r.orientation_max / kDegree, r.hold_drift / kMillimetre,
-        r.hold_slip / kMillimetre, r.normal_force_min, r.normal_force_max, r.tangential_force_max,
-        100 * r.torque_margin, r.grasps,
-        r.is_done ? (row.succeeds(r) ? "" : "beyond the reach") : text_of(r.failure));
+        "{:.0f} | {:.0f} | {} |\n",
+        first_seed + i, r.at("position_rms") / kMillimetre, r.at("position_max") / kMillimetre,
+        r.at("orientation_rms") / kDegree, r.at("orientation_max") / kDegree,
+        r.at("hold_drift") / kMillimetre, r.at("hold_slip") / kMillimetre, r.at("normal_force_min"),
+        r.at("normal_force_max"), r.at("tangential_force_max"), 100 * r.at("torque_margin"),
+        r.at("grasps"),
+        !r.failure.empty() ? r.failure
+        : row.succeeds(r)  ? ""
+                           : "beyond the reach");
   }
   return text;
 }

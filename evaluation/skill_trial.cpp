@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "evaluation/board_world.hpp"
 #include "evaluation/contact.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
@@ -17,6 +18,7 @@
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/thread.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -147,6 +149,35 @@ std::vector<manipulation::Figure> figures_of(const manipulation::Skill& skill,
   return skill.figures(result.trace, poses);
 }
 
+// A robot on emulated motor boards, in time of its own.
+SkillTrialResult run_on_boards(const SkillTrial& trial) {
+  if (trial.interfere) throw InvalidArgument("nobody meddles beside emulated boards");
+  BoardWorld world(*trial.boards, trial.simulation);
+  SessionHost host = SessionHost::anonymous();
+  Backend backend(world, host,
+                  {.mode = BackendOptions::Mode::kNonRealTime, .period = trial.simulation.period},
+                  world.clock());
+  Frontend<TriFinger> robot(backend, {.strict = true});
+  const auto skill = make(trial);
+  const std::string object(skill->object());
+  SkillTrialResult result;
+  result.trace = manipulation::run_skill(
+      robot, *skill, {.on_step = [&](TimeIndex t) {
+        result.truth.push_back(
+            {.step = t + 1, .object = pose_of(world.plant().object_pose(object))});
+      }});
+  result.end = result.truth.size();
+  result.figures = figures_of(*skill, result);
+  return result;
+}
+
+Simulation<TriFinger> simulation_of(const SkillTrial& trial) {
+  if (!trial.sight) return Simulation<TriFinger>(trial.simulation);
+  RobotConfig config = trial.sight->config;
+  config.simulation = trial.simulation;
+  return rendering::make_simulation<TriFinger>(config, trial.sight->rendering);
+}
+
 // A back-end in a thread of its own, the skill in this one.
 SkillTrialResult run_in_real_time(const SkillTrial& trial) {
   SimulatedRobot<TriFinger> simulation(trial.simulation);
@@ -234,10 +265,14 @@ SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
   RobotConfig config = load_robot_config(robot, robot_settings);
   auto* const simulation = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
   if (simulation == nullptr) throw InvalidArgument("'" + robot + "' has not three fingers");
-  return {.skill = skill,
-          .settings = skill_settings,
-          .simulation = *simulation,
-          .believed = simulation->description};
+  SkillTrial trial{.skill = skill,
+                   .settings = skill_settings,
+                   .simulation = *simulation,
+                   .believed = simulation->description};
+  if (config.boards)
+    trial.boards = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
+  if (config.tracks_objects) trial.sight = SkillTrial::Sight{.config = std::move(config)};
+  return trial;
 }
 
 SkillTrial in_real_time(SkillTrial trial, const std::string& robot) {
@@ -253,7 +288,8 @@ const TrueStep& SkillTrialResult::truth_at(TimeIndex step) const {
 
 SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   if (trial.real_time) return run_in_real_time(trial);
-  const Simulation<TriFinger> simulation(trial.simulation);
+  if (trial.boards) return run_on_boards(trial);
+  const Simulation<TriFinger> simulation = simulation_of(trial);
   const auto skill = make(trial);
   Witness witness(trial, simulation.robot(), std::string(skill->object()));
   SkillTrialResult result;
@@ -263,10 +299,13 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
     result.trace =
         manipulation::run_skill(robot, *skill, {.on_step = [&](TimeIndex t) {
                                   result.truth.push_back(witness.look(t, robot.get_observation(t)));
-                                  if (trial.interfere) trial.interfere(simulation.robot(), t);
+                                  if (trial.interfere)
+                                    trial.interfere(simulation.robot(), t, skill->state());
                                 }});
   }
   result.end = result.truth.size();
+  result.figures = figures_of(*skill, result);
+  if (after == 0) return result;
   // The world goes on from where the session has left it.
   simulation.robot().restore(simulation.robot().save());
   {
@@ -280,7 +319,6 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
     }
     robot.finish();
   }
-  result.figures = figures_of(*skill, result);
   return result;
 }
 

@@ -9,10 +9,13 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/boards/board_robot.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/timing.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skill.hpp"
+#include "trifinger/rendering/options.hpp"
+#include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::evaluation {
@@ -29,10 +32,22 @@ struct SkillTrial {
   std::optional<BackendOptions> real_time{};
   control::Seconds after{1.0};  // Time to watch when the skill has ended: the robot holds its pose.
   // Does something to the simulation after step `t`, such as setting the object in motion.
-  std::function<void(SimulatedRobot<TriFinger>& robot, TimeIndex t)> interfere{};
+  std::function<void(SimulatedRobot<TriFinger>& robot, TimeIndex t,
+                     const manipulation::SkillState& state)>
+      interfere{};
+  // The robot has emulated motor boards, which drive the simulation. Of what is true, only poses
+  // of the object are known, until the skill's end.
+  std::optional<boards::BoardRobotOptions<TriFinger>> boards{};
+  // The robot knows its objects only from the images of its cameras.
+  struct Sight {
+    RobotConfig config;
+    rendering::RenderingOptions rendering{};
+  };
+  std::optional<Sight> sight{};
 };
 
-// Makes a trial from the configuration of a robot and the skill's own, without any variation.
+// Makes a trial from the configuration of a robot and the skill's own, without any variation. If
+// the robot is on motor boards, these are emulated.
 [[nodiscard]] SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
                                           const std::vector<std::string>& robot_settings = {},
                                           const std::vector<std::string>& skill_settings = {});

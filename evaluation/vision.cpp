@@ -10,8 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "rows.hpp"
-#include "trial.hpp"
+#include "evaluation/rows.hpp"
 
 namespace trifinger::evaluation {
 namespace {
@@ -26,16 +25,16 @@ std::vector<std::string> with(std::vector<std::string> settings, const char* mor
 
 // The robot that sees, and one that knows the exact poses as late and as seldom.
 struct Pair {
-  Trial seeing;
-  Trial knowing;
+  SkillTrial seeing;
+  SkillTrial knowing;
 };
 
 Pair make_pair(const std::vector<std::string>& settings, const std::string& task,
                const std::vector<std::string>& task_settings) {
   const std::vector<std::string> seeing_settings =
       with(with(settings, "cameras.rate=30"), "cameras.delay=0.035");
-  return {.seeing = make_trial("sim_tracked", seeing_settings, "edu", task, task_settings),
-          .knowing = make_trial("sim", settings, "edu", task, task_settings)};
+  return {.seeing = make_skill_trial("sim_tracked", task, seeing_settings, task_settings),
+          .knowing = make_skill_trial("sim", task, settings, task_settings)};
 }
 
 Row run_seeing(const Options& options, Row row, const Pair& pair) {
@@ -45,7 +44,7 @@ Row run_seeing(const Options& options, Row row, const Pair& pair) {
 
 Row run_knowing(const Options& options, Row row, const Pair& pair) {
   return run_row(options, std::move(row), [&](std::uint64_t seed) {
-    Trial made = varied(pair.knowing, seed);
+    SkillTrial made = varied(pair.knowing, seed);
     made.simulation.object_period = kPeriod;
     made.simulation.object_delay = kDelay;
     made.simulation.object_position_noise = 0;

@@ -40,6 +40,8 @@ def allowed_layers(layer: str) -> set[str]:
 def layer_of(path: Path) -> str | None:
     """Returns the layer that the file belongs to; None if the file may include anything."""
     match path.parts:
+        case ("src", _, "skills", _, "judge.cpp"):
+            return None  # It is compiled into `evaluation`, and only lies beside what it judges.
         case ("include", "trifinger", layer, _, *_) | ("src", layer, _, *_):
             return layer
         case ("tests", layer, _, *_) if layer in DIRECTLY_BELOW:

@@ -7,10 +7,7 @@
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
 #include <nlohmann/json.hpp>
-#include <numbers>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -23,10 +20,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/suggestion.hpp"
-#include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/manipulation/config.hpp"
-#include "trifinger/manipulation/run.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/realtime/thread.hpp"
@@ -36,13 +30,8 @@
 namespace trifinger::apps {
 namespace {
 
-using manipulation::Manipulation;
-using manipulation::ManipulationConfig;
-using manipulation::Phase;
-using manipulation::Report;
-using manipulation::Seconds;
+using manipulation::SkillStep;
 using manipulation::SkillTrace;
-using manipulation::Trace;
 
 struct ManipulateOptions {
   std::string task;
@@ -65,136 +54,64 @@ manipulation::SkillContext context_of(const Session& session, bool needs_sight) 
   return manipulation::context_of(session);
 }
 
-void tell_phase(const Manipulation& at) {
-  std::string more;
-  if (at.phase() == Phase::kGrasp) {
-    more =
-        fmt::format(", which takes {:.0f} % of the motors' torque", 100 * at.plan()->torque_share);
-    if (at.grasps() > 1) more += fmt::format("; attempt {}", at.grasps());
-  } else if (at.phase() == Phase::kFailed) {
-    more = fmt::format(": {}", text_of(at.failure()));
-  }
-  print_safely("  {}{}\n", name_of(at.phase()), more);
+void tell_state(const manipulation::Skill& skill) {
+  const manipulation::SkillState& state = skill.state();
+  print_safely("  {}{}{}\n", state.phase, state.failure.empty() ? "" : ": ", state.failure);
   std::fflush(stdout);
 }
 
-void tell_sight(const Manipulation& at) {
-  print_safely("  {}\n", at.is_in_sight()
+void tell_sight(const manipulation::Skill& skill) {
+  print_safely("  {}\n", skill.state().is_in_sight
                              ? "the object is in sight again"
                              : "the object is out of sight: the tips feel where it is");
   std::fflush(stdout);
-}
-
-nlohmann::ordered_json json_of(const Report& report) {
-  return {{"is_done", report.is_done},
-          {"failure", text_of(report.failure)},
-          {"grasps", report.grasps},
-          {"num_poses", report.num_poses},
-          {"position_rms", report.position_rms},
-          {"position_max", report.position_max},
-          {"orientation_rms", report.orientation_rms},
-          {"orientation_max", report.orientation_max},
-          {"height", report.height},
-          {"hold_drift", report.hold_drift},
-          {"hold_slip", report.hold_slip},
-          {"normal_force_min", report.normal_force_min},
-          {"normal_force_mean", report.normal_force_mean},
-          {"normal_force_max", report.normal_force_max},
-          {"tangential_force_max", report.tangential_force_max},
-          {"friction_used", report.friction_used},
-          {"travel_max", report.travel_max},
-          {"blind_time", report.blind_time.count()},
-          {"slip_time", report.slip_time.count()},
-          {"torque_margin", report.torque_margin},
-          {"exact_wrenches", report.exact_wrenches},
-          {"cycle_p50", report.cycle_p50},
-          {"cycle_p999", report.cycle_p999}};
-}
-
-void print(const Report& report) {
-  const double degrees = 180 / std::numbers::pi;
-  const auto line = [](std::string_view name, const std::string& value) {
-    print_safely("  {:<26}{}\n", name, value);
-  };
-  line("position, rms and max",
-       fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.position_rms, 1e3 * report.position_max));
-  line("orientation, rms and max", fmt::format("{:.2f}°, {:.2f}°", degrees * report.orientation_rms,
-                                               degrees * report.orientation_max));
-  line("highest", fmt::format("{:.1f} cm", 100 * report.height));
-  line("drift, slip while held",
-       fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.hold_drift, 1e3 * report.hold_slip));
-  if (report.blind_time.count() > 0)
-    line("out of sight",
-         fmt::format("{:.1f} s, led by what the tips felt", report.blind_time.count()));
-  line("normal forces", fmt::format("{:.2f} to {:.2f} N, mean {:.2f} N", report.normal_force_min,
-                                    report.normal_force_max, report.normal_force_mean));
-  line("tangential forces", fmt::format("up to {:.2f} N, {:.2f} of the normal force",
-                                        report.tangential_force_max, report.friction_used));
-  line("torque left", fmt::format("{:.0f} %", 100 * report.torque_margin));
-  line("controller, p50 and p99.9",
-       fmt::format("{:.1f} µs, {:.1f} µs", 1e6 * report.cycle_p50, 1e6 * report.cycle_p999));
 }
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
   replace_file(path, std::as_bytes(std::span(text)));
 }
 
-// The columns that all tables have.
-constexpr std::string_view kPoseColumns =
+constexpr std::string_view kColumns =
     "step,phase,desired_x,desired_y,desired_z,desired_qw,desired_qx,desired_qy,desired_qz,"
     "estimated_x,estimated_y,estimated_z,estimated_qw,estimated_qx,estimated_qy,estimated_qz";
+// Only of skills that hold an object with three tips.
+constexpr std::string_view kGraspColumns =
+    ",normal_0,normal_1,normal_2,tangential_0,tangential_1,tangential_2,travel_0,travel_1,travel_2";
 
-std::string pose_cells(TimeIndex step, std::string_view phase, const manipulation::Pose& desired,
-                       const manipulation::Pose& estimated) {
-  std::string text = fmt::format("{},{}", step, phase);
-  for (const manipulation::Pose* pose : {&desired, &estimated}) {
+std::string row_of(const SkillStep& step) {
+  std::string text = fmt::format("{},{}", step.step, step.phase);
+  const auto add = [&text](double value) { text += fmt::format(",{:.6f}", value); };
+  for (const manipulation::Pose* pose : {&step.desired, &step.estimated}) {
     const auto& q = pose->orientation;
-    for (const double value : pose->position) text += fmt::format(",{:.6f}", value);
-    for (const double value : {q.w(), q.x(), q.y(), q.z()}) text += fmt::format(",{:.6f}", value);
+    for (const double value : pose->position) add(value);
+    for (const double value : {q.w(), q.x(), q.y(), q.z()}) add(value);
   }
-  return text;
-}
-
-// Calls `write` for every tenth step and for each change of the phase.
-template <class Step>
-void write_rows(const std::vector<Step>& steps, const std::function<void(const Step&)>& write) {
-  constexpr TimeIndex kEvery = 10;
-  const Step* previous = nullptr;
-  for (const Step& step : steps) {
-    if (step.step % kEvery == 0 || previous == nullptr || step.phase != previous->phase)
-      write(step);
-    previous = &step;
-  }
-}
-
-std::string table_of(const Trace& trace) {
-  std::string text = fmt::format(
-      "{},normal_0,normal_1,normal_2,tangential_0,tangential_1,tangential_2,travel_0,travel_1,"
-      "travel_2,torque_share,cycle_time\n",
-      kPoseColumns);
-  write_rows<manipulation::TraceStep>(trace.steps, [&](const manipulation::TraceStep& step) {
-    text += pose_cells(step.step, name_of(step.phase), step.desired, step.estimated);
+  if (step.grasp) {
     for (const Eigen::Vector3d* values :
-         {&step.normal_forces, &step.tangential_forces, &step.travel}) {
-      for (const double value : *values) text += fmt::format(",{:.6f}", value);
-    }
-    text += fmt::format(",{:.4f},{:.7f}\n", step.torque_share, step.cycle_time.count());
-  });
-  return text;
+         {&step.grasp->normal_forces, &step.grasp->tangential_forces, &step.grasp->travel})
+      for (const double value : *values) add(value);
+  }
+  return text + fmt::format(",{:.4f},{:.7f}\n", step.torque_share, step.cycle_time.count());
 }
 
+// Every tenth step and each change of the phase.
 std::string table_of(const SkillTrace& trace) {
-  std::string text = fmt::format("{},torque_share,cycle_time\n", kPoseColumns);
-  write_rows<manipulation::SkillStep>(trace.steps, [&](const manipulation::SkillStep& step) {
-    text += pose_cells(step.step, step.phase, step.desired, step.estimated);
-    text += fmt::format(",{:.4f},{:.7f}\n", step.torque_share, step.cycle_time.count());
-  });
+  constexpr TimeIndex kEvery = 10;
+  const bool has_grasp = !trace.steps.empty() && trace.steps.front().grasp.has_value();
+  std::string text =
+      fmt::format("{}{},torque_share,cycle_time\n", kColumns, has_grasp ? kGraspColumns : "");
+  std::string_view phase;
+  for (const SkillStep& step : trace.steps) {
+    if (step.step % kEvery == 0 || step.phase != phase) text += row_of(step);
+    phase = step.phase;
+  }
   return text;
 }
 
 // Writes the files of a report. `json` gets what all reports have.
-void write_report(const ManipulateOptions& options, const Session& session, Seconds period,
-                  nlohmann::ordered_json json, const std::string& table) {
+void write_report(const ManipulateOptions& options, const Session& session,
+                  manipulation::Seconds period, nlohmann::ordered_json json,
+                  const std::string& table) {
   const auto trace = options.output / "trace.csv";
   const auto summary = options.output / "report.json";
   write_text(trace, table);
@@ -206,59 +123,36 @@ void write_report(const ManipulateOptions& options, const Session& session, Seco
   print_safely("Report: {}\nTrace:  {}\n", summary.string(), trace.string());
 }
 
-void announce(const ManipulateOptions& options, std::string_view object) {
-  std::filesystem::create_directories(options.output);
-  print_safely("'{}' shall {} the {}.\n", options.robot, options.task, object);
-  std::fflush(stdout);
+// Throws InvalidArgument if there is no such task.
+void require_task(const std::string& task) {
+  std::vector<std::string_view> names;
+  for (const manipulation::SkillInfo& skill : manipulation::all_skills())
+    names.push_back(skill.name);
+  if (std::ranges::find(names, task) != names.end()) return;
+  const std::string_view similar = closest(task, names);
+  throw InvalidArgument(fmt::format("there is no task '{}', {}", task,
+                                    similar.empty() ? "there are " + quoted_list(names, "and")
+                                                    : fmt::format("perhaps '{}'", similar)));
 }
 
-// Lifts or slides a cube.
-int manipulate(const ManipulateOptions& options, Frontend<TriFinger>& robot,
-               const manipulation::SkillContext& context) {
-  const std::string name = options.config.empty()
-                               ? std::string(variant_figures(context.description.variant).name)
-                               : options.config;
-  ManipulationConfig config = manipulation::load_config(name, options.task, options.settings);
-  config.planner.limits = context.limits;
-  config.controller.limits = context.limits;
-
-  const std::atomic<bool>& stop = stop_on_signals();
-  announce(options, config.object);
-  const manipulation::RunOptions run_options{
-      .realtime = realtime_beside(robot.session().info(), options.scheduling),
-      .stop = &stop,
-      .on_step = {},
-      .on_phase = tell_phase,
-      .on_sight = tell_sight};
-  const Trace trace = manipulation::run(robot, context.description, config, run_options);
-
-  const Report report = manipulation::make_report(trace, trace.seen);
-  if (report.num_poses > 0) print(report);
-  write_report(options, robot.session(), trace.period, json_of(report), table_of(trace));
-  if (trace.failure == manipulation::Failure::kStopped) return kInterrupted;
-  return report.is_done ? kDone : kFailed;
-}
-
-void tell_state(const manipulation::Skill& skill) {
-  const manipulation::SkillState& state = skill.state();
-  print_safely("  {}{}{}\n", state.phase, state.failure.empty() ? "" : ": ", state.failure);
-  std::fflush(stdout);
-}
-
-// Carries out any other skill.
-int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
-              const manipulation::SkillContext& context) {
+int manipulate(const ManipulateOptions& options) {
+  require_task(options.task);
+  auto robot = connect<TriFinger>(options.robot);
+  const auto context = context_of(robot.session(), options.needs_sight);
   const auto make = options.is_taught ? manipulation::make_taught_skill : manipulation::make_skill;
   const auto skill = make(options.task, context, options.config, options.settings);
   const std::atomic<bool>& stop = stop_on_signals();
-  announce(options, skill->object());
+  std::filesystem::create_directories(options.output);
+  print_safely("'{}' shall {} the {}.\n", options.robot, options.task, skill->object());
+  std::fflush(stdout);
   const SkillTrace trace = manipulation::run_skill(
       robot, *skill,
       {.realtime = realtime_beside(robot.session().info(), options.scheduling),
        .stop = &stop,
        .on_step = {},
        .on_update = {},
-       .on_phase = tell_state});
+       .on_phase = tell_state,
+       .on_sight = tell_sight});
   nlohmann::ordered_json json{{"is_done", trace.failure.empty()}, {"failure", trace.failure}};
   for (const manipulation::Figure& figure : skill->figures(trace, trace.seen)) {
     json[figure.name] = figure.value;
@@ -277,34 +171,9 @@ int carry_out(const ManipulateOptions& options, Frontend<TriFinger>& robot,
   return trace.failure.empty() ? kDone : kFailed;
 }
 
-// Throws InvalidArgument if there is no such task.
-void require_task(const std::string& task) {
-  std::vector<std::string_view> names{"lift", "slide"};
-  for (const manipulation::SkillInfo& skill : manipulation::all_skills())
-    names.push_back(skill.name);
-  if (std::ranges::find(names, task) != names.end()) return;
-  const std::string_view similar = closest(task, names);
-  throw InvalidArgument(fmt::format("there is no task '{}', {}", task,
-                                    similar.empty() ? "there are " + quoted_list(names, "and")
-                                                    : fmt::format("perhaps '{}'", similar)));
-}
-
-int manipulate(const ManipulateOptions& options) {
-  require_task(options.task);
-  auto robot = connect<TriFinger>(options.robot);
-  const auto context = context_of(robot.session(), options.needs_sight);
-  const bool is_cube_task = options.task == "lift" || options.task == "slide";
-  if (is_cube_task && options.is_taught)
-    throw InvalidArgument("nobody has taught '" + options.task + "'");
-  return is_cube_task ? manipulate(options, robot, context) : carry_out(options, robot, context);
-}
-
 // The tasks with a line for each.
 std::string list_of_tasks() {
-  std::string text =
-      "Tasks:\n"
-      "  lift        Lifts a cube, holds it, and puts it down (trifinger run pushing)\n"
-      "  slide       Slides a cube on a circle (trifinger run sim)\n";
+  std::string text = "Tasks:\n";
   for (const manipulation::SkillInfo& skill : manipulation::all_skills())
     text += fmt::format("  {:<12}{} (trifinger run {})\n", skill.name, skill.summary, skill.robot);
   return text;
@@ -330,8 +199,7 @@ int manipulate_command(const std::vector<std::string>& words) {
       ->capture_default_str();
   program
       .add_option("--config", options.config,
-                  "A configuration or the path of one; default: that of the task, for lift and\n"
-                  "slide that of the robot's variant")
+                  "A configuration or the path of one; default: that of the task")
       ->option_text("FILE");
   program
       .add_option_function<std::string>(

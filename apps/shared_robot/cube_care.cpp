@@ -5,15 +5,13 @@
 #include <cmath>
 #include <exception>
 #include <string>
-#include <utility>
-#include <variant>
 
 #include "controller/user_program.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/manipulation/config.hpp"
-#include "trifinger/manipulation/run.hpp"
+#include "trifinger/manipulation/run_skill.hpp"
+#include "trifinger/manipulation/skills.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
@@ -34,23 +32,12 @@ std::string bring_to_middle(const std::string& name, const std::function<void()>
   std::exception_ptr interruption;
   try {
     auto robot = connect<TriFinger>(name);
-    const RobotConfig known = robot_config_of(robot.session());
-    const auto* const options = std::get_if<SimulationOptions<TriFinger>>(&known.simulation);
-    if (options == nullptr) return "the robot has not three fingers";
-    const RobotDescription& description = options->description;
-    const JointLimits<TriFinger::kJoints> limits =
-        options->limits.value_or(default_limits<TriFinger>(description));
     // A lift of a few millimetres that begins in the middle: what comes before it leads the cube
     // there.
-    manipulation::ManipulationConfig config =
-        manipulation::load_config(std::string(variant_figures(description.variant).name), "lift",
-                                  {"lift.height=0.005", "lift.time=0.3", "lift.hold_time=0.2",
-                                   "lift.lower_time=0.5", "lift.lead_distances=[0]"});
-    config.planner.limits = {.max_torque = values_of(limits, &JointLimit::max_torque),
-                             .safety_kd = values_of(limits, &JointLimit::safety_kd),
-                             .soft_lower = values_of(limits, &JointLimit::soft_lower),
-                             .soft_upper = values_of(limits, &JointLimit::soft_upper)};
-    config.controller.limits = config.planner.limits;
+    const auto skill =
+        manipulation::make_skill("lift", manipulation::context_of(robot.session()), {},
+                                 {"lift.height=0.005", "lift.time=0.3", "lift.hold_time=0.2",
+                                  "lift.lower_time=0.5", "lift.lead_distances=[0]"});
 
     std::atomic<bool> stop{false};
     const auto on_step = [&](TimeIndex /*step*/) {
@@ -62,16 +49,12 @@ std::string bring_to_middle(const std::string& name, const std::function<void()>
         stop.store(true, std::memory_order_relaxed);  // no other data depends on it
       }
     };
-    const manipulation::Trace trace =
-        manipulation::run(robot, description, config,
-                          {.realtime = realtime_beside(robot.session().info(), Demand::kTry),
-                           .stop = &stop,
-                           .on_step = on_step,
-                           .on_phase = {},
-                           .on_sight = {}});
-    if (!interruption && trace.failure != manipulation::Failure::kNone) {
-      return std::string(text_of(trace.failure));
-    }
+    const manipulation::SkillTrace trace =
+        manipulation::run_skill(robot, *skill,
+                                {.realtime = realtime_beside(robot.session().info(), Demand::kTry),
+                                 .stop = &stop,
+                                 .on_step = on_step});
+    if (!interruption && !trace.failure.empty()) return std::string(trace.failure);
   } catch (const Error& error) {
     if (!interruption) return error.what();
   }

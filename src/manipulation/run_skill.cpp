@@ -128,6 +128,7 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
   TriFinger::Observation y = robot.latest_observation();
   TimeIndex t = -1;
   std::string_view phase = skill.state().phase;
+  bool is_in_sight = true;
   while (!skill.state().has_ended) {
     const auto begin = Clock::now();
     if (const auto news = object ? object->news(t) : std::nullopt) {
@@ -141,6 +142,8 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
                          .desired = state.desired.pose,
                          .estimated = state.object.pose,
                          .torque_share = state.torque_share,
+                         .is_in_sight = state.is_in_sight,
+                         .grasp = state.grasp,
                          .cycle_time = Clock::now() - begin};
     if (options.on_update) options.on_update(step);
     if (trace.steps.size() < most)
@@ -153,6 +156,10 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
     if (skill.state().phase != phase) {
       phase = skill.state().phase;
       if (options.on_phase) options.on_phase(skill);
+    }
+    if (skill.state().is_in_sight != is_in_sight) {
+      is_in_sight = !is_in_sight;
+      if (options.on_sight) options.on_sight(skill);
     }
 
     t = robot.append_desired_action(action);

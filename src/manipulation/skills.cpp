@@ -44,8 +44,11 @@ const std::vector<Entry>& entries() {
         .summary = "Flips a cube so that another face looks up",
         .robot = "pushing"},
        make_flip},
+      {{.name = "lift", .summary = "Lifts a cube, holds it, and puts it down", .robot = "pushing"},
+       make_lift},
       {{.name = "place", .summary = "Brings a cube on the table to any poses", .robot = "pushing"},
        make_place},
+      {{.name = "slide", .summary = "Slides a cube on a circle", .robot = "sim"}, make_slide},
       {{.name = "stand",
         .summary = "Stands a flat cuboid up that lies on its side",
         .robot = "sim_cuboid"},
@@ -78,6 +81,13 @@ config::File load_skill_file(const std::string& config, const std::vector<std::s
   return config::File::load(find_config(config, kFolder), overrides, config_folders(kFolder));
 }
 
+std::string default_config(const std::string& name, const SkillContext& context) {
+  std::string of_variant = name + "_";
+  of_variant += variant_figures(context.description.variant).name;
+  const std::vector<std::string> names = config_names("skills");
+  return std::ranges::find(names, of_variant) != names.end() ? of_variant : name;
+}
+
 std::span<const SkillInfo> all_skills() noexcept {
   static const std::vector<SkillInfo> all = [] {
     std::vector<SkillInfo> infos;
@@ -91,7 +101,8 @@ std::unique_ptr<Skill> make_skill(const std::string& name, const SkillContext& c
                                   const std::string& config,
                                   const std::vector<std::string>& overrides) {
   const Entry& entry = entry_of(name);
-  const config::File file = load_skill_file(config.empty() ? name : config, overrides);
+  const config::File file =
+      load_skill_file(config.empty() ? default_config(name, context) : config, overrides);
   const config::Node root = file.root();
   if (const auto made_for = root.required<std::string>("skill"); made_for != name) {
     throw config::ConfigError(root.at("skill").location(),

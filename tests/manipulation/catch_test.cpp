@@ -80,7 +80,7 @@ TEST(Catch, DoesTheSameForEachFinger) {
 
 TEST(Catch, FailsIfTheBallIsTakenAway) {
   SkillTrial trial = make_skill_trial("catch", "catch");
-  trial.interfere = [](SimulatedRobot<TriFinger>& robot, TimeIndex t) {
+  trial.interfere = [](SimulatedRobot<TriFinger>& robot, TimeIndex t, const SkillState& /*state*/) {
     if (t == 900)
       robot.place_object("ball", {.position = {0.5, 0.5, 0.03}, .orientation = {1, 0, 0, 0}});
   };

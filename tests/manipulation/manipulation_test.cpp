@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/manipulation/manipulation.hpp"
+#include "parts/manipulation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,33 +10,47 @@
 #include <deque>
 #include <functional>
 #include <random>
+#include <string>
+#include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
-#include "evaluation/trial.hpp"
-#include "support/allocation_counter.hpp"
+#include "evaluation/cube_trial.hpp"
+#include "parts/task.hpp"
+#include "skill_trials.hpp"
+#include "skills/lift/lift.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/manipulation/run.hpp"
-#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::manipulation {
 namespace {
 
-using evaluation::make_trial;
-using evaluation::Trial;
+using evaluation::SkillTrial;
 using evaluation::varied;
 
-// A short lift whose plan is made at once.
-Trial short_lift() {
-  return make_trial("sim", {"fingers.height=0.3"}, "edu", "lift",
-                    {"lift.height=0.05", "lift.time=0.8", "lift.hold_time=0.5",
-                     "lift.lower_time=0.8", "lift.lead_turns=[0]", "lift.lead_distances=[1]"});
+SkillTrial lift(const std::vector<std::string>& settings = {}) {
+  return evaluation::make_skill_trial("sim", "lift", {"fingers.height=0.3"}, settings);
 }
 
-Trace run_on(const Simulation<TriFinger>& simulation, const Trial& trial,
-             const RunOptions& options) {
-  auto robot = simulation.connect();
-  return run(robot, trial.believed, trial.config, options);
+// A short lift whose plan is made at once.
+SkillTrial short_lift() {
+  return lift({"lift.height=0.05", "lift.time=0.8", "lift.hold_time=0.5", "lift.lower_time=0.8",
+               "lift.lead_turns=[0]", "lift.lead_distances=[1]"});
+}
+
+// A run of the skill, and how often it has grasped the object.
+struct Run {
+  SkillTrace trace;
+  double grasps;
+};
+
+Run run_on(const Simulation<TriFinger>& simulation, const SkillTrial& trial,
+           const SkillRunOptions& options) {
+  MeddledSkill skill = skill_of(trial);
+  SkillTrace trace = run(simulation, skill, options);
+  const auto figures = skill.figures(trace, trace.seen);
+  const double grasps = std::ranges::find(figures, "grasps", &Figure::name)->value;
+  return {.trace = std::move(trace), .grasps = grasps};
 }
 
 double height_of(const Simulation<TriFinger>& simulation) {
@@ -44,25 +58,26 @@ double height_of(const Simulation<TriFinger>& simulation) {
 }
 
 TEST(Manipulation, LiftsAndPutsBack) {
-  const Trial trial = short_lift();
+  const SkillTrial trial = short_lift();
   const Simulation<TriFinger> simulation(trial.simulation);
   double highest = 0.0;
-  RunOptions options;
+  SkillRunOptions options;
   options.on_step = [&](TimeIndex) { highest = std::max(highest, height_of(simulation)); };
-  const Trace trace = run_on(simulation, trial, options);
-  EXPECT_EQ(trace.end, Phase::kDone);
-  EXPECT_EQ(trace.grasps, 1);
+  const auto [trace, grasps] = run_on(simulation, trial, options);
+  EXPECT_EQ(trace.failure, "");
+  EXPECT_EQ(grasps, 1);
   EXPECT_NEAR(highest, 0.0325 + 0.05, 2e-3);
   EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
 }
 
 // Returns whether the controller reports a slipping tip at any step of a lift.
 bool is_felt_to_slip(double true_friction) {
-  Trial trial = short_lift();
-  trial.config.max_grasps = 1;
+  SkillTrial trial = short_lift();
+  trial.settings.emplace_back("max_grasps=1");
   trial.simulation.description.contact.tip_friction = true_friction;
-  const Trace trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
-  return std::ranges::any_of(trace.steps, &TraceStep::is_slipping);
+  const auto [trace, grasps] = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  return std::ranges::any_of(trace.steps,
+                             [](const SkillStep& step) { return step.grasp->is_slipping; });
 }
 
 TEST(Manipulation, FeelsTheObjectSlip) {
@@ -71,85 +86,84 @@ TEST(Manipulation, FeelsTheObjectSlip) {
 }
 
 TEST(Manipulation, GraspsAgainWhatGotLost) {
-  const Trial trial = short_lift();
+  const SkillTrial trial = short_lift();
   const Simulation<TriFinger> simulation(trial.simulation);
   bool is_taken = false;
-  RunOptions options;
-  options.on_phase = [&](const Manipulation& at) {
-    if (at.phase() != Phase::kHold || is_taken) return;
+  SkillRunOptions options;
+  options.on_phase = [&](const Skill& at) {
+    if (at.state().phase != "hold" || is_taken) return;
     is_taken = true;
     simulation.robot().place_object("cube", {.position = {0.01, -0.01, 0.0325}});
   };
-  const Trace trace = run_on(simulation, trial, options);
+  const auto [trace, grasps] = run_on(simulation, trial, options);
   EXPECT_TRUE(is_taken);
-  EXPECT_EQ(trace.end, Phase::kDone);
-  EXPECT_EQ(trace.grasps, 2);
+  EXPECT_EQ(trace.failure, "");
+  EXPECT_EQ(grasps, 2);
 }
 
 TEST(Manipulation, GivesUpWhatItLosesAgainAndAgain) {
-  Trial trial = short_lift();
-  trial.config.max_grasps = 2;
+  SkillTrial trial = short_lift();
+  trial.settings.emplace_back("max_grasps=2");
   const Simulation<TriFinger> simulation(trial.simulation);
-  RunOptions options;
-  options.on_phase = [&](const Manipulation& at) {
-    if (at.phase() == Phase::kHold)
+  SkillRunOptions options;
+  options.on_phase = [&](const Skill& at) {
+    if (at.state().phase == "hold")
       simulation.robot().place_object("cube", {.position = {0.01, -0.01, 0.0325}});
   };
-  const Trace trace = run_on(simulation, trial, options);
-  EXPECT_EQ(trace.end, Phase::kFailed);
-  EXPECT_EQ(trace.failure, Failure::kLost);
-  EXPECT_EQ(trace.grasps, 2);
+  const auto [trace, grasps] = run_on(simulation, trial, options);
+  EXPECT_EQ(trace.failure, "the object got lost");
+  EXPECT_EQ(grasps, 2);
 }
 
 TEST(Manipulation, SaysThatNothingReachesTheObject) {
-  Trial trial = short_lift();
+  SkillTrial trial = short_lift();
   trial.simulation.description.objects[0].position = {0.0, 0.17, 0.0325};
-  const Trace trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
-  EXPECT_EQ(trace.failure, Failure::kNoPlan);
+  const auto [trace, grasps] = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  EXPECT_EQ(trace.failure, "no grasp reaches the whole way from where the object lies");
 }
 
 TEST(Manipulation, PutsTheObjectDownWhenItIsStopped) {
-  for (const Phase phase : {Phase::kGrasp, Phase::kLead, Phase::kFollow, Phase::kHold}) {
-    const Trial trial = short_lift();
+  for (const std::string_view phase : {"grasp", "lead", "follow", "hold"}) {
+    const SkillTrial trial = short_lift();
     const Simulation<TriFinger> simulation(trial.simulation);
     std::atomic<bool> stop{false};
     double speed = 0.0;
     double before = height_of(simulation);
-    RunOptions options;
+    SkillRunOptions options;
     options.stop = &stop;
-    options.on_phase = [&](const Manipulation& at) { stop = stop || at.phase() == phase; };
+    options.on_phase = [&](const Skill& at) { stop = stop || at.state().phase == phase; };
     options.on_step = [&](TimeIndex) {
       const double now = height_of(simulation);
       speed = std::min(speed, now - before);
       before = now;
     };
-    const Trace trace = run_on(simulation, trial, options);
-    EXPECT_EQ(trace.failure, Failure::kStopped) << name_of(phase);
+    const auto [trace, grasps] = run_on(simulation, trial, options);
+    EXPECT_EQ(trace.failure, kStopped) << phase;
     EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
     EXPECT_GT(speed, -5e-4) << "it fell with more than half a metre per second";
   }
 }
 
 // Returns everything that a run has computed, to be compared bit by bit.
-std::vector<double> numbers_of(const Trace& trace) {
+std::vector<double> numbers_of(const SkillTrace& trace) {
   std::vector<double> numbers;
-  for (const TraceStep& step : trace.steps) {
+  for (const SkillStep& step : trace.steps) {
     numbers.push_back(static_cast<double>(step.step));
     numbers.push_back(step.torque_share);
     for (const Pose* pose : {&step.desired, &step.estimated}) {
       for (const double value : pose->position) numbers.push_back(value);
       for (const double value : pose->orientation.coeffs()) numbers.push_back(value);
     }
-    for (const double value : step.normal_forces) numbers.push_back(value);
+    for (const double value : step.grasp->normal_forces) numbers.push_back(value);
   }
   return numbers;
 }
 
 // Runs the robot once with threads and a controller that is slow at random, and once inline.
 TEST(Manipulation, ComputesTheSameBitForBitHoweverLongItsStepsTake) {
-  const Trial trial = varied(short_lift(), 7);
-  const Trace inline_trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
-  ASSERT_EQ(inline_trace.end, Phase::kDone);
+  const SkillTrial trial = varied(short_lift(), 7);
+  const SkillTrace inline_trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {}).trace;
+  ASSERT_EQ(inline_trace.failure, "");
 
   SimulatedRobot<TriFinger> driver(trial.simulation);
   SessionHost host = SessionHost::anonymous();
@@ -157,22 +171,24 @@ TEST(Manipulation, ComputesTheSameBitForBitHoweverLongItsStepsTake) {
   const BackendThread thread(backend);
   Frontend<TriFinger> robot(host, {.strict = true});
   std::minstd_rand random(1);
-  RunOptions options;
+  SkillRunOptions options;
   options.on_step = [&](TimeIndex) {
     if (random() % 8 == 0) std::this_thread::yield();
     for (volatile auto work = random() % 20000; work > 0;) work = work - 1;
   };
-  const Trace trace = run(robot, trial.believed, trial.config, options);
+  MeddledSkill skill = skill_of(trial);
+  const SkillTrace trace = run_skill(robot, skill, options);
   EXPECT_EQ(numbers_of(trace), numbers_of(inline_trace));
 }
 
 TEST(Manipulation, DoesNotAllocate) {
-  const Trial trial = varied(short_lift(), 3);
+  const SkillTrial trial = varied(short_lift(), 3);
   const Simulation<TriFinger> simulation(trial.simulation);
   auto robot = simulation.connect();
   const Companion<CubeObservation> object(robot.companion("object"));
-  Manipulation manipulation(trial.believed, trial.config);
-  TaskPlanner planner(trial.believed, trial.config);
+  const ManipulationConfig config = load_lift(context_of(trial), trial.settings);
+  Manipulation manipulation(trial.believed, config);
+  TaskPlanner planner(trial.believed, config);
   auto y = robot.latest_observation();
   TimeIndex t = -1;
   std::size_t count = 0;
@@ -198,7 +214,7 @@ TEST(Manipulation, DoesNotAllocate) {
     t = robot.append_desired_action(action);
     y = robot.get_observation(t);
   }
-  EXPECT_EQ(manipulation.failure(), Failure::kStopped);
+  EXPECT_EQ(manipulation.failure(), kStopped);
   EXPECT_EQ(count, 0U);
 }
 
@@ -213,14 +229,15 @@ struct LiftWithCameras {
 
 LiftWithCameras lift_with_cameras(std::uint64_t seed,
                                   const std::function<bool(const ObjectPose& truth)>& is_seen) {
-  Trial trial = varied(make_trial("sim", {"fingers.height=0.3"}, "edu", "lift"), seed);
+  SkillTrial trial = varied(lift(), seed);
   trial.simulation.object_period = 33;
   trial.simulation.object_delay = 35;
   const Simulation<TriFinger> simulation(trial.simulation);
   auto robot = simulation.connect();
   const Companion<CubeObservation> object(robot.companion("object"));
-  Manipulation manipulation(trial.believed, trial.config);
-  TaskPlanner planner(trial.believed, trial.config);
+  const ManipulationConfig config = load_lift(context_of(trial), trial.settings);
+  Manipulation manipulation(trial.believed, config);
+  TaskPlanner planner(trial.believed, config);
   LiftWithCameras result;
   std::deque<ObjectPose> truths;
   double squares = 0.0;
@@ -267,12 +284,12 @@ LiftWithCameras lift_with_cameras(std::uint64_t seed,
 
 TEST(Manipulation, GoesOnByWhatTheTipsFeelWhenTheObjectLeavesTheImages) {
   for (const std::uint64_t seed : {2U, 6U, 8U}) {
-    const LiftWithCameras lift =
+    const LiftWithCameras found =
         lift_with_cameras(seed, [](const ObjectPose& cube) { return cube.position[2] < 0.15; });
-    EXPECT_EQ(lift.end, Phase::kDone);
-    EXPECT_GT(lift.blind_steps, 10000);
-    EXPECT_LT(lift.rms, 5e-3);
-    EXPECT_LT(lift.angle, 0.12);
+    EXPECT_EQ(found.end, Phase::kDone);
+    EXPECT_GT(found.blind_steps, 10000);
+    EXPECT_LT(found.rms, 5e-3);
+    EXPECT_LT(found.angle, 0.12);
   }
 }
 

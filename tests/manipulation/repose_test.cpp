@@ -11,8 +11,8 @@
 #include "../support/allocation_counter.hpp"
 #include "parts/carrier.hpp"
 #include "parts/fetcher.hpp"
+#include "parts/grasp_config.hpp"
 #include "parts/object_observer.hpp"
-#include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -181,7 +181,8 @@ class Carried {
 
 CarrierConfig carrying() {
   CarrierConfig config;
-  config.grasp = load_config("edu", "lift");
+  config.grasp = load_grasping(context(), "grasping");
+  config.grasp.planner.friction = 0.45;
   return config;
 }
 

@@ -19,12 +19,14 @@
 // Trials of the evaluation with somebody who meddles.
 namespace trifinger::manipulation {
 
+inline SkillContext context_of(const evaluation::SkillTrial& trial) {
+  return {.description = trial.believed,
+          .limits = safety_limits_of(trial.simulation),
+          .period = trial.simulation.period};
+}
+
 inline MeddledSkill skill_of(const evaluation::SkillTrial& trial) {
-  return MeddledSkill(make_skill(trial.skill,
-                                 {.description = trial.believed,
-                                  .limits = safety_limits_of(trial.simulation),
-                                  .period = trial.simulation.period},
-                                 {}, trial.settings));
+  return MeddledSkill(make_skill(trial.skill, context_of(trial), {}, trial.settings));
 }
 
 inline SkillTrace run(const Simulation<TriFinger>& simulation, MeddledSkill& skill,

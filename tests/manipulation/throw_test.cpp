@@ -143,7 +143,8 @@ TEST(Throw, WaitsForABallThatIsPutOnTheTips) {
   ObjectDescription& ball = trial.simulation.description.objects.front();
   const Triple place = *ball.position;
   ball.position = {0.4, 0.4, 0.03};
-  trial.interfere = [place](SimulatedRobot<TriFinger>& robot, TimeIndex t) {
+  trial.interfere = [place](SimulatedRobot<TriFinger>& robot, TimeIndex t,
+                            const SkillState& /*state*/) {
     if (t == 500) robot.place_object("ball", {.position = place, .orientation = {1, 0, 0, 0}});
   };
   EXPECT_EQ(run_skill_trial(trial).trace.failure, "");
@@ -157,7 +158,7 @@ TEST(Throw, FailsWithoutABall) {
 
 TEST(Throw, FailsIfTheBallIsTakenAwayBefore) {
   SkillTrial trial = make_skill_trial("throw", "throw");
-  trial.interfere = [](SimulatedRobot<TriFinger>& robot, TimeIndex t) {
+  trial.interfere = [](SimulatedRobot<TriFinger>& robot, TimeIndex t, const SkillState& /*state*/) {
     if (t == 60)
       robot.place_object("ball", {.position = {0.4, 0.4, 0.03}, .orientation = {1, 0, 0, 0}});
   };

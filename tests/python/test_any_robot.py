@@ -81,8 +81,11 @@ def test_the_readmes_control_loop_cannot_tell_who_is_called_sim(start_robot: Sta
 @pytest.mark.parametrize("task", ["lift", "slide"])
 def test_manipulate_moves_the_cube(task: str, start_robot: StartProgram, tmp_path: Path) -> None:
     start_robot("another", "--set", "fingers.height=0.3")
-    short = ["--set", "lift.height=0.05", "--set", "lift.time=1", "--set", "lift.lower_time=1"]
-    short += ["--set", "lift.hold_time=1"]
+    settings = {
+        "lift": ["lift.height=0.05", "lift.time=1", "lift.lower_time=1", "lift.hold_time=1"],
+        "slide": [],
+    }
+    short = [word for setting in settings[task] for word in ("--set", setting)]
     done = subprocess.run(
         [
             *(BUILD / "apps/trifinger-manipulate", task, "--robot", "another", *short),

@@ -156,7 +156,7 @@ def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
         (["trow"], "there is no task 'trow', perhaps 'throw'"),
         (["throw"], "the scene has no 'ball'"),
         (["lift", "--set", "lift.hight=1"], "lift.hight"),
-        (["lift", "--config", "nonsense"], "there are edu, pro"),
+        (["lift", "--config", "nonsense"], "there are balance, carry"),
         (["lift", "--robot", "nobody"], "robot 'nobody'"),
         (["lift", "nobody"], "robot 'nobody'"),
     ],

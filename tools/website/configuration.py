@@ -77,13 +77,12 @@ def values(node: object, path: str = "") -> Iterator[tuple[str, str, str]]:
 def skill_pages() -> Pages:
     """Returns a page for each configuration of `trifinger manipulate`."""
     result = {}
-    for folder in ("manipulate", "skills"):
-        for file in sorted((ROOT / "config" / folder).glob("*.yml")):
-            name = f"{folder}/{file.name}"
-            file_page = f"[config/{name}](/source/config/{name}.md)"
-            text = f"`trifinger manipulate` reads it. The file is {file_page}."
-            rows = values(yaml.safe_load(file.read_text()))
-            result[f"{FOLDER}/{folder}_{file.stem}"] = table(name, text, explained(rows, name))
+    for file in sorted((ROOT / "config/skills").glob("*.yml")):
+        name = f"skills/{file.name}"
+        file_page = f"[config/{name}](/source/config/{name}.md)"
+        text = f"`trifinger manipulate` reads it. The file is {file_page}."
+        rows = values(yaml.safe_load(file.read_text()))
+        result[f"{FOLDER}/skills_{file.stem}"] = table(name, text, explained(rows, name))
     return result
 
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -38,6 +40,15 @@ struct SeenPose {
   Pose pose{};
 };
 
+/// What three tips feel of an object that they hold.
+struct FeltGrasp {
+  Eigen::Vector3d normal_forces{Eigen::Vector3d::Zero()};      ///< [N]
+  Eigen::Vector3d tangential_forces{Eigen::Vector3d::Zero()};  ///< [N]
+  Eigen::Vector3d travel{Eigen::Vector3d::Zero()};  ///< Of the tips along their faces [m].
+  bool is_slipping{false};  ///< A tip moves along its face faster than tips roll.
+  bool is_exact{false};     ///< The forces make exactly the desired wrench.
+};
+
 /// What a skill is doing.
 struct SkillState {
   std::string_view phase;    ///< A word, such as "grasp". It lives as long as the program.
@@ -46,6 +57,8 @@ struct SkillState {
   Motion desired{};          ///< Desired motion of the object.
   Motion object{};           ///< Estimated motion of the object.
   double torque_share{0.0};  ///< Largest requested torque, as a share of its limit.
+  bool is_in_sight{true};    ///< False: the object was not seen lately, and is known by touch.
+  std::optional<FeltGrasp> grasp{};  ///< Only of a skill that holds an object with three tips.
 };
 
 /// One step of a skill, as it is kept.
@@ -55,7 +68,9 @@ struct SkillStep {
   Pose desired{};            ///< Desired pose of the object.
   Pose estimated{};          ///< Estimated pose of the object.
   double torque_share{0.0};  ///< Largest requested torque, as a share of its limit.
-  Seconds cycle_time{0};     ///< Time that the skill took to compute the step.
+  bool is_in_sight{true};    ///< As in `SkillState`.
+  std::optional<FeltGrasp> grasp{};
+  Seconds cycle_time{0};  ///< Time that the skill took to compute the step.
 };
 
 /// The record of a skill that was carried out. Steps and poses are in order.
@@ -80,7 +95,7 @@ struct ReportFile {
   std::string text;
 };
 
-/// A motion with an object that a controller carries out by itself: to throw, to turn, to draw.
+/// A motion with an object that a controller carries out by itself: to lift, to throw, to draw.
 ///
 /// A skill does not use a session. Once per step it gets the measurements of joints and cameras,
 /// and returns the action. Poses of the object may be few, noisy and late. `run_skill` connects a

@@ -22,7 +22,8 @@ struct SkillInfo {
 [[nodiscard]] std::span<const SkillInfo> all_skills() noexcept;
 
 /// Makes a skill. `config` is the path of a configuration, or the name of one that comes with the
-/// program; empty for the one with the skill's name. The files in config/skills document every key.
+/// program; empty for the one with the name of the skill, or of the skill and the robot's variant,
+/// such as "lift_pro". The files in config/skills document every key.
 /// @throws InvalidArgument that names the existing skills, or says what the robot lacks;
 /// config::ConfigError at the value that is wrong
 [[nodiscard]] std::unique_ptr<Skill> make_skill(const std::string& name,

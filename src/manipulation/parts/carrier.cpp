@@ -14,11 +14,9 @@ constexpr double kRaised = 0.11;
 // Points of the way that are checked, beside its begin.
 constexpr int kPoints = 8;
 
-// One grasp at a time, within the robot's own limits.
-CarrierConfig adapted(CarrierConfig config, const SkillContext& context) {
+// One grasp at a time.
+CarrierConfig adapted(CarrierConfig config) {
   config.grasp.max_grasps = 1;
-  config.grasp.planner.limits = context.limits;
-  config.grasp.controller.limits = context.limits;
   return config;
 }
 
@@ -26,7 +24,7 @@ CarrierConfig adapted(CarrierConfig config, const SkillContext& context) {
 
 Carrier::Carrier(const SkillContext& context, CarrierConfig config)
     : description_(context.description),
-      config_(adapted(std::move(config), context)),
+      config_(adapted(std::move(config))),
       period_(context.period),
       planner_(context.description, config_.grasp.object, config_.grasp.planner),
       drive_(context.description, context.limits, config_.grasp.controller.tips),

@@ -4,13 +4,13 @@
 #include <array>
 #include <memory>
 
+#include "parts/manipulation.hpp"
+#include "parts/task.hpp"
 #include "parts/tip_way.hpp"
 #include "parts/tips_drive.hpp"
 #include "trifinger/control/grasp_planner.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/manipulation/manipulation.hpp"
 #include "trifinger/manipulation/skill.hpp"
-#include "trifinger/manipulation/task.hpp"
 
 namespace trifinger::manipulation {
 

@@ -123,6 +123,7 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   using Phase = PinchPhase;
   using enum PinchPhase;
   friend TipsSkill;
+  friend Phased;
   static const std::array<Row, 14> kPhases;
 
   [[nodiscard]] bool holds() const noexcept {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "parts/object_of.hpp"
-#include "trifinger/manipulation/task.hpp"
+#include "parts/task.hpp"
 
 namespace trifinger::manipulation {
 namespace {

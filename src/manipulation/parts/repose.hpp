@@ -12,9 +12,9 @@
 #include "parts/carrier.hpp"
 #include "parts/fetcher.hpp"
 #include "parts/phase_clock.hpp"
+#include "parts/pose_average.hpp"
 #include "parts/pusher.hpp"
 #include "trifinger/config/node.hpp"
-#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {
@@ -39,8 +39,9 @@ struct ReposeConfig {
 
 // Reads what these skills share. Throws config::ConfigError.
 [[nodiscard]] ReposeConfig read_repose(const config::Node& root);
-// Reads how an object is carried. Throws config::ConfigError, and what `load_config` throws.
-[[nodiscard]] CarrierConfig read_carrier(const config::Node& section, const std::string& object);
+// Reads how an object is carried. Throws config::ConfigError, and what `load_grasping` throws.
+[[nodiscard]] CarrierConfig read_carrier(const SkillContext& context, const config::Node& section,
+                                         const std::string& object);
 // Reads the name of a face: its normal in the object's frame. Throws config::ConfigError.
 [[nodiscard]] Eigen::Vector3d read_face(const config::Node& section, std::string_view key);
 // The orientation of a box with the face of this normal up, then turned about the vertical.

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 
+#include "parts/grasp_config.hpp"
 #include "parts/read_time.hpp"
 #include "parts/repose.hpp"
-#include "trifinger/manipulation/config.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -92,10 +92,13 @@ ReposeConfig read_repose(const Node& root) {
   return config;
 }
 
-CarrierConfig read_carrier(const Node& section, const std::string& object) {
+CarrierConfig read_carrier(const SkillContext& context, const Node& section,
+                           const std::string& object) {
   const Range speed{.unit = "m/s", .min = 0, .max = 1, .above_min = true};
   CarrierConfig carry;
-  carry.grasp = load_config(section.required<std::string>("grasp"), "lift");
+  carry.grasp = load_grasping(context, section.required<std::string>("grasp"));
+  carry.grasp.planner.friction =
+      section.required<double>("planned_friction", {.min = 0, .max = 5, .above_min = true});
   carry.grasp.object = object;
   carry.grasp.controller.approach_speed = section.required<double>("approach_speed", speed);
   carry.grasp.controller.closing_speed = section.required<double>("closing_speed", speed);

@@ -7,29 +7,15 @@
 #include <string_view>
 #include <utility>
 
-#include "parts/phase_clock.hpp"
+#include "parts/phased.hpp"
+#include "parts/pose_average.hpp"
 #include "parts/tip_servo.hpp"
 #include "parts/tip_way.hpp"
 #include "parts/torque_action.hpp"
 #include "trifinger/control/pose_estimator.hpp"
-#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {
-
-// A phase of the skill `S`, as a row of its table.
-template <class S, class Phase>
-struct PhaseRow {
-  std::string_view name;
-  // What the skill does when it is stopped. Nothing: it has ended.
-  void (S::*stop)(std::string_view failure) noexcept {nullptr};
-  // Whether `next` begins, which `entry` prepares. Nothing: only `during` ends the phase.
-  bool (S::*done)() const noexcept {nullptr};
-  Phase next{};
-  void (S::*entry)() noexcept {nullptr};
-  // Is called in every step of the phase, and may enter another one.
-  void (S::*during)(Seconds elapsed) noexcept {nullptr};
-};
 
 // A skill that moves the tips with forces, in phases. `S` is the skill itself; its table `kPhases`
 // has a row for each `Phase`, in their order. It has these functions, too:
@@ -38,7 +24,9 @@ struct PhaseRow {
 //     void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
 //     [[nodiscard]] Motion desired() const noexcept;
 template <class S, class Phase>
-class TipsSkill : public Skill {
+class TipsSkill : public Skill, public Phased<S, Phase> {
+  using Phases = Phased<S, Phase>;
+
  public:
   [[nodiscard]] const TriFinger::Action& update(
       TimeIndex step, const control::JointState& joints) noexcept override {
@@ -50,7 +38,7 @@ class TipsSkill : public Skill {
       clock_.begin_phase();
     }
     self().sense_object(joints, elapsed);
-    follow_phases(elapsed);
+    Phases::follow_phases(elapsed);
     TipVectors forces;
     TipVectors accelerations;
     self().press(forces, accelerations, elapsed);
@@ -64,23 +52,23 @@ class TipsSkill : public Skill {
   }
   void stop() noexcept override {
     if (std::exchange(is_stopped_, true) || state_.has_ended) return;
-    if (const auto stop = row().stop) (self().*stop)("it was stopped");
+    Phases::stop_phase("it was stopped");
   }
   [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
   [[nodiscard]] bool wants_plan() const noexcept override { return phase_ == Phase::kPlan; }
 
  protected:
-  using Row = PhaseRow<S, Phase>;
+  using Phases::clock_;
+  using Phases::phase_;
 
   explicit TipsSkill(const SkillContext& context)
-      : clock_(context.period), servo_(context.description, context.limits) {
+      : Phases(context.period), servo_(context.description, context.limits) {
     enter(Phase::kLook);
   }
 
   void enter(Phase phase) noexcept {
-    phase_ = phase;
-    clock_.begin_phase();
-    state_.phase = row().name;
+    Phases::enter(phase);
+    state_.phase = Phases::row_of(phase).name;
   }
   void fail(std::string_view failure) noexcept {
     next_failure_ = failure;
@@ -98,28 +86,15 @@ class TipsSkill : public Skill {
     return next_failure_.empty() && are_tips_there();
   }
 
-  PhaseClock clock_;
   TipServo servo_;
   control::PoseEstimator estimator_{3.0};
   PoseAverage average_;
   std::array<TipWay, control::kContacts> ways_;
-  Phase phase_{};
   std::string_view next_failure_;
   bool is_stopped_{false};
 
  private:
   [[nodiscard]] S& self() noexcept { return static_cast<S&>(*this); }
-  [[nodiscard]] const Row& row() const noexcept {
-    return S::kPhases[static_cast<std::size_t>(phase_)];
-  }
-  void follow_phases(Seconds elapsed) noexcept {
-    const Row& now = row();
-    if (now.during != nullptr) (self().*now.during)(elapsed);
-    if (&row() != &now || now.done == nullptr || !(self().*now.done)()) return;
-    if (now.entry != nullptr) (self().*now.entry)();
-    enter(now.next);
-  }
-
   bool has_sensed_{false};
   SkillState state_;
   TriFinger::Action action_;

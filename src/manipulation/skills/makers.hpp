@@ -17,6 +17,10 @@ namespace trifinger::manipulation {
 [[nodiscard]] config::File load_skill_file(const std::string& config,
                                            const std::vector<std::string>& overrides);
 
+// Name of the configuration that comes with the program for this skill: NAME_VARIANT if there is
+// one for the robot's variant, such as "lift_pro", else NAME.
+[[nodiscard]] std::string default_config(const std::string& name, const SkillContext& context);
+
 using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                               const config::Node& root);
 
@@ -30,7 +34,11 @@ using SkillMaker = std::unique_ptr<Skill> (*)(const SkillContext& context,
                                                const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_flip(const SkillContext& context,
                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_lift(const SkillContext& context,
+                                               const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_place(const SkillContext& context,
+                                                const config::Node& root);
+[[nodiscard]] std::unique_ptr<Skill> make_slide(const SkillContext& context,
                                                 const config::Node& root);
 [[nodiscard]] std::unique_ptr<Skill> make_stand(const SkillContext& context,
                                                 const config::Node& root);

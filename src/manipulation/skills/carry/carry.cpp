@@ -12,15 +12,15 @@
 #include <vector>
 
 #include "parts/grasp_config.hpp"
+#include "parts/manipulation.hpp"
 #include "parts/phase_clock.hpp"
+#include "parts/pose_average.hpp"
 #include "parts/repose.hpp"
 #include "parts/torque_action.hpp"
 #include "parts/torque_figure.hpp"
 #include "skills/carry/carry_planner.hpp"
 #include "skills/makers.hpp"
 #include "trifinger/config/file.hpp"
-#include "trifinger/manipulation/manipulation.hpp"
-#include "trifinger/manipulation/pose_average.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
@@ -192,10 +192,10 @@ class Carry final : public Skill {
 
   void follow_handling() noexcept {
     if (handling_.phase() == Phase::kFailed) {
-      if (handling_.failure() == Failure::kLost)
-        try_again_or_fail(text_of(Failure::kLost));
+      if (handling_.failure() == kLost)
+        try_again_or_fail(kLost);
       else
-        end(text_of(handling_.failure()));
+        end(handling_.failure());
       return;
     }
     // It was held. What counts is whether it was where it should have been.
@@ -212,7 +212,7 @@ class Carry final : public Skill {
 
   void try_again_or_fail(std::string_view failure) noexcept {
     if (is_stopped_ || attempts_ >= config_.attempts) {
-      end(is_stopped_ ? text_of(Failure::kStopped) : failure);
+      end(is_stopped_ ? kStopped : failure);
       return;
     }
     told_.back().end = failure;
@@ -235,7 +235,7 @@ class Carry final : public Skill {
     if (is_planning_) return;
     is_pushing_ = false;
     if (is_stopped_)
-      end(text_of(Failure::kStopped));
+      end(kStopped);
     else
       handling_.begin_again(clock_.step());
   }
@@ -333,8 +333,6 @@ CarryConfig read_carry(const SkillContext& context, const Node& root) {
   read_grasping(root, handling);
   handling.planner.friction =
       root.required<double>("planned_friction", {.min = 0, .max = 5, .above_min = true});
-  handling.planner.friction_sides = handling.controller.friction_sides;
-  handling.planner.min_normal_force = handling.controller.min_normal_force;
 
   const Node way = root.section("way");
   CarryTask task;

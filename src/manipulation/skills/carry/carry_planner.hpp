@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "parts/task.hpp"
 #include "trifinger/manipulation/skill.hpp"
-#include "trifinger/manipulation/task.hpp"
 
 namespace trifinger::manipulation {
 

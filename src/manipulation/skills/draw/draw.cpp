@@ -197,6 +197,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   using Phase = DrawPhase;
   using enum DrawPhase;
   friend TipsSkill;
+  friend Phased;
   static const std::array<Row, 15> kPhases;
 
   // The tips press on the pen.

@@ -15,7 +15,7 @@ namespace trifinger::manipulation {
 
 std::unique_ptr<Skill> make_place(const SkillContext& context, const config::Node& root) {
   ReposeConfig config = read_repose(root);
-  config.carry = read_carrier(root.section("carry"), config.object);
+  config.carry = read_carrier(context, root.section("carry"), config.object);
   const Eigen::Vector3d half =
       Eigen::Vector3d::Map(
           object_of(context.description, config.object, ObjectShape::kBox).size.data()) /

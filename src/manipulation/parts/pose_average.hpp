@@ -8,11 +8,11 @@
 
 namespace trifinger::manipulation {
 
-/// The mean of the poses of an object at rest. The mean of quaternions of one sign is the mean
-/// orientation up to second order in their distances.
+// The mean of the poses of an object at rest. The mean of quaternions of one sign is the mean
+// orientation up to second order in their distances.
 class PoseAverage {
  public:
-  /// Forgets all poses. Only those that were captured at `from` or later count from now on.
+  // Forgets all poses. Only those that were captured at `from` or later count from now on.
   void restart(TimeIndex from) noexcept {
     *this = {};
     from_ = from;
@@ -32,7 +32,7 @@ class PoseAverage {
 
   [[nodiscard]] int count() const noexcept { return count_; }
 
-  /// Only if poses were added.
+  // Only if poses were added.
   [[nodiscard]] control::Pose mean() const noexcept {
     return {.position = position_ / count_,
             .orientation = Eigen::Quaterniond(Eigen::Vector4d(orientation_.normalized()))};

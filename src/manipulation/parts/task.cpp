@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/manipulation/task.hpp"
+#include "parts/task.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

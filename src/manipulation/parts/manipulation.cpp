@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/manipulation/manipulation.hpp"
+#include "parts/manipulation.hpp"
 
 #include <algorithm>
 #include <array>
@@ -20,27 +20,27 @@ using control::GraspPhase;
 // to 0.1 s late.
 constexpr Seconds kOutOfSight{0.3};
 
-// In the order of the enumerations.
-constexpr std::array<std::string_view, 10> kPhaseNames{
-    "look", "plan", "grasp", "lead", "follow", "hold", "lower", "release", "done", "failed"};
-constexpr std::array<std::string_view, 5> kFailureTexts{
-    "", "nobody has said where the object is",
-    "no grasp reaches the whole way from where the object lies", "the object got lost",
-    "it was stopped"};
-
 }  // namespace
 
-std::string_view name_of(Phase phase) noexcept {
-  return kPhaseNames[static_cast<std::size_t>(phase)];
-}
+constinit const std::array<Manipulation::Row, 10> Manipulation::kPhases{{
+    // name, when it is stopped, done, next, entry, during
+    {"look", &M::fail, nullptr, kPlan, nullptr, &M::look},
+    {"plan", &M::fail},
+    {"grasp", &M::release, &M::holds, kLead, &M::begin_way},
+    {"lead", &M::give_up, nullptr, kFollow, nullptr, &M::follow_way},
+    {"follow", &M::give_up, nullptr, kHold, nullptr, &M::follow_way},
+    {"hold", &M::give_up, nullptr, kLower, nullptr, &M::follow_way},
+    {"lower", &M::give_up, nullptr, kRelease, nullptr, &M::follow_way},
+    {"release", &M::note_failure, nullptr, kDone, nullptr, &M::finish_release},
+    {"done"},
+    {"failed"},
+}};
 
-std::string_view text_of(Failure failure) noexcept {
-  return kFailureTexts[static_cast<std::size_t>(failure)];
-}
+std::string_view name_of(Phase phase) noexcept { return Manipulation::row_of(phase).name; }
 
 Manipulation::Manipulation(const RobotDescription& description, const ManipulationConfig& config,
                            Seconds period)
-    : period_(period),
+    : Phased(period),
       look_time_(config.look_time),
       max_grasps_(config.max_grasps),
       half_size_(Eigen::Vector3d::Map(object_of(description, config.object).size.data()) / 2),
@@ -50,27 +50,22 @@ Manipulation::Manipulation(const RobotDescription& description, const Manipulati
       last_seen_(std::numeric_limits<TimeIndex>::min()),
       memory_(kMemory) {
   if (!(period > Seconds(0))) throw InvalidArgument("the period of a step is not above zero");
-  looked_.restart(step_);
+  looked_.restart(clock_.step());
 }
 
-void Manipulation::enter(Phase phase) noexcept {
-  phase_ = phase;
-  phase_begin_ = step_;
-}
-
-void Manipulation::fail(Failure failure) noexcept {
+void Manipulation::fail(std::string_view failure) noexcept {
   failure_ = failure;
   enter(Phase::kFailed);
 }
 
 void Manipulation::look_again() noexcept {
-  looked_.restart(step_);
+  looked_.restart(clock_.step());
   enter(Phase::kLook);
 }
 
 void Manipulation::begin_again(TimeIndex step) noexcept {
-  step_ = step;
-  failure_ = next_failure_ = Failure::kNone;
+  clock_.advance(step);
+  failure_ = next_failure_ = {};
   grasps_ = 0;
   look_again();
 }
@@ -83,20 +78,22 @@ void Manipulation::see(TimeIndex captured, const Pose& pose) noexcept {
 void Manipulation::take_news() noexcept {
   if (!news_) return;
   const auto [captured, pose] = *std::exchange(news_, std::nullopt);
-  if (captured > step_ || captured <= step_ - static_cast<TimeIndex>(kMemory)) return;
+  const TimeIndex step = clock_.step();
+  if (captured > step || captured <= step - static_cast<TimeIndex>(kMemory)) return;
   last_seen_ = captured;
   if (phase_ == Phase::kLook) {
     looked_.add(captured, pose);
     return;
   }
   const Remembered& then = memory_at(captured);
-  if (estimator_.update(time_of(captured), pose, then.desired)) {
-    known_ = {estimator_.predict(time_of(captured), then.desired).pose, then.felt};
+  const Seconds time = clock_.time_of(captured);
+  if (estimator_.update(time, pose, then.desired)) {
+    known_ = {estimator_.predict(time, then.desired).pose, then.felt};
     return;
   }
   // The tips have told more since. What they have felt brings the pose to the present step.
-  (void)estimator_.update(time_of(step_), carried(pose, then.felt), desired_);
-  known_ = {estimator_.predict(time_of(step_), desired_).pose, felt_};
+  (void)estimator_.update(clock_.now(), carried(pose, then.felt), desired_);
+  known_ = {estimator_.predict(clock_.now(), desired_).pose, felt_};
 }
 
 // A held object in the present step that was at `pose` when the tips had felt `felt`.
@@ -111,19 +108,22 @@ const Manipulation::Remembered& Manipulation::memory_at(TimeIndex step) const no
 }
 
 bool Manipulation::is_in_sight() const noexcept {
-  return controller_.state().phase != GraspPhase::kHold ||
-         time_of(step_) - time_of(last_seen_) <= kOutOfSight;
+  return !holds() || clock_.now() - clock_.time_of(last_seen_) <= kOutOfSight;
 }
 
 // Takes the motion of an object that is out of sight from the tips.
 void Manipulation::feel() noexcept {
   if (is_in_sight()) return;
-  (void)estimator_.update(time_of(step_), carried(known_.pose, known_.felt), desired_);
+  (void)estimator_.update(clock_.now(), carried(known_.pose, known_.felt), desired_);
+}
+
+void Manipulation::look(Seconds /*elapsed*/) noexcept {
+  if (clock_.in_phase() >= (looked_.count() > 0 ? look_time_ : kLongestLook)) finish_look();
 }
 
 void Manipulation::finish_look() noexcept {
   if (looked_.count() == 0) {
-    fail(Failure::kNotSeen);
+    fail("nobody has said where the object is");
     return;
   }
   Pose rest = upright(looked_.mean());
@@ -147,7 +147,7 @@ void Manipulation::rest_at(const Pose& pose) noexcept {
 void Manipulation::begin(const std::optional<Plan>& plan) noexcept {
   if (phase_ != Phase::kPlan) return;
   if (!plan) {
-    fail(Failure::kNoPlan);
+    fail("no grasp reaches the whole way from where the object lies");
     return;
   }
   plan_ = plan;
@@ -156,87 +156,41 @@ void Manipulation::begin(const std::optional<Plan>& plan) noexcept {
   enter(Phase::kGrasp);
 }
 
-void Manipulation::release(Failure failure) noexcept {
+void Manipulation::release(std::string_view failure) noexcept {
   next_failure_ = failure;
   controller_.release();
   enter(Phase::kRelease);
 }
 
 void Manipulation::stop() noexcept {
-  if (has_ended()) return;
-  next_failure_ = Failure::kStopped;
-  switch (phase_) {
-    case Phase::kLook:
-    case Phase::kPlan:
-      fail(Failure::kStopped);
-      return;
-    case Phase::kGrasp:
-      release(Failure::kStopped);
-      return;
-    default:
-      if (plan_ && phase_ != Phase::kRelease) plan_->way.give_up(time_of(step_ - way_begin_));
-  }
+  if (!has_ended()) stop_phase(kStopped);
 }
 
-void Manipulation::follow_way() noexcept {
-  const auto enter_once = [this](Phase phase) {
-    if (phase_ != phase) enter(phase);
-  };
-  switch (plan_->way.leg_at(time_of(step_ - way_begin_))) {
-    case Leg::kLead:
-      break;
-    case Leg::kFollow:
-      enter_once(Phase::kFollow);
-      break;
-    case Leg::kHold:
-      enter_once(Phase::kHold);
-      break;
-    case Leg::kLower:
-      enter_once(Phase::kLower);
-      break;
-    case Leg::kRest:
-      release(next_failure_);
-      break;
-  }
+void Manipulation::give_up(std::string_view failure) noexcept {
+  note_failure(failure);
+  plan_->way.give_up(way_time());
 }
 
-void Manipulation::follow_phases() noexcept {
-  const GraspPhase grasp = controller_.state().phase;
-  if (phase_ != Phase::kRelease && grasp == GraspPhase::kLost) {
-    release(next_failure_ == Failure::kNone ? Failure::kLost : next_failure_);
+void Manipulation::follow_way(Seconds /*elapsed*/) noexcept {
+  const Leg leg = plan_->way.leg_at(way_time());
+  if (leg == Leg::kRest) {
+    release(next_failure_);
     return;
   }
-  const Seconds elapsed = time_of(step_ - phase_begin_);
-  switch (phase_) {
-    case Phase::kLook:
-      if (elapsed >= (looked_.count() > 0 ? look_time_ : kLongestLook)) finish_look();
-      break;
-    case Phase::kGrasp:
-      if (grasp != GraspPhase::kHold) break;
-      way_begin_ = step_;
-      enter(Phase::kLead);
-      break;
-    case Phase::kLead:
-    case Phase::kFollow:
-    case Phase::kHold:
-    case Phase::kLower:
-      follow_way();
-      break;
-    case Phase::kRelease:
-      if (grasp != GraspPhase::kIdle) break;
-      if (next_failure_ == Failure::kNone) {
-        enter(Phase::kDone);
-      } else if (next_failure_ == Failure::kLost && grasps_ < max_grasps_) {
-        next_failure_ = Failure::kNone;
-        look_again();
-      } else {
-        fail(next_failure_);
-      }
-      break;
-    case Phase::kPlan:
-    case Phase::kDone:
-    case Phase::kFailed:
-      break;
+  constexpr std::array kPhaseOfLeg{Phase::kLead, Phase::kFollow, Phase::kHold, Phase::kLower};
+  const Phase phase = kPhaseOfLeg[static_cast<std::size_t>(leg)];
+  if (phase != phase_ && leg != Leg::kLead) enter(phase);
+}
+
+void Manipulation::finish_release(Seconds /*elapsed*/) noexcept {
+  if (controller_.state().phase != GraspPhase::kIdle) return;
+  if (next_failure_.empty()) {
+    enter(Phase::kDone);
+  } else if (next_failure_ == kLost && grasps_ < max_grasps_) {
+    next_failure_ = {};
+    look_again();
+  } else {
+    fail(next_failure_);
   }
 }
 
@@ -249,7 +203,7 @@ void Manipulation::set_desired() noexcept {
     case Phase::kFollow:
     case Phase::kHold:
     case Phase::kLower:
-      desired_ = plan_->way.at(time_of(step_ - way_begin_));
+      desired_ = plan_->way.at(way_time());
       return;
     default:
       // In these phases the object should stay at rest.
@@ -260,21 +214,24 @@ void Manipulation::set_desired() noexcept {
 
 const JointValues& Manipulation::update(TimeIndex step,
                                         const control::JointState& joints) noexcept {
-  const TimeIndex elapsed = std::max<TimeIndex>(step - step_, 1);
+  const TimeIndex before = clock_.step();
   // Skipped steps get the previous entry.
-  for (TimeIndex i = std::max<TimeIndex>(step_ + 1, 0);
-       i < std::min(step, step_ + static_cast<TimeIndex>(kMemory)); ++i)
+  for (TimeIndex i = std::max<TimeIndex>(before + 1, 0);
+       i < std::min(step, before + static_cast<TimeIndex>(kMemory)); ++i)
     memory_[static_cast<std::size_t>(i) % kMemory] = {.desired = desired_, .felt = felt_};
-  step_ = step;
-  follow_phases();
+  const Seconds elapsed = clock_.advance(step);
+  if (phase_ != Phase::kRelease && controller_.state().phase == GraspPhase::kLost)
+    release(next_failure_.empty() ? kLost : next_failure_);
+  else
+    follow_phases(elapsed);
   set_desired();
-  felt_ = moved(felt_, controller_.state().felt, time_of(elapsed));
+  felt_ = moved(felt_, controller_.state().felt, elapsed);
   if (step >= 0)
     memory_[static_cast<std::size_t>(step) % kMemory] = {.desired = desired_, .felt = felt_};
   take_news();
   feel();
-  object_ = estimator_.predict(time_of(step), desired_);
-  return controller_.update(time_of(elapsed), joints, object_, desired_);
+  object_ = estimator_.predict(clock_.now(), desired_);
+  return controller_.update(elapsed, joints, object_, desired_);
 }
 
 }  // namespace trifinger::manipulation
