@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "evaluation/cube_trial.hpp"
 
+#include <fmt/core.h>
+
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <random>
+#include <utility>
 
 namespace trifinger::evaluation {
 namespace {
@@ -73,6 +76,69 @@ void push_from_any_side(SkillTrial& trial, std::uint64_t seed, double force,
     const bool pushes = since >= after && since < after + kDuration;
     robot.push_object("cube", pushes ? wanted : std::array<double, 3>{});
   };
+}
+
+SkillRow cube_row(std::string what, std::string reach, double needed, SkillTrial trial,
+                  const Limits& limits) {
+  const auto judge = [limits](const SkillTrial&, const SkillTrialResult& result) {
+    const Report report{.judgement = {}, .figures = result.figures};
+    Judgement judgement{.figure = report.at("position_rms"),
+                        .why = std::string(result.trace.failure)};
+    if (judgement.why.empty() && report.at("grasps") != 1) judgement.why = "it was grasped again";
+    if (judgement.why.empty() && !(judgement.figure <= limits.position_rms &&
+                                   report.at("orientation_rms") <= limits.orientation_rms &&
+                                   report.at("hold_drift") <= limits.hold_drift))
+      judgement.why = "beyond the reach";
+    judgement.succeeds = judgement.why.empty();
+    return judgement;
+  };
+  return {.what = std::move(what),
+          .reach = std::move(reach),
+          .needed = needed,
+          .trial = std::move(trial),
+          .vary = [](SkillTrial& made, std::uint64_t seed) { made = varied(made, seed); },
+          .judge = judge,
+          .figure = "position rms",
+          .unit = "mm",
+          .scale = 1 / kMillimetre};
+}
+
+std::string cube_columns() {
+  return "| what | reach | succeed | worst position rms | worst orientation rms | worst drift | "
+         "normal forces | least torque left | holds |\n"
+         "|---|---|---|---|---|---|---|---|---|\n";
+}
+
+std::string line_of(const JudgedRow& done) {
+  const double drift = done.worst("hold_drift");
+  return fmt::format(
+      "| {} | {} | {} of {} | {:.2f} mm | {:.2f}° | {} | {:.2f} to {:.2f} N | {:.0f} % | {} |\n",
+      done.row.what, done.row.reach, done.successes(), done.reports.size(),
+      done.worst("position_rms") / kMillimetre, done.worst("orientation_rms") / kDegree,
+      drift > 0.0 ? fmt::format("{:.2f} mm", drift / kMillimetre) : "",
+      done.least("normal_force_min"), done.worst("normal_force_max"),
+      100 * done.least("torque_margin"), done.holds() ? "yes" : "**no**");
+}
+
+std::string details_of(const JudgedRow& done, std::uint64_t first_seed) {
+  std::string text = fmt::format(
+      "\n## {}\n\n| seed | position rms, max [mm] | orientation rms, max [°] | drift, slip while "
+      "held [mm] | normal force "
+      "[N] | tangential force [N] | torque left [%] | grasps | "
+      "|\n|---|---|---|---|---|---|---|---|---|\n",
+      done.row.what);
+  for (std::size_t i = 0; i < done.reports.size(); ++i) {
+    const Report& r = done.reports[i];
+    text += fmt::format(
+        "| {} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f} to {:.2f} | {:.2f} | "
+        "{:.0f} | {:.0f} | {} |\n",
+        first_seed + i, r.at("position_rms") / kMillimetre, r.at("position_max") / kMillimetre,
+        r.at("orientation_rms") / kDegree, r.at("orientation_max") / kDegree,
+        r.at("hold_drift") / kMillimetre, r.at("hold_slip") / kMillimetre, r.at("normal_force_min"),
+        r.at("normal_force_max"), r.at("tangential_force_max"), 100 * r.at("torque_margin"),
+        r.at("grasps"), r.judgement.why);
+  }
+  return text;
 }
 
 }  // namespace trifinger::evaluation

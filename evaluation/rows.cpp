@@ -4,9 +4,12 @@
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <exception>
+#include <limits>
 #include <span>
 #include <thread>
 #include <utility>
@@ -16,83 +19,75 @@
 #include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::evaluation {
-namespace {
 
-void tell(const Row& row) {
-  fmt::print("{:<62} {:>3} of {:<3} {}\n", row.what, row.successes(), row.reports.size(),
-             row.holds() ? "holds" : "DOES NOT HOLD");
-  std::fflush(stdout);
+int JudgedRow::successes() const {
+  return static_cast<int>(std::ranges::count_if(
+      reports, [](const Report& report) { return report.judgement.succeeds; }));
 }
 
-}  // namespace
+bool JudgedRow::holds() const {
+  const double needed = row.needed * static_cast<double>(reports.size());
+  return successes() >= std::ceil(needed - 1e-9) && (!row.together || row.together(reports));
+}
 
-std::vector<Report> run_all(const Options& options,
-                            const std::function<SkillTrial(std::uint64_t seed)>& trial_of) {
-  std::vector<Report> reports(static_cast<std::size_t>(options.seeds));
+std::string JudgedRow::spread() const {
+  std::vector<double> figures;
+  figures.reserve(reports.size());
+  for (const Report& report : reports) figures.push_back(report.judgement.figure * row.scale);
+  std::ranges::sort(figures);
+  return fmt::format("{:.3g} to {:.3g}, median {:.3g} {}", figures.front(), figures.back(),
+                     figures[figures.size() / 2], row.unit);
+}
+
+double JudgedRow::worst(std::string_view figure) const {
+  double worst = 0.0;
+  for (const Report& report : reports) worst = std::max(worst, report.at(figure));
+  return worst;
+}
+
+double JudgedRow::least(std::string_view figure) const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Report& report : reports) least = std::min(least, report.at(figure));
+  return least;
+}
+
+std::vector<Report> run_all(const Options& options, const SkillRow& row) {
+  std::vector<Report> reports(static_cast<std::size_t>(std::min(options.seeds, row.most_trials)));
   std::atomic<std::size_t> next{0};
-  std::exception_ptr failure;
-  std::atomic_flag has_failed;
   const auto work = [&] {
-    try {
-      for (std::size_t i = next++; i < reports.size(); i = next++) {
-        SkillTrialResult result = run_skill_trial(trial_of(options.first_seed + i));
-        reports[i] = {.failure = std::string(result.trace.failure),
-                      .figures = std::move(result.figures)};
+    for (std::size_t i = next++; i < reports.size(); i = next++) {
+      SkillTrial trial = row.trial;
+      row.vary(trial, options.first_seed + i);
+      try {
+        SkillTrialResult result = run_skill_trial(trial);
+        reports[i] = {.judgement = row.judge(trial, result), .figures = std::move(result.figures)};
+      } catch (const std::exception& error) {
+        reports[i].judgement.why = error.what();
       }
-    } catch (...) {
-      if (!has_failed.test_and_set()) failure = std::current_exception();
-      next = reports.size();
     }
   };
-  {
-    std::vector<std::jthread> threads(static_cast<std::size_t>(num_processors()));
-    for (std::jthread& thread : threads) thread = std::jthread(work);
-  }
-  if (failure) std::rethrow_exception(failure);
+  std::vector<std::jthread> threads;
+  const unsigned count = row.trial.real_time ? 1U : static_cast<unsigned>(num_processors());
+  threads.reserve(count);
+  for (unsigned i = 0; i < count; ++i) threads.emplace_back(work);
+  threads.clear();  // Waits for them.
   return reports;
 }
 
-Row run_row(const Options& options, Row row,
-            const std::function<SkillTrial(std::uint64_t seed)>& trial_of) {
-  row.reports = run_all(options, trial_of);
-  tell(row);
-  return row;
-}
-
-std::string line_of(const Row& row) {
-  return fmt::format(
-      "| {} | {} | {} of {} | {:.2f} mm | {:.2f}° | {} | {:.2f} to {:.2f} N | {:.0f} % | {} |\n",
-      row.what, row.reach, row.successes(), row.reports.size(),
-      row.worst("position_rms") / kMillimetre, row.worst("orientation_rms") / kDegree,
-      row.worst("hold_drift") > 0.0
-          ? fmt::format("{:.2f} mm", row.worst("hold_drift") / kMillimetre)
-          : "",
-      row.least("normal_force_min"), row.worst("normal_force_max"),
-      100 * row.least("torque_margin"), row.holds() ? "yes" : "**no**");
-}
-
-std::string details_of(const Row& row, std::uint64_t first_seed) {
-  std::string text = fmt::format(
-      "\n## {}\n\n| seed | position rms, max [mm] | orientation rms, max [°] | drift, slip while "
-      "held [mm] | normal force "
-      "[N] | tangential force [N] | torque left [%] | grasps | "
-      "|\n|---|---|---|---|---|---|---|---|---|\n",
-      row.what);
-  for (std::size_t i = 0; i < row.reports.size(); ++i) {
-    const Report& r = row.reports[i];
-    text += fmt::format(
-        "| {} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f} to {:.2f} | {:.2f} | "
-        "{:.0f} | {:.0f} | {} |\n",
-        first_seed + i, r.at("position_rms") / kMillimetre, r.at("position_max") / kMillimetre,
-        r.at("orientation_rms") / kDegree, r.at("orientation_max") / kDegree,
-        r.at("hold_drift") / kMillimetre, r.at("hold_slip") / kMillimetre, r.at("normal_force_min"),
-        r.at("normal_force_max"), r.at("tangential_force_max"), 100 * r.at("torque_margin"),
-        r.at("grasps"),
-        !r.failure.empty() ? r.failure
-        : row.succeeds(r)  ? ""
-                           : "beyond the reach");
+JudgedRow judged(const Options& options, SkillRow row) {
+  std::vector<Report> reports = run_all(options, row);
+  JudgedRow done{std::move(row), std::move(reports)};
+  fmt::print("{:<62} {:>3} of {:<3} {:<14} {}: {}\n", done.row.what, done.successes(),
+             done.reports.size(), done.holds() ? "holds" : "DOES NOT HOLD", done.row.figure,
+             done.spread());
+  for (std::size_t i = 0; i < done.reports.size(); ++i) {
+    const Judgement& judgement = done.reports[i].judgement;
+    if (!judgement.succeeds) fmt::print("  seed {}: {}\n", options.first_seed + i, judgement.why);
+    if (!judgement.note.empty())
+      fmt::print("  seed {}: {}\n", options.first_seed + i, judgement.note);
   }
-  return text;
+  std::fflush(stdout);
+  return done;
 }
 
 void write_page(const std::filesystem::path& path, const std::string& page) {

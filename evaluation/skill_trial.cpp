@@ -286,6 +286,17 @@ const TrueStep& SkillTrialResult::truth_at(TimeIndex step) const {
   return truth[static_cast<std::size_t>(std::clamp<TimeIndex>(step - first, 0, last))];
 }
 
+double Report::at(std::string_view name) const {
+  const auto found = std::ranges::find(figures, name, &manipulation::Figure::name);
+  return found == figures.end() ? 0.0 : found->value;
+}
+
+double together(std::span<const Report> reports, std::string_view figure) {
+  double sum = 0.0;
+  for (const Report& report : reports) sum += report.at(figure) * report.at(figure);
+  return std::sqrt(sum / static_cast<double>(reports.size()));
+}
+
 SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   if (trial.real_time) return run_in_real_time(trial);
   if (trial.boards) return run_on_boards(trial);

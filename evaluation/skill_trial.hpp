@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "trifinger/boards/board_robot.hpp"
@@ -113,7 +114,18 @@ struct Judgement {
 };
 using Judge = std::function<Judgement(const SkillTrial& trial, const SkillTrialResult& result)>;
 
-// A row of the table in docs/results/skills.md.
+// What is kept of a trial.
+struct Report {
+  Judgement judgement;
+  std::vector<manipulation::Figure> figures{};  // Those of the skill, from the true poses.
+
+  // Zero if there is no such figure.
+  [[nodiscard]] double at(std::string_view name) const;
+};
+// The root mean square of a figure that is one itself, of all trials.
+[[nodiscard]] double together(std::span<const Report> reports, std::string_view figure);
+
+// A row of a table in docs/results.
 struct SkillRow {
   std::string what;
   std::string reach;   // In words, as asked.
@@ -125,8 +137,8 @@ struct SkillRow {
   std::string figure;     // What the figure is: "distance".
   std::string unit{"m"};  // Unit in which the table shows it.
   double scale{1.0};      // Figure in SI units times this is the figure in the table.
-  // What must hold for all figures together; may be empty.
-  std::function<bool(std::span<const Judgement> judgements)> together{};
+  // What must hold for all trials together; may be empty.
+  std::function<bool(std::span<const Report> reports)> together{};
 };
 
 }  // namespace trifinger::evaluation

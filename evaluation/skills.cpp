@@ -4,81 +4,16 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <cstdio>
-#include <exception>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "evaluation/rows.hpp"
 #include "evaluation/skill_rows.hpp"
-#include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::evaluation {
 namespace {
-
-struct JudgedRow {
-  SkillRow row;
-  std::vector<Judgement> judgements;
-
-  [[nodiscard]] auto successes() const {
-    return std::ranges::count_if(judgements, &Judgement::succeeds);
-  }
-  [[nodiscard]] bool holds() const {
-    const double needed = row.needed * static_cast<double>(judgements.size());
-    return static_cast<double>(successes()) >= std::ceil(needed - 1e-9) &&
-           (!row.together || row.together(judgements));
-  }
-  // The worst, the middle and the best figure, in the unit of the table.
-  [[nodiscard]] std::string spread() const {
-    std::vector<double> figures;
-    figures.reserve(judgements.size());
-    for (const Judgement& judgement : judgements) figures.push_back(judgement.figure * row.scale);
-    std::ranges::sort(figures);
-    return fmt::format("{:.3g} to {:.3g}, median {:.3g} {}", figures.front(), figures.back(),
-                       figures[figures.size() / 2], row.unit);
-  }
-};
-
-// Runs the trials of a row on all processors; those in real time one after the other.
-JudgedRow judged(const Options& options, SkillRow row) {
-  std::vector<Judgement> judgements(
-      static_cast<std::size_t>(std::min(options.seeds, row.most_trials)));
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < judgements.size(); i = next++) {
-      SkillTrial trial = row.trial;
-      row.vary(trial, options.first_seed + i);
-      try {
-        judgements[i] = row.judge(trial, run_skill_trial(trial));
-      } catch (const std::exception& error) {
-        judgements[i].why = error.what();
-      }
-    }
-  };
-  {
-    std::vector<std::jthread> threads;
-    const unsigned count = row.trial.real_time ? 1U : static_cast<unsigned>(num_processors());
-    threads.reserve(count);
-    for (unsigned i = 0; i < count; ++i) threads.emplace_back(work);
-  }
-  JudgedRow done{std::move(row), std::move(judgements)};
-  fmt::print("{:<62} {:>3} of {:<3} {:<14} {}: {}\n", done.row.what, done.successes(),
-             done.judgements.size(), done.holds() ? "holds" : "DOES NOT HOLD", done.row.figure,
-             done.spread());
-  for (std::size_t i = 0; i < done.judgements.size(); ++i) {
-    const Judgement& judgement = done.judgements[i];
-    if (!judgement.succeeds) fmt::print("  seed {}: {}\n", options.first_seed + i, judgement.why);
-    if (!judgement.note.empty())
-      fmt::print("  seed {}: {}\n", options.first_seed + i, judgement.note);
-  }
-  std::fflush(stdout);
-  return done;
-}
 
 std::string page(const Options& options, const std::vector<JudgedRow>& rows) {
   std::string text = fmt::format(
@@ -92,14 +27,14 @@ std::string page(const Options& options, const std::vector<JudgedRow>& rows) {
       options.seeds, options.first_seed);
   for (const JudgedRow& done : rows) {
     text += fmt::format("| {} | {} | {} of {} | {}: {} | {} |\n", done.row.what, done.row.reach,
-                        done.successes(), done.judgements.size(), done.row.figure, done.spread(),
+                        done.successes(), done.reports.size(), done.row.figure, done.spread(),
                         done.holds() ? "yes" : "**no**");
   }
   for (const JudgedRow& done : rows) {
     text += fmt::format("\n## {}\n\n| seed | {} [{}] | |\n|---|---|---|\n", done.row.what,
                         done.row.figure, done.row.unit);
-    for (std::size_t i = 0; i < done.judgements.size(); ++i) {
-      const Judgement& judgement = done.judgements[i];
+    for (std::size_t i = 0; i < done.reports.size(); ++i) {
+      const Judgement& judgement = done.reports[i].judgement;
       const std::string_view between = judgement.why.empty() || judgement.note.empty() ? "" : "; ";
       text +=
           fmt::format("| {} | {:.4g} | {}{}{} |\n", options.first_seed + i,

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "evaluation/rows.hpp"
+#include "evaluation/cube_trial.hpp"
 
 namespace trifinger::evaluation {
 namespace {
@@ -37,23 +37,23 @@ Pair make_pair(const std::vector<std::string>& settings, const std::string& task
           .knowing = make_skill_trial("sim", task, settings, task_settings)};
 }
 
-Row run_seeing(const Options& options, Row row, const Pair& pair) {
-  return run_row(options, std::move(row),
-                 [&](std::uint64_t seed) { return varied(pair.seeing, seed); });
+SkillRow seeing(std::string what, std::string reach, const Pair& pair, const Limits& limits = {}) {
+  return cube_row(std::move(what), std::move(reach), 0.95, pair.seeing, limits);
 }
 
-Row run_knowing(const Options& options, Row row, const Pair& pair) {
-  return run_row(options, std::move(row), [&](std::uint64_t seed) {
-    SkillTrial made = varied(pair.knowing, seed);
-    made.simulation.object_period = kPeriod;
-    made.simulation.object_delay = kDelay;
-    made.simulation.object_position_noise = 0;
-    made.simulation.object_orientation_noise = 0;
-    return made;
-  });
+SkillRow knowing(std::string what, const Pair& pair) {
+  SkillRow row = cube_row(std::move(what), "for comparison", 0.0, pair.knowing);
+  row.vary = [](SkillTrial& trial, std::uint64_t seed) {
+    trial = varied(trial, seed);
+    trial.simulation.object_period = kPeriod;
+    trial.simulation.object_delay = kDelay;
+    trial.simulation.object_position_noise = 0;
+    trial.simulation.object_orientation_noise = 0;
+  };
+  return row;
 }
 
-std::string page(const Options& options, const std::vector<Row>& rows) {
+std::string page(const Options& options, const std::vector<JudgedRow>& rows) {
   std::string text = fmt::format(
       "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n# Lifting and sliding by sight: results\n\n"
       "Written by `./run evaluate vision --seeds {} --first-seed {}`. The cube is known only from "
@@ -62,36 +62,29 @@ std::string page(const Options& options, const std::vector<Row>& rows) {
       "dust, noise and gain vary, and the\n"
       "calibration is 0.5 pixels off. Start, mass and friction vary as in "
       "[control.md](control.md). "
-      "It is judged by the true poses.\n\n"
-      "| what | reach | succeed | worst position rms | worst orientation rms | worst drift | "
-      "normal forces | least torque left | holds |\n"
-      "|---|---|---|---|---|---|---|---|---|\n",
+      "It is judged by the true poses.\n\n",
       options.seeds, options.first_seed);
-  for (const Row& row : rows) text += line_of(row);
-  for (const Row& row : rows) text += details_of(row, options.first_seed);
+  text += cube_columns();
+  for (const JudgedRow& done : rows) text += line_of(done);
+  for (const JudgedRow& done : rows) text += details_of(done, options.first_seed);
   return text;
 }
 
 int evaluate(const Options& options) {
-  constexpr double kNeeded = 0.95;
-  const Limits seen{3 * kMillimetre, kAny, kAny};
-  const Limits any{kAny, kAny, kAny};
+  const Limits near{.position_rms = 3 * kMillimetre};
   const Pair lift = make_pair({"fingers.height=0.3"}, "lift", {"lift.height=0.15"});
   const Pair high = make_pair({"fingers.height=0.3"}, "lift", {"lift.height=0.2"});
   const Pair slide = make_pair({}, "slide", {});
-  std::vector<Row> rows;
-  rows.push_back(
-      run_seeing(options, {"lift 15 cm, by sight", "95 %; 3 mm", kNeeded, seen, {}}, lift));
-  rows.push_back(run_knowing(
-      options, {"lift 15 cm, poses exact and as late", "for comparison", 0, any, {}}, lift));
-  rows.push_back(run_seeing(
-      options, {"slide on a circle of 5 cm, by sight", "95 %; 3 mm", kNeeded, seen, {}}, slide));
-  rows.push_back(run_knowing(
-      options, {"slide, poses exact and as late", "for comparison", 0, any, {}}, slide));
-  rows.push_back(run_seeing(
-      options, {"lift 20 cm, out of sight at the top", "95 % put back", kNeeded, any, {}}, high));
+  std::vector<JudgedRow> rows;
+  for (const SkillRow& row :
+       {seeing("lift 15 cm, by sight", "95 %; 3 mm", lift, near),
+        knowing("lift 15 cm, poses exact and as late", lift),
+        seeing("slide on a circle of 5 cm, by sight", "95 %; 3 mm", slide, near),
+        knowing("slide, poses exact and as late", slide),
+        seeing("lift 20 cm, out of sight at the top", "95 % put back", high)})
+    rows.push_back(judged(options, row));
   write_page(options.output, page(options, rows));
-  return std::ranges::all_of(rows, &Row::holds) ? 0 : 1;
+  return std::ranges::all_of(rows, &JudgedRow::holds) ? 0 : 1;
 }
 
 int run_program(const std::vector<std::string>& words) {

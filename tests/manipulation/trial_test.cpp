@@ -2,79 +2,88 @@
 // A short version of `./run evaluate control`.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <limits>
-#include <numbers>
+#include <cstdint>
 #include <string>
-#include <string_view>
+#include <vector>
 
 #include "evaluation/cube_trial.hpp"
+#include "evaluation/skill_rows.hpp"
 
 namespace trifinger::evaluation {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr std::uint64_t kSeeds = 3;
 
-double figure(const SkillTrialResult& result, std::string_view name) {
-  const auto found = std::ranges::find(result.figures, name, &manipulation::Figure::name);
-  return found == result.figures.end() ? std::numeric_limits<double>::quiet_NaN() : found->value;
+// Runs the row's trial of this seed and expects that its judge is content.
+Report expect_success(const SkillRow& row, std::uint64_t seed) {
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  SkillTrial trial = row.trial;
+  row.vary(trial, seed);
+  const SkillTrialResult result = run_skill_trial(trial);
+  const Report report{.judgement = row.judge(trial, result), .figures = result.figures};
+  EXPECT_TRUE(report.judgement.succeeds) << report.judgement.why;
+  return report;
 }
 
-void expect_within(const SkillTrialResult& result, double position, double orientation) {
-  EXPECT_EQ(result.trace.failure, "");
-  EXPECT_EQ(figure(result, "grasps"), 1);
-  EXPECT_LE(figure(result, "position_rms"), position);
-  EXPECT_LE(figure(result, "orientation_rms"), orientation);
-  EXPECT_LE(figure(result, "hold_drift"), 1e-3);
+// The first row of the skill, in less time, with another robot.
+SkillRow shorter(SkillRow row, const std::string& robot = "sim") {
+  const bool lifts = row.trial.skill == "lift";
+  row.trial = make_skill_trial(
+      robot, row.trial.skill,
+      lifts ? std::vector<std::string>{"fingers.height=0.3"} : std::vector<std::string>{},
+      {lifts ? "lift.hold_time=3" : "slide.turns=1"});
+  return row;
 }
 
 TEST(Trial, LiftsTwentyCentimetres) {
-  const SkillTrial trial =
-      make_skill_trial("sim", "lift", {"fingers.height=0.3"}, {"lift.hold_time=3"});
-  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    const auto report = run_skill_trial(varied(trial, seed));
-    expect_within(report, 1.5e-3, 2.5 * kDegree);
-    EXPECT_NEAR(figure(report, "height"), 0.2, 3e-3);
-  }
+  const SkillRow row = shorter(lift_rows().front());
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed)
+    EXPECT_NEAR(expect_success(row, seed).at("height"), 0.2, 3e-3);
 }
 
 TEST(Trial, SlidesOnACircle) {
-  const SkillTrial trial = make_skill_trial("sim", "slide", {}, {"slide.turns=1"});
-  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    expect_within(run_skill_trial(varied(trial, seed)), 1.5e-3, 1.5 * kDegree);
-  }
+  const SkillRow row = shorter(slide_rows().front());
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) expect_success(row, seed);
 }
 
 TEST(Trial, LiftsAndSlidesOverEmulatedMotorBoards) {
-  const auto report = [](const SkillTrial& trial) { return run_skill_trial(varied(trial, 1)); };
   const std::string boards = "trifinger_edu_emulated";
-  const SkillTrial lift =
-      make_skill_trial(boards, "lift", {"fingers.height=0.3"}, {"lift.hold_time=3"});
-  const auto lifted = report(lift);
-  expect_within(lifted, 1.5e-3, 2.5 * kDegree);
-  EXPECT_NEAR(figure(lifted, "height"), 0.2, 3e-3);
+  const SkillRow lift = shorter(lift_rows().front(), boards);
+  const Report lifted = expect_success(lift, 1);
+  EXPECT_NEAR(lifted.at("height"), 0.2, 3e-3);
   // Its seed decides all of it.
-  EXPECT_EQ(figure(report(lift), "position_rms"), figure(lifted, "position_rms"));
-  const SkillTrial slide = make_skill_trial(boards, "slide", {}, {"slide.turns=1"});
-  expect_within(report(slide), 1.5e-3, 1.5 * kDegree);
+  EXPECT_EQ(expect_success(lift, 1).at("position_rms"), lifted.at("position_rms"));
+  expect_success(shorter(slide_rows().front(), boards), 1);
 }
 
 TEST(Trial, HoldsAgainstAPush) {
-  SkillTrial trial = make_skill_trial("sim", "lift", {"fingers.height=0.3"}, {"lift.hold_time=3"});
+  const SkillRow row = shorter(lift_rows().front());
+  SkillRow pushed = shorter(cube_row("", "", 1.0, row.trial));
+  pushed.vary = [](SkillTrial& trial, std::uint64_t seed) {
+    trial = varied(trial, seed);
+    push_from_any_side(trial, seed, 1.0, control::Seconds(1));
+  };
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    const auto calm = run_skill_trial(varied(trial, seed));
-    SkillTrial pushed = varied(trial, seed);
-    push_from_any_side(pushed, seed, 1.0, control::Seconds(1));
-    const auto report = run_skill_trial(pushed);
-    EXPECT_EQ(report.trace.failure, "");
-    EXPECT_EQ(figure(report, "grasps"), 1);
+    const Report report = expect_success(pushed, seed);
     // The push had an effect.
-    EXPECT_NE(figure(report, "position_rms"), figure(calm, "position_rms"));
+    EXPECT_NE(report.at("position_rms"), expect_success(row, seed).at("position_rms"));
   }
+}
+
+TEST(Trial, IsGraspedOnceAndStaysWithinItsLimits) {
+  const SkillRow row = cube_row("", "", 1.0, make_skill_trial("sim", "lift"),
+                                {.position_rms = 1e-3, .hold_drift = 2e-3});
+  SkillTrialResult result;
+  result.figures = {
+      {"grasps", 1, "", ""}, {"position_rms", 1e-3, "m", ""}, {"hold_drift", 2e-3, "m", ""}};
+  const auto judgement = [&] { return row.judge(row.trial, result); };
+  EXPECT_TRUE(judgement().succeeds);
+  result.figures[1].value = 1.1e-3;
+  EXPECT_EQ(judgement().why, "beyond the reach");
+  result.figures[0].value = 2;
+  EXPECT_EQ(judgement().why, "it was grasped again");
+  result.trace.failure = "the object got lost";
+  EXPECT_EQ(judgement().why, "the object got lost");
 }
 
 TEST(Trial, IsDecidedByItsSeed) {

@@ -40,9 +40,9 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
 
 // The table's row asks for the median, and for the worst throw.
 auto at_least(double distance) {
-  return [distance](std::span<const Judgement> judgements) {
+  return [distance](std::span<const Report> reports) {
     std::vector<double> figures;
-    for (const Judgement& judgement : judgements) figures.push_back(judgement.figure);
+    for (const Report& report : reports) figures.push_back(report.judgement.figure);
     std::ranges::sort(figures);
     const double median = figures[figures.size() / 2];
     return median >= distance && figures.front() >= 0.8 * median;

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <vector>
+
+#include "evaluation/cube_trial.hpp"
+#include "evaluation/skill_rows.hpp"
+
+namespace trifinger::evaluation {
+
+std::vector<SkillRow> slide_rows() {
+  const Limits limits{.position_rms = 1.5e-3, .orientation_rms = 1.5 * kDegree};
+  return {
+      cube_row("slide on a circle of 5 cm, 3 turns of 4 s", "all; 1.5 mm, 1.5°", 1.0,
+               make_skill_trial("sim", "slide"), limits),
+      cube_row("`pro`: slide, likewise", "90 %; 1.5 mm, 1.5°", 0.9,
+               make_skill_trial("trifinger_pro", "slide", {"objects=[{name: cube, type: cube}]"}),
+               limits)};
+}
+
+}  // namespace trifinger::evaluation
