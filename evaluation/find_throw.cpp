@@ -58,6 +58,12 @@ class Dice {
   std::normal_distribution<double> normal_;
 };
 
+// Of the joints that follow these targets.
+Stroke stroke_of(std::vector<JointValues> targets) {
+  return {
+      .spacing = Seconds(0.025), .targets = std::move(targets), .stiffness = 15.0, .damping = 0.02};
+}
+
 // The tips around the ball, as a rigid triangle.
 struct Cradle {
   Vector3 centre;  // Of the circle on which the tips' centres are [m].
@@ -80,7 +86,7 @@ class Plant {
   // Puts the ball at `ball` on the tips at `start`. False if it does not come to rest there.
   bool settle(const JointValues& start, const Vector3& ball) {
     TriFinger::Action hold;
-    const Stroke rest{.targets = {start + offset_}};
+    const Stroke rest = stroke_of({start + offset_});
     kinematics_.update(start);
     const Vector3 third = -weight_ / 3.0 * control::gravity();
     const TipPositions forces = third.replicate<3, 1>();
@@ -217,7 +223,7 @@ class Finder {
   }
 
   struct Found {
-    Stroke stroke;
+    Stroke stroke{stroke_of({})};
     Vector3 ball{Vector3::Zero()};
     double value{-10.0};
   };

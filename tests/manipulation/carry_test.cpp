@@ -118,8 +118,12 @@ TEST(CarryTask, NeverTouchesTheTableOnItsWayAndComesBack) {
   TrialRandom random(4);
   for (int i = 0; i < 10; ++i) {
     const Pose start = lying(0.02, -0.01, random.between(-kPi, kPi));
-    const CarryTask task{.goal = evaluation::draw_goal(random)};
-    const ObjectWay whole(task, {}, start, start, 0.0, radius);
+    const CarryTask task{.goal = evaluation::draw_goal(random),
+                         .speed = 0.1,
+                         .turn_speed = 0.6,
+                         .clearance = 0.004,
+                         .hold_time = Seconds(3)};
+    const ObjectWay whole(task, Seconds(0), start, start, 0.0, radius);
     for (const double share : {0.1, 0.3, 0.5, 0.7, 2.0}) {
       ObjectWay way = whole;
       const Seconds given_up = share * way.begin_of(Leg::kHold);

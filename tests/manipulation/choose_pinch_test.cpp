@@ -8,11 +8,11 @@
 #include <optional>
 #include <random>
 #include <set>
+#include <string>
 #include <vector>
 
 #include "parts/pinched_handling.hpp"
-#include "trifinger/config/file.hpp"
-#include "trifinger/sim/robot_config.hpp"
+#include "skills/makers.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -21,16 +21,16 @@ using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
 
+PinchedHandlingConfig config_of(const std::string& skill) {
+  return read_pinched_handling(load_skill_file(skill, {}).root(), skill == "stand");
+}
+
 class ChoosePinch : public ::testing::TestWithParam<const char*> {
  protected:
   ChoosePinch()
       : is_stand_(std::string(GetParam()) == "stand"),
         box_(is_stand_ ? cuboid() : cube()),
-        config_(read_pinched_handling(
-            config::File::load(find_config(GetParam(), "skills"), {}, config_folders("skills"))
-                .root())) {
-    config_.across_longest = is_stand_;
-  }
+        config_(config_of(GetParam())) {}
 
   [[nodiscard]] Pose resting(double x, double y, double yaw) const {
     return {.position = {x, y, box_.size[2] / 2},
@@ -128,8 +128,7 @@ INSTANTIATE_TEST_SUITE_P(Skills, ChoosePinch, ::testing::Values("turn", "stand")
                          [](const auto& instance) { return std::string(instance.param); });
 
 TEST(ChoosePinchOfStand, RefusesWhatStandsAlready) {
-  PinchedHandlingConfig config;
-  config.across_longest = true;
+  PinchedHandlingConfig config = config_of("stand");
   config.pinch_height = 0.014;
   const Pose standing{
       .position = {0, 0, 0.04},

@@ -65,9 +65,11 @@ TEST(Drawing, LiesInTheMiddleOfAPaperThatIsTurned) {
 }
 
 TEST(Drawing, ThatIsTooLargeIsRefused) {
-  EXPECT_THAT(
-      refusal([] { static_cast<void>(placed(written("HELLO", kHeight), {.size = {0.05, 0.05}})); }),
-      HasSubstr("does not fit on the paper of 50 x 50 mm"));
+  EXPECT_THAT(refusal([] {
+                static_cast<void>(placed(written("HELLO", kHeight),
+                                         {.centre = {0, 0}, .size = {0.05, 0.05}, .turn = 0}));
+              }),
+              HasSubstr("does not fit on the paper of 50 x 50 mm"));
 }
 
 TEST(Drawing, IsReadFromAFileOfStrokes) {
@@ -104,7 +106,8 @@ TEST(Drawing, IsDrawnOnlyWhereTheNibTouchesThePaper) {
         {.step = i,
          .pose = {.position = {1e-3 * i - 0.05, 0.0, 0.07 + lift}, .orientation = upright}});
   }
-  const Drawing drawn = drawn_by(pen, poses, {.size = {0.06, 0.05}}, 1e-4);
+  const Drawing drawn =
+      drawn_by(pen, poses, {.centre = {0, 0}, .size = {0.06, 0.05}, .turn = 0}, 1e-4);
   ASSERT_EQ(drawn.size(), 2U);
   EXPECT_NEAR(drawn[0].front().x(), -0.03, 1.1e-3);  // The edge of the paper.
   EXPECT_NEAR(drawn[0].back().x(), -0.011, 1e-9);

@@ -16,6 +16,15 @@ const Pose kStart{
     .position = {0.02, -0.01, 0.0325},
     .orientation = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()))};
 constexpr double kRadius = 0.05;
+constexpr Seconds kLead(1.5);
+constexpr LiftTask kLift{
+    .height = 0.2, .lift_time = Seconds(3), .hold_time = Seconds(2), .lower_time = Seconds(3)};
+constexpr SlideTask kSlide{.radius = kRadius,
+                           .turns = 1.5,
+                           .period = Seconds(4),
+                           .ramp_time = Seconds(1),
+                           .table_share = 0.2,
+                           .start_angles = 12};
 
 Pose led() {
   return {.position = {0.0, 0.0, 0.0355},
@@ -23,8 +32,8 @@ Pose led() {
 }
 
 ObjectWay slide() {
-  return {SlideTask{.radius = kRadius, .turns = 1.5},
-          {},
+  return {kSlide,
+          kLead,
           kStart,
           {.position = {0.0, kRadius, 0.0325}, .orientation = kStart.orientation},
           M_PI / 2};
@@ -33,8 +42,12 @@ ObjectWay slide() {
 ObjectWay carry() {
   return {CarryTask{.goal = {{0.03, 0.04, 0.08},
                              Eigen::Quaterniond(Eigen::AngleAxisd(
-                                 0.8, Eigen::Vector3d(1.0, 0.5, 0.3).normalized()))}},
-          {},
+                                 0.8, Eigen::Vector3d(1.0, 0.5, 0.3).normalized()))},
+                    .speed = 0.1,
+                    .turn_speed = 0.6,
+                    .clearance = 0.004,
+                    .hold_time = Seconds(3)},
+          kLead,
           kStart,
           kStart,
           0.0,
@@ -42,8 +55,10 @@ ObjectWay carry() {
 }
 
 std::vector<ObjectWay> ways() {
-  return {ObjectWay(LiftTask{.hold_time = Seconds(2)}, {}, kStart, led()),
-          ObjectWay(LiftTask{.hold_time = Seconds(0)}, {}, kStart, kStart), slide(), carry()};
+  LiftTask touch = kLift;
+  touch.hold_time = Seconds(0);
+  return {ObjectWay(kLift, kLead, kStart, led()), ObjectWay(touch, kLead, kStart, kStart), slide(),
+          carry()};
 }
 
 void expect_no_jumps(const ObjectWay& way) {
@@ -81,9 +96,9 @@ TEST(ObjectWay, GoesThroughItsLegsInTheirOrder) {
 }
 
 TEST(ObjectWay, LiftsAlongAVerticalLineAndPutsBackOnTheTable) {
-  const ObjectWay way(LiftTask{.height = 0.12}, {}, kStart, led());
+  const ObjectWay way(kLift, kLead, kStart, led());
   const Pose top = way.at(way.begin_of(Leg::kHold)).pose;
-  EXPECT_LT((top.position - led().position - Eigen::Vector3d(0, 0, 0.12)).norm(), 1e-12);
+  EXPECT_LT((top.position - led().position - Eigen::Vector3d(0, 0, kLift.height)).norm(), 1e-12);
   const Pose end = way.at(way.duration()).pose;
   EXPECT_LT((end.position.head<2>() - led().position.head<2>()).norm(), 1e-12);
   EXPECT_NEAR(end.position.z(), kStart.position.z(), 1e-12);
@@ -94,7 +109,7 @@ TEST(ObjectWay, SlidesOnTheCircleAndLeavesAShareOfTheWeightOnTheTable) {
   for (Seconds time = way.begin_of(Leg::kFollow); time < way.duration(); time += Seconds(0.05)) {
     const Motion motion = way.at(time);
     EXPECT_NEAR(motion.pose.position.head<2>().norm(), kRadius, 1e-12);
-    EXPECT_NEAR(motion.acceleration.linear.z(), -0.2 * 9.81, 1e-12);
+    EXPECT_NEAR(motion.acceleration.linear.z(), -kSlide.table_share * 9.81, 1e-12);
   }
 }
 
@@ -111,9 +126,14 @@ TEST(ObjectWay, ComesDownWhereverItIsGivenUp) {
 }
 
 TEST(ObjectWay, RefusesWhatMakesNoSense) {
-  EXPECT_THROW(ObjectWay(LiftTask{.lift_time = Seconds(0)}, {}, kStart, led()), InvalidArgument);
-  EXPECT_THROW(ObjectWay(LiftTask{.hold_time = Seconds(-1)}, {}, kStart, led()), InvalidArgument);
-  EXPECT_THROW(ObjectWay(SlideTask{.turns = 0.0}, {}, kStart, led()), InvalidArgument);
+  LiftTask sudden = kLift;
+  sudden.lift_time = Seconds(0);
+  LiftTask early = kLift;
+  early.hold_time = Seconds(-1);
+  SlideTask still = kSlide;
+  still.turns = 0.0;
+  for (const Task& task : {Task(sudden), Task(early), Task(still)})
+    EXPECT_THROW(ObjectWay(task, kLead, kStart, led()), InvalidArgument) << task.index();
 }
 
 TEST(Upright, TurnsTheNearestAxisUpAndKeepsTheYaw) {

@@ -40,7 +40,7 @@ Pose start_of(const SkillTrial& trial) {
 }
 
 Stroke any_stroke() {
-  Stroke stroke;
+  Stroke stroke{.spacing = Seconds(0.025), .targets = {}, .stiffness = 15.0, .damping = 0.02};
   for (int i = 0; i < 5; ++i) {
     JointValues target(9);
     for (Eigen::Index k = 0; k < 9; ++k) target[k] = 0.1 * std::sin(static_cast<double>(7 * i + k));

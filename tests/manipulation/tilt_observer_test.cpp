@@ -63,6 +63,9 @@ class World {
   double time_{0.0};
 };
 
+constexpr TiltObserverConfig kNoise{
+    .position_noise = 1e-3, .tilt_noise = 0.01, .disturbance = 1.0, .drift = 2e-3};
+
 struct Seen {
   TimeIndex step;
   Vector2d tilt;
@@ -71,7 +74,7 @@ struct Seen {
 
 // What the observer believes after `steps`, when poses come every ten steps and `delay` steps late.
 TiltEstimate watched(World& world, TimeIndex steps, TimeIndex delay, double turn = 0.0) {
-  TiltObserver observer(kBox, {}, kPeriod);
+  TiltObserver observer(kBox, kNoise, kPeriod);
   const Eigen::Rotation2Dd rotation(turn);
   std::vector<Seen> on_the_way;
   for (TimeIndex t = 0; t <= steps; ++t) {
@@ -120,8 +123,9 @@ TEST(TiltObserver, TurnsWithTheWorld) {
 
 TEST(TiltObserver, AveragesNoiseOverPoses) {
   // On a tip that rests, a box that stands in its balance does not move: only noise is seen.
-  TiltObserver observer(kBox, {.position_noise = 1e-3, .tilt_noise = 0.01, .disturbance = 0.0},
-                        kPeriod);
+  TiltObserverConfig still = kNoise;
+  still.disturbance = 0.0;
+  TiltObserver observer(kBox, still, kPeriod);
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   double squares = 0.0;
@@ -140,7 +144,7 @@ TEST(TiltObserver, AveragesNoiseOverPoses) {
 }
 
 TEST(TiltObserver, IgnoresPosesThatItCannotPlace) {
-  TiltObserver observer(kBox, {}, kPeriod);
+  TiltObserver observer(kBox, kNoise, kPeriod);
   observer.reset(100);
   for (TimeIndex t = 100; t <= 500; ++t) observer.move(t, {});
   EXPECT_FALSE(observer.see(501, Vector2d::Zero(), Vector2d::Zero())) << "from the future";
@@ -154,8 +158,8 @@ TEST(TiltObserver, IgnoresPosesThatItCannotPlace) {
 }
 
 TEST(TiltObserver, GoesOnAfterStepsThatWereLeftOut) {
-  TiltObserver all(kBox, {}, kPeriod);
-  TiltObserver some(kBox, {}, kPeriod);
+  TiltObserver all(kBox, kNoise, kPeriod);
+  TiltObserver some(kBox, kNoise, kPeriod);
   const TipInput input{.rate = {0.01, 0.02}, .place = {}, .roll = {}};
   for (TiltObserver* observer : {&all, &some}) {
     observer->move(0, input);
@@ -171,7 +175,7 @@ TEST(TiltObserver, GoesOnAfterStepsThatWereLeftOut) {
 }
 
 TEST(TiltObserver, DoesNotAllocate) {
-  TiltObserver observer(kBox, {}, kPeriod);
+  TiltObserver observer(kBox, kNoise, kPeriod);
   const test::AllocationCounter counter;
   for (TimeIndex t = 0; t < 300; ++t) {
     observer.move(t, {});

@@ -12,19 +12,13 @@ namespace {
 // Height at which tips pass above an object [m].
 constexpr double kRaised = 0.11;
 // Points of the way that are checked, beside its begin.
-constexpr int kPoints = 8;
-
-// One grasp at a time.
-CarrierConfig adapted(CarrierConfig config) {
-  config.grasp.max_grasps = 1;
-  return config;
-}
+constexpr int kCarryPoints = 8;
 
 }  // namespace
 
 Carrier::Carrier(const SkillContext& context, CarrierConfig config)
     : description_(context.description),
-      config_(adapted(std::move(config))),
+      config_(std::move(config)),
       period_(context.period),
       planner_(context.description, config_.grasp.object, config_.grasp.planner),
       drive_(context.description, context.limits, config_.grasp.controller.tips),
@@ -41,9 +35,9 @@ bool Carrier::plan(const Pose& object, const Pose& goal) {
   rest.position.z() = goal.position.z();  // Both rest on the same side.
   const Eigen::Vector3d shift = goal.position - rest.position;
   const double angle = control::rotation_error(goal.orientation, rest.orientation).norm();
-  LeadConfig lead = config_.grasp.lead;
-  lead.time = std::max({config_.least_time, Seconds(shift.head<2>().norm() / config_.speed),
-                        Seconds(angle / config_.turn_speed)});
+  const Seconds time =
+      std::max({config_.least_time, Seconds(shift.head<2>().norm() / config_.speed),
+                Seconds(angle / config_.turn_speed)});
   Pose above = goal;
   above.position.z() += config_.height;
   // A lift by nothing: the way ends with putting it down.
@@ -51,9 +45,10 @@ bool Carrier::plan(const Pose& object, const Pose& goal) {
                       .lift_time = period_,
                       .hold_time = Seconds(0),
                       .lower_time = config_.lower_time};
-  const ObjectWay way(task, lead, rest, above);
+  const ObjectWay way(task, time, rest, above);
   std::vector<Motion> points;
-  for (int i = 0; i <= kPoints; ++i) points.push_back(way.at(way.duration() * i / kPoints));
+  for (int i = 0; i <= kCarryPoints; ++i)
+    points.push_back(way.at(way.duration() * i / kCarryPoints));
   const auto grasp = planner_.plan(points);
   if (!grasp) return false;
   next_ = std::make_unique<Manipulation>(description_, config_.grasp, period_);

@@ -16,15 +16,15 @@ namespace trifinger::manipulation {
 
 // Settings of a `Carrier`.
 struct CarrierConfig {
-  ManipulationConfig grasp{};  // How the object is grasped; its task counts for nothing.
-  double middle{0.04};     // Where the object is flipped and turned: distance from the middle [m].
-  double near_angle{0.5};  // Until it is so near its goal [rad]. Then it is carried.
-  double drag_distance{0.015};  // An object farther away that no grasp carries is dragged [m].
-  double height{0.004};         // Above the table, on the way [m].
-  double speed{0.08};           // Mean speed of the object [m/s].
-  double turn_speed{0.6};       // [rad/s]
-  Seconds least_time{0.6};      // Least time of the way.
-  Seconds lower_time{0.4};
+  GraspingConfig grasp;  // One grasp at a time.
+  double middle;         // Where the object is flipped and turned: distance from the middle [m].
+  double near_angle;     // Until it is so near its goal [rad]. Then it is carried.
+  double drag_distance;  // An object farther away that no grasp carries is dragged [m].
+  double height;         // Above the table, on the way [m].
+  double speed;          // Mean speed of the object [m/s].
+  double turn_speed;
+  Seconds least_time;  // Least time of the way.
+  Seconds lower_time;
 };
 
 // Raises the tips, grasps a box that lies on the table with all three, carries it to another pose

@@ -20,9 +20,9 @@ constexpr double kGap = 0.014;       // Between tip and box where the tip comes 
 constexpr double kAbove = 0.045;     // Of the tip's centre over the box [m].
 constexpr double kSpeed = 0.25;      // Of the tip on its way [m/s].
 constexpr double kDragSpeed = 0.07;  // [m/s]
-constexpr double kClose = 0.005;     // The box is dragged until it is so near [m].
-constexpr double kMargin = 0.03;     // Of joints from their soft limits [rad].
-constexpr Seconds kRestTime{1.0};    // In which the other fingers leave.
+constexpr double kCloseEnough = 0.005;  // The box is dragged until it is so near [m].
+constexpr double kMargin = 0.03;        // Of joints from their soft limits [rad].
+constexpr Seconds kRestTime{1.0};       // In which the other fingers leave.
 
 }  // namespace
 
@@ -54,7 +54,7 @@ bool Fetcher::begin(Seconds now, const control::JointState& joints, const Pose& 
   Vector3d way = goal - object.position;
   way.z() = 0.0;
   const double distance = way.norm();
-  if (!(distance > kClose)) return false;
+  if (!(distance > kCloseEnough)) return false;
   const Vector3d direction = way / distance;
   const double radius = figures(kinematics_.description()).tip_radius;
   const double reach = half_width(object, direction) + radius;
@@ -146,7 +146,7 @@ void Fetcher::stop() noexcept {
 const TriFinger::Action& Fetcher::update(Seconds now, const control::JointState& joints,
                                          const Pose& object) noexcept {
   now_ = now;
-  const bool is_there = direction_.dot(goal_ - object.position) < kClose;
+  const bool is_there = direction_.dot(goal_ - object.position) < kCloseEnough;
   if (leg_ == Leg::kDrag && is_there) next_leg();
   const double share = std::min(1.0, (now - leg_begin_) / leg_time_);
   // Dragging has an even speed.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "parts/task.hpp"
 #include "trifinger/config/node.hpp"
@@ -9,17 +10,17 @@
 
 namespace trifinger::manipulation {
 
-// Reads how an object is grasped with three tips and held: where tips may touch it, and the section
-// `grasp`. config/skills/grasping.yml documents the keys. Throws config::ConfigError.
-void read_grasping(const config::Node& root, ManipulationConfig& config);
-// The same, and the keys that the skills lift and slide share. The limits are those of `context`.
+// Reads how an object is grasped with three tips, held, and, with the keys of `section`, led to
+// where a lift or a slide may begin. The limits are those of `context`. config/skills/grasping.yml,
+// lift.yml and slide.yml document the keys. Throws config::ConfigError.
 [[nodiscard]] ManipulationConfig read_manipulation(const SkillContext& context,
-                                                   const config::Node& root);
-// Reads what the sections of these skills share: where a task may begin.
-void read_lead(const config::Node& section, ManipulationConfig& config);
-// The configuration of this name in config/skills, which is no skill's own but only tells how an
-// object is grasped. Throws config::ConfigError, InvalidArgument, SystemError.
-[[nodiscard]] ManipulationConfig load_grasping(const SkillContext& context,
-                                               const std::string& name);
+                                                   const config::Node& root,
+                                                   const config::Node& section, Task task,
+                                                   std::vector<double> distances);
+// How a skill that is about more grasps `object`, one grasp at a time: `grasp` in `section` names a
+// file like grasping.yml, and `planned_friction` and perhaps `heights` are there, too.
+// Throws config::ConfigError, InvalidArgument, SystemError.
+[[nodiscard]] GraspingConfig load_grasping(const SkillContext& context, const config::Node& section,
+                                           const std::string& object);
 
 }  // namespace trifinger::manipulation

@@ -38,7 +38,7 @@ constinit const std::array<Manipulation::Row, 10> Manipulation::kPhases{{
 
 std::string_view name_of(Phase phase) noexcept { return Manipulation::row_of(phase).name; }
 
-Manipulation::Manipulation(const RobotDescription& description, const ManipulationConfig& config,
+Manipulation::Manipulation(const RobotDescription& description, const GraspingConfig& config,
                            Seconds period)
     : Phased(period),
       look_time_(config.look_time),

@@ -48,7 +48,7 @@ class Manipulation : public Phased<Manipulation, Phase> {
  public:
   // `period` is the length of a step.
   // Throws InvalidArgument
-  Manipulation(const RobotDescription& description, const ManipulationConfig& config,
+  Manipulation(const RobotDescription& description, const GraspingConfig& config,
                Seconds period = Seconds(1e-3));
 
   // Says that the object was at `pose` at step `captured`. Call it before the `update` of the step

@@ -9,6 +9,7 @@
 
 #include "parts/object_of.hpp"
 #include "parts/plan_untried.hpp"
+#include "parts/settings.hpp"
 #include "parts/soft_limits.hpp"
 #include "parts/torque_figure.hpp"
 #include "parts/towards.hpp"
@@ -121,47 +122,40 @@ bool reaches_all(const ReachCheck& check, const Pinch& pinch, const PinchedHandl
 
 }  // namespace
 
-PinchedHandlingConfig read_pinched_handling(const config::Node& root) {
-  const Range length{.unit = "m", .min = 0, .max = 0.3, .above_min = true};
-  const Range force{.unit = "N", .min = 0, .max = 10, .above_min = true};
-  const Range time{.unit = "s", .min = 0, .max = 600, .above_min = true};
-  const Range angle{.unit = "rad", .min = 0, .max = 1.7, .above_min = true};
-  const Range stiffness{.unit = "N/m", .min = 0, .max = 5000, .above_min = true};
-  const Range damping{.unit = "Ns/m", .min = 0, .max = 100};
-  const auto read_time = [&](const config::Node& section, std::string_view key) {
-    return Seconds(section.required<double>(key, time));
-  };
-  PinchedHandlingConfig config;
-  config.object = root.required<std::string>("object");
-  config.look_time = read_time(root, "look_time");
-  config.max_duration = read_time(root, "max_duration");
-  config.attempts = root.required<int>("attempts", {.min = 1, .max = 100});
+PinchedHandlingConfig read_pinched_handling(const config::Node& root, bool across_longest) {
+  const Range length = above_zero("m", 0.3);
+  const Range force = above_zero("N", 10);
+  const Range time = above_zero("s", 600);
+  const Range angle = above_zero("rad", 1.7);
+  const Range stiffness = above_zero("N/m", 5000);
   const config::Node approach = root.section("approach");
-  config.approach_speed =
-      approach.required<double>("speed", {.unit = "m/s", .min = 0, .max = 1, .above_min = true});
-  config.approach_height = approach.required<double>("height", length);
-  config.clearance = approach.required<double>("clearance", length);
   const config::Node pinch = root.section("pinch");
-  config.pinch_height = pinch.required<double>("height", length);
-  config.closing_force = pinch.required<double>("closing_force", force);
-  config.closing_damping = pinch.required<double>(
-      "closing_damping", {.unit = "Ns/m", .min = 0, .max = 100, .above_min = true});
-  config.pinch_force = pinch.required<double>("force", force);
-  config.loose_force = pinch.required<double>("loose_force", force);
-  config.stiffness = pinch.required<double>("stiffness", stiffness);
-  config.damping = pinch.required<double>("damping", damping);
   const config::Node lift = root.section("lift");
-  config.lift_height = lift.required<double>("height", length);
-  config.lift_time = read_time(lift, "time");
   const config::Node turn = root.section("turn");
-  config.arm = turn.required<double>("arm", length);
-  config.turn_angle = turn.required<double>("angle", angle);
-  config.turn_time = read_time(turn, "time");
-  config.turn_stiffness = turn.required<double>("stiffness", stiffness);
-  config.turn_gain = turn.required<double>("gain", {.unit = "1/s", .min = 0, .max = 100});
-  config.turn_tolerance = turn.required<double>("tolerance", angle);
-  config.end_tolerance = root.required<double>("end_tolerance", angle);
-  return config;
+  return {.object = root.required<std::string>("object"),
+          .look_time = read_time(root, "look_time", time),
+          .max_duration = read_time(root, "max_duration", time),
+          .attempts = root.required<int>("attempts", {.min = 1, .max = 100}),
+          .end_tolerance = root.required<double>("end_tolerance", angle),
+          .approach_speed = approach.required<double>("speed", above_zero("m/s", 1)),
+          .approach_height = approach.required<double>("height", length),
+          .clearance = approach.required<double>("clearance", length),
+          .pinch_height = pinch.required<double>("height", length),
+          .closing_force = pinch.required<double>("closing_force", force),
+          .closing_damping = pinch.required<double>("closing_damping", above_zero("Ns/m", 100)),
+          .pinch_force = pinch.required<double>("force", force),
+          .loose_force = pinch.required<double>("loose_force", force),
+          .stiffness = pinch.required<double>("stiffness", stiffness),
+          .damping = pinch.required<double>("damping", {.unit = "Ns/m", .min = 0, .max = 100}),
+          .lift_height = lift.required<double>("height", length),
+          .lift_time = read_time(lift, "time", time),
+          .arm = turn.required<double>("arm", length),
+          .turn_angle = turn.required<double>("angle", angle),
+          .turn_time = read_time(turn, "time", time),
+          .turn_stiffness = turn.required<double>("stiffness", stiffness),
+          .turn_gain = turn.required<double>("gain", {.unit = "1/s", .min = 0, .max = 100}),
+          .turn_tolerance = turn.required<double>("tolerance", angle),
+          .across_longest = across_longest};
 }
 
 std::optional<Pinch> choose_pinch(const Kinematics& kinematics, const control::SafetyLimits& limits,

@@ -18,33 +18,33 @@ namespace trifinger::manipulation {
 // How two tips pinch a box and a third one turns it. config/skills/turn.yml explains every key.
 struct PinchedHandlingConfig {
   std::string object;
-  Seconds look_time{0.3};
-  Seconds max_duration{30.0};
-  int attempts{2};
-  double approach_speed{0.2};    // [m/s]
-  double approach_height{0.1};   // [m]
-  double clearance{0.035};       // Of tips from faces before they pinch [m].
-  double pinch_height{0.0325};   // Of the pinching tips above the table [m].
-  double closing_force{0.5};     // [N]
-  double closing_damping{20.0};  // [Ns/m]
-  double pinch_force{1.5};       // [N]
-  double loose_force{0.15};      // While the box settles on the table [N].
-  double stiffness{300.0};       // Of tips [N/m].
-  double damping{4.0};           // [Ns/m]
-  double lift_height{0.065};     // Of the axis above the table while the box is turned [m].
-  Seconds lift_time{1.2};
-  double arm{0.025};             // From the axis to the tip that turns [m].
-  double turn_angle{1.5708};     // [rad]
-  double turn_stiffness{400.0};  // Of the tip that turns [N/m].
-  double turn_gain{3.0};         // Of the integral of the angle's error [1/s].
-  Seconds turn_time{2.5};
-  double turn_tolerance{0.03};  // [rad]
-  double end_tolerance{0.1};    // Of the orientation at the end [rad].
-  bool across_longest{false};   // True: the box is only pinched across its longest edge.
+  Seconds look_time;
+  Seconds max_duration;
+  int attempts;
+  double end_tolerance;  // Of the orientation at the end [rad].
+  double approach_speed;
+  double approach_height;
+  double clearance;     // Of tips from faces before they pinch [m].
+  double pinch_height;  // Of the pinching tips above the table [m].
+  double closing_force;
+  double closing_damping;
+  double pinch_force;
+  double loose_force;  // While the box settles on the table [N].
+  double stiffness;    // Of tips [N/m].
+  double damping;
+  double lift_height;  // Of the axis above the table while the box is turned [m].
+  Seconds lift_time;
+  double arm;  // From the axis to the tip that turns [m].
+  double turn_angle;
+  Seconds turn_time;
+  double turn_stiffness;  // Of the tip that turns [N/m].
+  double turn_gain;       // Of the integral of the angle's error [1/s].
+  double turn_tolerance;
+  bool across_longest;  // True: the box is only pinched across its longest edge.
 };
-
 // Reads the keys that all such skills have.
-[[nodiscard]] PinchedHandlingConfig read_pinched_handling(const config::Node& root);
+[[nodiscard]] PinchedHandlingConfig read_pinched_handling(const config::Node& root,
+                                                          bool across_longest = false);
 
 // Which finger does what.
 struct Pinch {

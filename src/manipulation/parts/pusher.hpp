@@ -40,23 +40,22 @@ struct PushWeights {
 
 // Settings of a `Pusher`.
 struct PushConfig {
-  control::PlannerOptions planner{};
-  control::PlanningModelOptions model{};
-  Seconds plan_period{0.06};  // A plan begins so long after the one before it.
-  Seconds plan_delay{0.048};  // A plan is followed so long after its begin, unless it took longer.
-  double pose_gain{0.5};      // Share of a pose's deviation that corrects the estimate.
-  PushWeights placing{10, 1, 2};
-  PushWeights turning{15, 3, 1};
-  PushWeights moving{30, 0.2, 0.7};
-  Seconds weights_time{3.0};  // Time after which `placing` and `turning` change places.
-  double far{0.05};           // Distance at which the object is moved rather than turned [m].
-  double near{0.02};          // Distance at which it is turned again [m].
-  double tip_distance{
-      0.046};               // Distance of a tip's centre from the object's that costs nothing [m].
-  double target_cost{0.1};  // Of targets away from the joints, squared [1/rad^2].
-  double speed_cost{0.7};   // Of the object's speed, squared [s^2/m^2].
-  double spin_cost{0.002};  // Of its angular speed, squared [s^2/rad^2].
-  double retreat_distance{0.085};  // Distance of tips that have left the object [m].
+  control::PlannerOptions planner;
+  control::PlanningModelOptions model;
+  Seconds plan_period;  // A plan begins so long after the one before it.
+  Seconds plan_delay;   // A plan is followed so long after its begin, unless it took longer.
+  double pose_gain;     // Share of a pose's deviation that corrects the estimate.
+  PushWeights placing;
+  PushWeights turning;
+  PushWeights moving;
+  Seconds weights_time;     // Time after which `placing` and `turning` change places.
+  double far;               // Distance at which the object is moved rather than turned [m].
+  double near;              // Distance at which it is turned again [m].
+  double tip_distance;      // Of a tip's centre from the object's that costs nothing [m].
+  double target_cost;       // Of targets away from the joints, squared [1/rad^2].
+  double speed_cost;        // Of the object's speed, squared [s^2/m^2].
+  double spin_cost;         // Of its angular speed, squared [s^2/rad^2].
+  double retreat_distance;  // Distance of tips that have left the object [m].
 };
 
 // Pushes an object on a table to where it shall be, with sampling-based predictive control: no

@@ -22,24 +22,24 @@ namespace trifinger::manipulation {
 // Settings of the skills that push an object on the table to poses. config/skills/pushing.yml
 // documents them as a file.
 struct ReposeConfig {
-  std::string object{"cube"};
-  Seconds max_duration{60};
-  Seconds look_time{0.3};
-  double position_tolerance{0.01};    // [m]
-  double orientation_tolerance{0.1};  // [rad]
-  double closeness{0.6};
-  Seconds settle_time{0.15};
-  Seconds leave_time{1.5};
-  Seconds stuck_time{8.0};
-  double fetch_distance{0.06};  // [m]
-  PushConfig push{};
+  std::string object;
+  Seconds max_duration;
+  Seconds look_time;
+  double position_tolerance;
+  double orientation_tolerance;
+  double closeness;
+  Seconds settle_time;
+  Seconds leave_time;
+  Seconds stuck_time;
+  double fetch_distance;
+  PushConfig push;
   // How the object is carried for the last part of the way; without it, it is only pushed.
-  std::optional<CarrierConfig> carry{};
+  std::optional<CarrierConfig> carry;
 };
 
 // Reads what these skills share. Throws config::ConfigError.
 [[nodiscard]] ReposeConfig read_repose(const config::Node& root);
-// Reads how an object is carried. Throws config::ConfigError, and what `load_grasping` throws.
+// Reads how an object is carried. Throws config::ConfigError, InvalidArgument, SystemError.
 [[nodiscard]] CarrierConfig read_carrier(const SkillContext& context, const config::Node& section,
                                          const std::string& object);
 // Reads the name of a face: its normal in the object's frame. Throws config::ConfigError.

@@ -25,6 +25,7 @@ constexpr int kPointsOfLead = 3;
 constexpr int kPointsOfLine = 8;  // Even: the middle is fastest.
 constexpr int kPointsOfTurn = 16;
 constexpr int kPointsOfCarrying = 14;
+constexpr double kLedHeight = 0.003;  // Above the table, of an object that was led [m].
 constexpr Seconds kShortestCarrying{0.4};
 
 Pose raised(Pose pose, double height) {
@@ -127,14 +128,14 @@ std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
 
 }  // namespace
 
-ObjectWay::ObjectWay(const Task& task, const LeadConfig& lead, const Pose& start, const Pose& begin,
+ObjectWay::ObjectWay(const Task& task, Seconds lead_time, const Pose& start, const Pose& begin,
                      double start_angle, double radius)
     : start_(start),
       begin_(begin),
       safe_height_(safe_height_of(task, radius)),
       follow_(follow_of(task, begin, start_angle, safe_height_)) {
-  if (!is_same(start, begin)) lead_.emplace(start, begin, lead.time);
-  follow_begin_ = lead_ ? lead.time : Seconds(0);
+  if (!is_same(start, begin)) lead_.emplace(start, begin, lead_time);
+  follow_begin_ = lead_ ? lead_time : Seconds(0);
   hold_begin_ =
       follow_begin_ + std::visit([](const auto& follow) { return follow.duration(); }, follow_);
   lower_begin_ = hold_begin_;
@@ -233,6 +234,8 @@ TaskPlanner::TaskPlanner(const RobotDescription& description, ManipulationConfig
 }
 
 std::vector<TaskPlanner::Place> TaskPlanner::places(const Pose& start) const {
+  // The way of a carried object turns it anyway.
+  if (std::holds_alternative<CarryTask>(config_.task)) return {{start, 0.0, 0.0}};
   std::vector<Place> places;
   for (const double turn : config_.lead.turns) {
     const double cost = config_.lead.turn_cost * std::abs(turn);
@@ -244,14 +247,11 @@ std::vector<TaskPlanner::Place> TaskPlanner::places(const Pose& start) const {
             slide->radius * Eigen::Vector2d(std::cos(angle), std::sin(angle));
         places.push_back({begin, angle, cost});
       }
-    } else if (std::holds_alternative<CarryTask>(config_.task)) {
-      // The way to the goal turns it anyway.
-      return {{start, 0.0, 0.0}};
     } else {
       for (const double distance : config_.lead.distances) {
         Pose begin = turned(start, turn);
         begin.position.head<2>() *= distance;
-        if (turn != 0.0 || distance != 1.0) begin.position.z() += config_.lead.height;
+        if (turn != 0.0 || distance != 1.0) begin.position.z() += kLedHeight;
         places.push_back({begin, 0.0, cost});
       }
     }
@@ -264,7 +264,8 @@ std::optional<Plan> TaskPlanner::plan(const Pose& start, std::span<const control
   double best_cost = 0.0;
   for (const Place& place : places(start)) {
     if (best && place.cost >= best_cost) continue;
-    const ObjectWay way(config_.task, config_.lead, start, place.begin, place.start_angle, radius_);
+    const ObjectWay way(config_.task, config_.lead.time, start, place.begin, place.start_angle,
+                        radius_);
     const auto grasp = planner_.plan(points_of(way, config_.task), tried);
     if (!grasp) continue;
     const double cost = place.cost + grasp->torque_share;
@@ -278,8 +279,7 @@ std::optional<Plan> TaskPlanner::plan(const Pose& start, std::span<const control
 double reachable_height(const RobotDescription& description, ManipulationConfig config) {
   constexpr int kYaws = 18;  // Over a quarter of a turn: after it a cube looks the same.
   constexpr double kStep = 0.005;
-  auto& task = config.task.emplace<LiftTask>(
-      std::holds_alternative<LiftTask>(config.task) ? std::get<LiftTask>(config.task) : LiftTask{});
+  auto& task = std::get<LiftTask>(config.task);
   const auto object =
       std::ranges::find(description.objects, config.object, &ObjectDescription::name);
   if (object == description.objects.end())

@@ -16,58 +16,59 @@ namespace trifinger::manipulation {
 
 // Lifts the object along a vertical line, holds it, and lowers it.
 struct LiftTask {
-  double height{0.2};       // [m]
-  Seconds lift_time{3.0};   // Time from rest to rest.
-  Seconds hold_time{15.0};  // Time at the top.
-  Seconds lower_time{3.0};  // Time back to the table.
+  double height;       // [m]
+  Seconds lift_time;   // Time from rest to rest.
+  Seconds hold_time;   // Time at the top.
+  Seconds lower_time;  // Time back to the table.
 };
 
 // Slides the object over the table on a circle about the arena's centre.
 struct SlideTask {
-  double radius{0.05};     // [m]
-  double turns{3.0};       // Negative: clockwise.
-  Seconds period{4.0};     // Time of one turn.
-  Seconds ramp_time{1.0};  // Time from rest to full speed, and back.
-  // Share of the object's weight that stays on the table; the tips carry the rest.
-  double table_share{0.2};
-  int start_angles{12};  // Number of possible beginnings, evenly spread on the circle.
+  double radius;       // [m]
+  double turns;        // Negative: clockwise.
+  Seconds period;      // Time of one turn.
+  Seconds ramp_time;   // Time from rest to full speed, and back.
+  double table_share;  // Share of the object's weight that stays on the table.
+  int start_angles;    // Number of possible beginnings, evenly spread on the circle.
 };
 
 // Carries the object to a pose in the air, holds it there, and brings it back.
 struct CarryTask {
-  Pose goal{};
-  double speed{0.1};        // Mean speed on the way [m/s].
-  double turn_speed{0.6};   // Mean angular speed, if that takes longer [rad/s].
-  double clearance{0.004};  // Distance of the object from the table while it is turned [m].
-  Seconds hold_time{3.0};   // Time at the goal.
+  Pose goal;
+  double speed;       // Mean speed on the way [m/s].
+  double turn_speed;  // Mean angular speed, if that takes longer [rad/s].
+  double clearance;   // Distance of the object from the table while it is turned [m].
+  Seconds hold_time;  // Time at the goal.
 };
 
 using Task = std::variant<LiftTask, SlideTask, CarryTask>;
 
-// Where the object may be led, in the grasp of the task, before the task begins. From some places
-// no grasp reaches the whole way.
+// Where the object may be led, in the grasp of the task, before a lift or a slide begins. From some
+// places no grasp reaches the whole way.
 struct LeadConfig {
-  std::vector<double> turns{0.0};  // Angles by which it may be turned about the vertical [rad].
+  std::vector<double> turns;  // Angles by which it may be turned about the vertical [rad].
   // For a lift: distances from the arena's centre at which it may begin, as shares of the distance
   // at which the object lies.
-  std::vector<double> distances{1.0};
-  double height{0.003};  // For a lift: height above the table at the end of the way [m].
-  Seconds time{1.5};
-  double turn_cost{0.3};  // Cost of a turn by 1 rad, in shares of the motors' torque.
+  std::vector<double> distances;
+  double turn_cost;  // Cost of a turn by 1 rad, in shares of the motors' torque.
+  Seconds time;
 };
 
-// All settings of a manipulation. config/skills/lift.yml, slide.yml and
-// grasping.yml document them.
-struct ManipulationConfig {
-  std::string object{"cube"};  // Name of the object, a box.
-  Task task{};
-  LeadConfig lead{};
-  control::GraspPlannerConfig planner{};
-  control::GraspControllerConfig controller{};
-  double pose_bandwidth{1.5};   // Bandwidth of the pose estimate while the object is led [Hz].
-  Seconds look_time{0.3};       // Time over which poses of the resting object are averaged.
-  int max_grasps{3};            // Number of grasps, in case the object gets lost.
-  Seconds max_duration{120.0};  // Time for everything; the task is then given up.
+// How an object is grasped with three tips and held. config/skills/grasping.yml explains it.
+struct GraspingConfig {
+  std::string object;  // A box.
+  Seconds look_time;
+  double pose_bandwidth;
+  int max_grasps;
+  Seconds max_duration;
+  control::GraspPlannerConfig planner;
+  control::GraspControllerConfig controller;
+};
+
+// All settings of a manipulation: those of config/skills/lift.yml, slide.yml, or carry.yml.
+struct ManipulationConfig : GraspingConfig {
+  Task task;
+  LeadConfig lead;
 };
 
 // The parts of the object's way, one after the other.
@@ -82,11 +83,12 @@ enum class Leg {
 // The desired motion of the object from being held until its release, as a function of time.
 class ObjectWay {
  public:
-  // The way leads from `start`, where the object is held, to `begin` and through the task. A slide
+  // The way leads in `lead_time` from `start`, where the object is held, to `begin` and through the
+  // task. A slide
   // begins at `start_angle` of its circle, and `begin` must be there. `radius` is that of the
   // sphere around the object, which tells how high it must be to be tilted [m].
   // Throws InvalidArgument if a number makes no sense
-  ObjectWay(const Task& task, const LeadConfig& lead, const Pose& start, const Pose& begin,
+  ObjectWay(const Task& task, Seconds lead_time, const Pose& start, const Pose& begin,
             double start_angle = 0.0, double radius = 0.0);
 
   [[nodiscard]] Motion at(Seconds time) const noexcept;
@@ -152,8 +154,8 @@ class TaskPlanner {
   control::GraspPlanner planner_;
 };
 
-// The largest height to which an object in the arena's centre can be lifted, however it is turned,
-// in steps of 5 mm [m]. 0 if it cannot be lifted at all.
+// The largest height to which a lift brings an object in the arena's centre can be lifted, however
+// it is turned, in steps of 5 mm [m]. 0 if it cannot be lifted at all.
 [[nodiscard]] double reachable_height(const RobotDescription& description,
                                       ManipulationConfig config);
 

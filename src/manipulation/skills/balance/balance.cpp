@@ -12,6 +12,7 @@
 
 #include "parts/object_of.hpp"
 #include "parts/phase_clock.hpp"
+#include "parts/settings.hpp"
 #include "parts/tip_servo.hpp"
 #include "parts/tip_way.hpp"
 #include "parts/torque_action.hpp"
@@ -26,49 +27,44 @@ using config::Range;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+// config/skills/balance.yml explains every key.
 struct BalanceConfig {
   std::string object;
-  Seconds duration{10.0};
-  double place_weight{100.0};
-  double speed_weight{1.0};
-  double tilt_weight{0.0};
-  double farthest{0.05};
-  double largest_tilt{0.5};
-  Seconds longest_blind{0.3};
-  double height_stiffness{900.0};
-  double height_damping{60.0};
-  TiltObserverConfig observer{};
+  Seconds duration;
+  double largest_tilt;
+  double farthest;
+  Seconds longest_blind;
+  double tilt_weight;
+  double place_weight;
+  double speed_weight;
+  double height_stiffness;
+  double height_damping;
+  TiltObserverConfig observer;
 };
 
 BalanceConfig read_balance(const config::Node& root) {
-  const Range time{.unit = "s", .min = 0, .max = 86400, .above_min = true};
+  const Range time = above_zero("s", 86400);
   const Range weight{.min = 0, .max = 1e6};
-  BalanceConfig config;
-  config.object = root.required<std::string>("object");
-  config.duration = Seconds(root.required<double>("duration", time));
-  config.largest_tilt =
-      root.required<double>("largest_tilt", {.unit = "rad", .min = 0, .max = 1, .above_min = true});
-  config.farthest =
-      root.required<double>("farthest", {.unit = "m", .min = 0, .max = 0.3, .above_min = true});
-  config.longest_blind = Seconds(root.required<double>("longest_blind", time));
   const config::Node control = root.section("control");
-  config.tilt_weight = control.required<double>("tilt_weight", weight);
-  config.place_weight =
-      control.required<double>("place_weight", {.min = 0, .max = 1e6, .above_min = true});
-  config.speed_weight = control.required<double>("speed_weight", weight);
-  config.height_stiffness =
-      control.required<double>("height_stiffness", {.unit = "1/s^2", .min = 0, .max = 1e5});
-  config.height_damping =
-      control.required<double>("height_damping", {.unit = "1/s", .min = 0, .max = 1e3});
   const config::Node observer = root.section("observer");
-  config.observer.position_noise = observer.required<double>(
-      "position_noise", {.unit = "m", .min = 0, .max = 0.1, .above_min = true});
-  config.observer.tilt_noise = observer.required<double>(
-      "tilt_noise", {.unit = "rad", .min = 0, .max = 1, .above_min = true});
-  config.observer.disturbance =
-      observer.required<double>("disturbance", {.unit = "rad/s", .min = 0, .max = 100});
-  config.observer.drift = observer.required<double>("drift", {.unit = "m", .min = 0, .max = 1});
-  return config;
+  return {.object = root.required<std::string>("object"),
+          .duration = read_time(root, "duration", time),
+          .largest_tilt = root.required<double>("largest_tilt", above_zero("rad", 1)),
+          .farthest = root.required<double>("farthest", above_zero("m", 0.3)),
+          .longest_blind = read_time(root, "longest_blind", time),
+          .tilt_weight = control.required<double>("tilt_weight", weight),
+          .place_weight = control.required<double>("place_weight", above_zero("", 1e6)),
+          .speed_weight = control.required<double>("speed_weight", weight),
+          .height_stiffness =
+              control.required<double>("height_stiffness", {.unit = "1/s^2", .min = 0, .max = 1e5}),
+          .height_damping =
+              control.required<double>("height_damping", {.unit = "1/s", .min = 0, .max = 1e3}),
+          .observer = {
+              .position_noise = observer.required<double>("position_noise", above_zero("m", 0.1)),
+              .tilt_noise = observer.required<double>("tilt_noise", above_zero("rad", 1)),
+              .disturbance =
+                  observer.required<double>("disturbance", {.unit = "rad/s", .min = 0, .max = 100}),
+              .drift = observer.required<double>("drift", {.unit = "m", .min = 0, .max = 1})}};
 }
 
 // The gains of the acceleration of the tip on tilt, its rate, place and speed that minimise the

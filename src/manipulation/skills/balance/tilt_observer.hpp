@@ -51,10 +51,10 @@ struct TiltEstimate {
 };
 
 struct TiltObserverConfig {
-  double position_noise{1e-3};  // Standard deviations of measured poses [m], [rad].
-  double tilt_noise{0.01};
-  double disturbance{1.0};  // Of the rate of the tilt, in a second [rad/s].
-  double drift{2e-3};       // Of s, in a second [m].
+  double position_noise;  // Standard deviations of measured poses [m], [rad].
+  double tilt_noise;
+  double disturbance;  // Of the rate of the tilt, in a second [rad/s].
+  double drift;        // Of s, in a second [m].
 };
 
 // Estimates how the box stands from poses that are late: a Kalman filter at the time of the newest

@@ -16,6 +16,7 @@
 #include "parts/phase_clock.hpp"
 #include "parts/pose_average.hpp"
 #include "parts/repose.hpp"
+#include "parts/settings.hpp"
 #include "parts/torque_action.hpp"
 #include "parts/torque_figure.hpp"
 #include "skills/carry/carry_planner.hpp"
@@ -34,10 +35,10 @@ struct CarryConfig {
   ManipulationConfig handling;  // With a CarryTask.
   RestConfig rests;
   ReposeConfig pushing;
-  Seconds push_time{40.0};
-  int attempts{5};
-  double position_tolerance{0.01};     // For the mean pose while it was held [m].
-  double orientation_tolerance{0.26};  // [rad]
+  Seconds push_time;
+  int attempts;
+  double position_tolerance;  // For the mean pose while it was held [m].
+  double orientation_tolerance;
 };
 
 // Carries an object on the table to a pose in the air with three tips, holds it there, and brings
@@ -314,51 +315,36 @@ Pose read_goal(const Node& section) {
 }
 
 CarryConfig read_carry(const SkillContext& context, const Node& root) {
-  const Range time{.unit = "s", .min = 0, .max = 3600, .above_min = true};
-  const Range angle{.unit = "rad", .min = 0, .max = 1.6, .above_min = true};
-  const Range length{.unit = "m", .min = 0, .max = 0.3, .above_min = true};
-  const auto read_time = [&](const Node& section, std::string_view key) {
-    return Seconds(section.required<double>(key, time));
-  };
-  CarryConfig config;
-  config.pushing = read_repose(root);
-  config.push_time = read_time(root, "push_time");
-  config.attempts = root.required<int>("attempts", {.min = 1, .max = 100});
-
-  ManipulationConfig& handling = config.handling;
-  handling.object = config.pushing.object;
-  handling.look_time = config.pushing.look_time;
-  handling.max_duration = config.pushing.max_duration;
-  handling.max_grasps = 1;  // This skill counts them itself.
-  read_grasping(root, handling);
-  handling.planner.friction =
-      root.required<double>("planned_friction", {.min = 0, .max = 5, .above_min = true});
-
+  const Range angle = above_zero("rad", 1.6);
+  const Range length = above_zero("m", 0.3);
   const Node way = root.section("way");
-  CarryTask task;
-  task.goal = read_goal(root.section("goal"));
-  task.speed =
-      way.required<double>("speed", {.unit = "m/s", .min = 0, .max = 1, .above_min = true});
-  task.turn_speed =
-      way.required<double>("turn_speed", {.unit = "rad/s", .min = 0, .max = 10, .above_min = true});
-  task.clearance = way.required<double>("clearance", {.unit = "m", .min = 0, .max = 0.1});
   const Node hold = root.section("hold");
-  task.hold_time = read_time(hold, "time");
-  config.position_tolerance = hold.required<double>("position_tolerance", length);
-  config.orientation_tolerance = hold.required<double>("orientation_tolerance", angle);
-  handling.task = task;
-
   const Node rests = root.section("rests");
-  config.rests.largest_tilt = rests.required<double>("largest_tilt", angle);
-  config.rests.turns =
-      rests.required<std::vector<double>>("turns", {.unit = "rad", .min = -3.15, .max = 3.15});
-  config.rests.places = rests.required<std::vector<double>>("places", {.min = 0, .max = 2});
-  config.rests.farthest = rests.required<double>("farthest", length);
-  config.rests.spare_turn =
-      rests.required<double>("spare_turn", {.unit = "rad", .min = 0, .max = 1});
-  handling.planner.limits = context.limits;
-  handling.controller.limits = context.limits;
-  return config;
+  ReposeConfig pushing = read_repose(root);
+  GraspingConfig grasp = load_grasping(context, root, pushing.object);
+  grasp.look_time = pushing.look_time;
+  grasp.max_duration = pushing.max_duration;
+  return {.handling = {std::move(grasp),
+                       CarryTask{.goal = read_goal(root.section("goal")),
+                                 .speed = way.required<double>("speed", above_zero("m/s", 1)),
+                                 .turn_speed =
+                                     way.required<double>("turn_speed", above_zero("rad/s", 10)),
+                                 .clearance = way.required<double>(
+                                     "clearance", {.unit = "m", .min = 0, .max = 0.1}),
+                                 .hold_time = read_time(hold, "time")},
+                       {}},
+          .rests = {.largest_tilt = rests.required<double>("largest_tilt", angle),
+                    .turns = rests.required<std::vector<double>>(
+                        "turns", {.unit = "rad", .min = -3.15, .max = 3.15}),
+                    .places = rests.required<std::vector<double>>("places", {.min = 0, .max = 2}),
+                    .farthest = rests.required<double>("farthest", length),
+                    .spare_turn =
+                        rests.required<double>("spare_turn", {.unit = "rad", .min = 0, .max = 1})},
+          .pushing = std::move(pushing),
+          .push_time = read_time(root, "push_time"),
+          .attempts = root.required<int>("attempts", {.min = 1, .max = 100}),
+          .position_tolerance = hold.required<double>("position_tolerance", length),
+          .orientation_tolerance = hold.required<double>("orientation_tolerance", angle)};
 }
 
 }  // namespace

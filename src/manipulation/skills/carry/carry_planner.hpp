@@ -15,12 +15,11 @@ namespace trifinger::manipulation {
 // Where on the table an object may be brought before it is carried to a goal in the air.
 // config/skills/carry.yml documents them as a file.
 struct RestConfig {
-  double largest_tilt{1.0};        // Largest tilt of the goal from the resting object [rad].
-  std::vector<double> turns{0.0};  // From the resting object to the goal, about the vertical [rad].
-  std::vector<double> places{1.0};  // Distances from the arena's centre, as shares of the goal's.
-  double farthest{0.08};            // Largest of these distances [m].
-  double spare_turn{
-      0.1};  // How far the resting object may be turned from where it should be [rad].
+  double largest_tilt;         // Largest tilt of the goal from the resting object [rad].
+  std::vector<double> turns;   // From the resting object to the goal, about the vertical [rad].
+  std::vector<double> places;  // Distances from the arena's centre, as shares of the goal's.
+  double farthest;             // Largest of these distances [m].
+  double spare_turn;  // How far the resting object may be turned from where it should be [rad].
 };
 
 // A pose of an object on the table, and what it costs to bring the object there and to the goal.

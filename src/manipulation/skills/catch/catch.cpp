@@ -15,6 +15,7 @@
 
 #include "parts/object_of.hpp"
 #include "parts/phase_clock.hpp"
+#include "parts/settings.hpp"
 #include "parts/tips_drive.hpp"
 #include "skills/makers.hpp"
 #include "trifinger/base/error.hpp"
@@ -49,32 +50,26 @@ struct CatchConfig {
 };
 
 CatchConfig read_catch(const Node& root) {
-  const Range time_range{.unit = "s", .min = 0, .max = 60, .above_min = true};
-  const Range length{.unit = "m", .min = 0, .max = 1, .above_min = true};
-  const auto time = [&](std::string_view key) {
-    return Seconds(root.required<double>(key, time_range));
-  };
+  const Range time = above_zero("s", 60);
+  const Range length = above_zero("m", 1);
   CatchConfig config{
       .object = root.required<std::string>("object"),
-      .wait_time = time("wait_time"),
-      .approach_speed = root.required<double>(
-          "approach_speed", {.unit = "m/s", .min = 0, .max = 1, .above_min = true}),
+      .wait_time = read_time(root, "wait_time", time),
+      .approach_speed = root.required<double>("approach_speed", above_zero("m/s", 1)),
       .height = root.required<double>("height", length),
       .open_radius = root.required<double>("open_radius", length),
       .closed_radius = root.required<double>("closed_radius", length),
       .reach = root.required<double>("reach", length),
-      .closing_time = time("closing_time"),
-      .closing_lead = time("closing_lead"),
-      .follow_rate = root.required<double>(
-          "follow_rate", {.unit = "1/s", .min = 0, .max = 200, .above_min = true}),
+      .closing_time = read_time(root, "closing_time", time),
+      .closing_lead = read_time(root, "closing_lead", time),
+      .follow_rate = root.required<double>("follow_rate", above_zero("1/s", 200)),
       .yield = root.required<double>("yield", {.min = 0, .max = 1}),
-      .yield_time = time("yield_time"),
+      .yield_time = read_time(root, "yield_time", time),
       .hold_force = root.required<double>("hold_force", {.unit = "N", .min = 0, .max = 5}),
-      .hold_time = time("hold_time"),
+      .hold_time = read_time(root, "hold_time", time),
       .lost_distance = root.required<double>("lost_distance", length),
       .tips = {
-          .stiffness = root.required<double>(
-              "tip_stiffness", {.unit = "N/m", .min = 0, .max = 5000, .above_min = true}),
+          .stiffness = root.required<double>("tip_stiffness", above_zero("N/m", 5000)),
           .damping = root.required<double>("tip_damping", {.unit = "Ns/m", .min = 0, .max = 100})}};
   if (!(config.closed_radius < config.open_radius))
     throw InvalidArgument("closed_radius is not below open_radius");

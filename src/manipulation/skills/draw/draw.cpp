@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "parts/object_of.hpp"
+#include "parts/settings.hpp"
 #include "parts/tips_skill.hpp"
 #include "parts/torque_figure.hpp"
 #include "parts/towards.hpp"
@@ -50,36 +51,36 @@ constexpr double kMostTilt = 0.35;      // [rad]
 constexpr double kSafePress = 5.0;      // Largest force of a tip on the pen [N].
 const Vector3d kDown = -Vector3d::UnitZ();
 
+// config/skills/draw.yml explains every key.
 struct DrawConfig {
   std::string object;
-  double holder_height{0.03};
-  double hole{0.014};
-  Drawing lines;  // In the world frame.
-  Paper paper;
-  Seconds look_time{0.4};
-  Seconds max_duration{180.0};
-  double approach_speed{0.15};
-  PenGripConfig grip{};
-  double closing_force{0.3};
-  double closing_damping{15.0};
-  double friction{0.5};
-  control::TipGains tips{.stiffness = 600.0, .damping = 8.0};
-  double carry_clearance{0.015};
-  double carry_speed{0.06};
-  double holder_speed{0.03};
-  double line_speed{0.02};
-  Seconds ramp{0.2};
-  double press{0.15};
-  double paper_friction{0.5};
-  double hop{0.006};
-  double hop_speed{0.04};
-  double sight_gain{2.0};
-  double nib_gain{10.0};
-  double tilt_gain{10.0};
+  double holder_height;
+  double hole;
+  WantedDrawing wanted;
+  Seconds look_time;
+  Seconds max_duration;
+  double approach_speed;
+  PenGripConfig grip;
+  double closing_force;
+  double closing_damping;
+  double friction;
+  control::TipGains tips;
+  double carry_clearance;
+  double carry_speed;
+  double holder_speed;
+  double line_speed;
+  Seconds ramp;
+  double press;
+  double paper_friction;
+  double hop;
+  double hop_speed;
+  double sight_gain;
+  double nib_gain;
+  double tilt_gain;
 };
 
 WantedDrawing read_drawing(const config::Node& root) {
-  const Range length{.unit = "m", .min = 0, .max = 0.3, .above_min = true};
+  const Range length = above_zero("m", 0.3);
   WantedDrawing wanted;
   const config::Node paper = root.section("paper");
   const auto centre =
@@ -90,59 +91,52 @@ WantedDrawing read_drawing(const config::Node& root) {
                   .turn = paper.required<double>("turn", {.unit = "rad", .min = -10, .max = 10})};
   const auto word = root.required<std::string>("word");
   const auto strokes = root.required<std::string>("strokes");
-  const auto height = root.required<double>("letter_height",
-                                            {.unit = "m", .min = 0, .max = 0.1, .above_min = true});
+  const auto height = root.required<double>("letter_height", above_zero("m", 0.1));
   wanted.lines =
       placed(strokes == "none" ? written(word, height) : load_strokes(strokes), wanted.paper);
   return wanted;
 }
 
 DrawConfig read_draw(const config::Node& root) {
-  const Range length{.unit = "m", .min = 0, .max = 0.3, .above_min = true};
-  const Range speed{.unit = "m/s", .min = 0, .max = 1, .above_min = true};
-  const Range force{.unit = "N", .min = 0, .max = 5, .above_min = true};
-  const Range time{.unit = "s", .min = 0, .max = 3600, .above_min = true};
-  const Range damping{.unit = "Ns/m", .min = 0, .max = 100, .above_min = true};
-  DrawConfig config;
-  config.object = root.required<std::string>("object");
+  const Range length = above_zero("m", 0.3);
+  const Range speed = above_zero("m/s", 1);
+  const Range force = above_zero("N", 5);
+  const Range damping = above_zero("Ns/m", 100);
   const config::Node holder = root.section("holder");
-  config.holder_height = holder.required<double>("height", length);
-  config.hole = holder.required<double>("hole", length);
-  WantedDrawing wanted = read_drawing(root);
-  config.lines = std::move(wanted.lines);
-  config.paper = wanted.paper;
-  config.look_time = Seconds(root.required<double>("look_time", time));
-  config.max_duration = Seconds(root.required<double>("max_duration", time));
   const config::Node approach = root.section("approach");
-  config.approach_speed = approach.required<double>("speed", speed);
-  config.grip.clearance = approach.required<double>("clearance", length);
-  config.grip.detour = approach.required<double>("detour", length);
   const config::Node grip = root.section("grip");
-  config.grip.height = grip.required<double>("height", length);
-  config.grip.spread = grip.required<double>("spread", length);
-  config.closing_force = grip.required<double>("closing_force", force);
-  config.closing_damping = grip.required<double>("damping", damping);
-  config.grip.force = grip.required<double>("force", force);
-  config.friction = grip.required<double>("friction", {.min = 0, .max = 5, .above_min = true});
-  config.tips.stiffness = grip.required<double>(
-      "tip_stiffness", {.unit = "N/m", .min = 0, .max = 5000, .above_min = true});
-  config.tips.damping = grip.required<double>("tip_damping", damping);
   const config::Node carry = root.section("carry");
-  config.carry_clearance = carry.required<double>("clearance", length);
-  config.carry_speed = carry.required<double>("speed", speed);
-  config.holder_speed = carry.required<double>("holder_speed", speed);
   const config::Node line = root.section("line");
-  config.line_speed = line.required<double>("speed", speed);
-  config.ramp = Seconds(line.required<double>("ramp", time));
-  config.press = line.required<double>("force", force);
-  config.paper_friction = line.required<double>("friction", {.min = 0, .max = 5});
-  config.hop = line.required<double>("hop", length);
-  config.hop_speed = line.required<double>("hop_speed", speed);
   const config::Node feedback = root.section("feedback");
-  config.sight_gain = feedback.required<double>("sight", {.unit = "1/s", .min = 0, .max = 20});
-  config.nib_gain = feedback.required<double>("nib", {.unit = "1/s", .min = 0, .max = 100});
-  config.tilt_gain = feedback.required<double>("tilt", {.unit = "1/s", .min = 0, .max = 100});
-  return config;
+  return {.object = root.required<std::string>("object"),
+          .holder_height = holder.required<double>("height", length),
+          .hole = holder.required<double>("hole", length),
+          .wanted = read_drawing(root),
+          .look_time = read_time(root, "look_time"),
+          .max_duration = read_time(root, "max_duration"),
+          .approach_speed = approach.required<double>("speed", speed),
+          .grip = {.height = grip.required<double>("height", length),
+                   .spread = grip.required<double>("spread", length),
+                   .force = grip.required<double>("force", force),
+                   .clearance = approach.required<double>("clearance", length),
+                   .detour = approach.required<double>("detour", length)},
+          .closing_force = grip.required<double>("closing_force", force),
+          .closing_damping = grip.required<double>("damping", damping),
+          .friction = grip.required<double>("friction", above_zero("", 5)),
+          .tips = {.stiffness = grip.required<double>("tip_stiffness", above_zero("N/m", 5000)),
+                   .damping = grip.required<double>("tip_damping", damping)},
+          .carry_clearance = carry.required<double>("clearance", length),
+          .carry_speed = carry.required<double>("speed", speed),
+          .holder_speed = carry.required<double>("holder_speed", speed),
+          .line_speed = line.required<double>("speed", speed),
+          .ramp = read_time(line, "ramp"),
+          .press = line.required<double>("force", force),
+          .paper_friction = line.required<double>("friction", {.min = 0, .max = 5}),
+          .hop = line.required<double>("hop", length),
+          .hop_speed = line.required<double>("hop_speed", speed),
+          .sight_gain = feedback.required<double>("sight", {.unit = "1/s", .min = 0, .max = 20}),
+          .nib_gain = feedback.required<double>("nib", {.unit = "1/s", .min = 0, .max = 100}),
+          .tilt_gain = feedback.required<double>("tilt", {.unit = "1/s", .min = 0, .max = 100})};
 }
 
 enum class DrawPhase : std::uint8_t {
@@ -179,7 +173,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
         pen_radius_(pen_.size[1] / 2),
         reach_(pen_.size[0] / 2 - pen_radius_),
         radii_(pen_radius_ + servo_.tip_radius()) {
-    for (const PenStroke& stroke : config_.lines)
+    for (const PenStroke& stroke : config_.wanted.lines)
       strokes_.push_back(parts_of(stroke, config_.line_speed, config_.ramp));
   }
 
@@ -415,7 +409,7 @@ void Draw::make_up(Seconds elapsed) noexcept {
 void Draw::plan() {
   std::vector<Vector3d> nibs{above_holder(travel_height())};
   Eigen::AlignedBox2d box;
-  for (const PenStroke& stroke : config_.lines)
+  for (const PenStroke& stroke : config_.wanted.lines)
     for (const Eigen::Vector2d& point : stroke) box.extend(point);
   for (const auto corner : {Eigen::AlignedBox2d::BottomLeft, Eigen::AlignedBox2d::BottomRight,
                             Eigen::AlignedBox2d::TopLeft, Eigen::AlignedBox2d::TopRight})
@@ -765,13 +759,13 @@ Drawing Draw::smoothed(std::span<const SeenPose> poses) const {
     for (std::size_t i = first; i < end; i += every) mean.add(poses[i].pose);
     means.push_back({seen.step, mean.count() > 0 ? mean.mean() : seen.pose});
   }
-  return drawn_by(pen_, means, config_.paper, kTouch);
+  return drawn_by(pen_, means, config_.wanted.paper, kTouch);
 }
 
 std::vector<Figure> Draw::figures(const SkillTrace& trace, std::span<const SeenPose> poses) const {
   const double time = trace.period.count() * static_cast<double>(trace.steps.size());
   const Drawing drawn = smoothed(poses);
-  const DrawingError error = compare(config_.lines, drawn);
+  const DrawingError error = compare(config_.wanted.lines, drawn);
   return {{.name = "time", .value = time, .unit = "s", .meaning = "from the first step to the end"},
           torque_share_figure(trace),
           {.name = "line_rms",
@@ -796,8 +790,9 @@ std::vector<Figure> Draw::figures(const SkillTrace& trace, std::span<const SeenP
 std::vector<ReportFile> Draw::report_files(const SkillTrace& /*trace*/,
                                            std::span<const SeenPose> poses) const {
   const Drawing drawn = smoothed(poses);
-  return {{.name = "drawing.csv", .text = csv_of(config_.lines, drawn)},
-          {.name = "drawing.svg", .text = svg_of(config_.lines, drawn, config_.paper)}};
+  return {
+      {.name = "drawing.csv", .text = csv_of(config_.wanted.lines, drawn)},
+      {.name = "drawing.svg", .text = svg_of(config_.wanted.lines, drawn, config_.wanted.paper)}};
 }
 
 }  // namespace

@@ -19,9 +19,9 @@ using Drawing = std::vector<PenStroke>;
 
 // A sheet on the table.
 struct Paper {
-  Eigen::Vector2d centre{Eigen::Vector2d::Zero()};  // [m]
-  Eigen::Vector2d size{0.1, 0.05};                  // Along the lines of writing, and across [m].
-  double turn{0.0};  // Direction of the lines of writing, from x towards y [rad].
+  Eigen::Vector2d centre;  // [m]
+  Eigen::Vector2d size;    // Along the lines of writing, and across [m].
+  double turn;             // Direction of the lines of writing, from x towards y [rad].
 
   [[nodiscard]] bool contains(const Eigen::Vector2d& point) const noexcept;
 };

@@ -14,11 +14,11 @@ namespace trifinger::manipulation {
 // How three tips hold a pen. The first presses from one side; the two others press from the other
 // side, above and below it.
 struct PenGripConfig {
-  double height{0.07};     // From the nib to the first tip, along the pen [m].
-  double spread{0.025};    // From this height to each of the two others, along the pen [m].
-  double force{1.0};       // The first tip presses with it [N].
-  double clearance{0.03};  // Between tips and pen, before and after [m].
-  double detour{0.065};    // Distance from the pen at which tips pass around it [m].
+  double height;     // From the nib to the first tip, along the pen [m].
+  double spread;     // From this height to each of the two others, along the pen [m].
+  double force;      // The first tip presses with it [N].
+  double clearance;  // Between tips and pen, before and after [m].
+  double detour;     // Distance from the pen at which tips pass around it [m].
 };
 
 // The axis of a pen: a line from the centre of its round nib.

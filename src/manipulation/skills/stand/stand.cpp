@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "parts/pinched_handling.hpp"
 #include "skills/makers.hpp"
@@ -33,9 +32,7 @@ class Stand final : public PinchedHandling {
 }  // namespace
 
 std::unique_ptr<Skill> make_stand(const SkillContext& context, const config::Node& root) {
-  PinchedHandlingConfig config = read_pinched_handling(root);
-  config.across_longest = true;
-  return std::make_unique<Stand>(context, std::move(config));
+  return std::make_unique<Stand>(context, read_pinched_handling(root, true));
 }
 
 }  // namespace trifinger::manipulation

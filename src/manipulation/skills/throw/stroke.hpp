@@ -14,10 +14,10 @@ using control::Seconds;
 // A fast motion of all joints that was found or recorded in advance: targets at even times, with
 // straight lines between them.
 struct Stroke {
-  Seconds spacing{0.025};            // From one target to the next.
+  Seconds spacing;                   // From one target to the next.
   std::vector<JointValues> targets;  // [rad]; the first is where the stroke begins.
-  double stiffness{15.0};            // Of the joints about their targets [Nm/rad].
-  double damping{0.02};              // Of the joints about the targets' velocity [Nms/rad].
+  double stiffness;                  // Of the joints about their targets [Nm/rad].
+  double damping;                    // Of the joints about the targets' velocity [Nms/rad].
 
   // Time from the first target to the last.
   [[nodiscard]] Seconds duration() const noexcept {

@@ -13,6 +13,7 @@
 
 #include "parts/object_of.hpp"
 #include "parts/phase_clock.hpp"
+#include "parts/settings.hpp"
 #include "skills/makers.hpp"
 #include "skills/throw/stroke.hpp"
 #include "trifinger/base/error.hpp"
@@ -43,19 +44,17 @@ struct ThrowConfig {
 };
 
 ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
-  const Range time{.unit = "s", .min = 0, .max = 60, .above_min = true};
-  const Range length{.unit = "m", .min = 0, .max = 1, .above_min = true};
+  const Range time = above_zero("s", 60);
+  const Range length = above_zero("m", 1);
   ThrowConfig config{
       .object = root.required<std::string>("object"),
-      .wait_time = Seconds(root.required<double>("wait_time", time)),
-      .centre_time = Seconds(root.required<double>("centre_time", time)),
-      .watch_time = Seconds(root.required<double>("watch_time", time)),
-      .approach_speed = root.required<double>(
-          "approach_speed", {.unit = "rad/s", .min = 0, .max = 5, .above_min = true}),
+      .wait_time = read_time(root, "wait_time", time),
+      .centre_time = read_time(root, "centre_time", time),
+      .watch_time = read_time(root, "watch_time", time),
+      .approach_speed = root.required<double>("approach_speed", above_zero("rad/s", 5)),
       .cradle_distance = root.required<double>("cradle_distance", length),
       .centre_distance = root.required<double>("centre_distance", length),
-      .rest_speed = root.required<double>("rest_speed",
-                                          {.unit = "m/s", .min = 0, .max = 1, .above_min = true}),
+      .rest_speed = root.required<double>("rest_speed", above_zero("m/s", 1)),
       .feedback = root.required<double>("feedback", {.unit = "1/s", .min = 0, .max = 20}),
       .least_distance = root.required<double>("least_distance", {.unit = "m", .min = 0, .max = 10}),
       .stroke = {},
@@ -67,10 +66,9 @@ ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
   for (const std::string_view known : {"usual", "far"}) {
     const Node section = root.section("strokes").section(known);
     Stroke stroke{
-        .spacing = Seconds(section.required<double>("spacing", time)),
+        .spacing = read_time(section, "spacing", time),
         .targets = {},
-        .stiffness = section.required<double>(
-            "stiffness", {.unit = "Nm/rad", .min = 0, .max = 50, .above_min = true}),
+        .stiffness = section.required<double>("stiffness", above_zero("Nm/rad", 50)),
         .damping = section.required<double>("damping", {.unit = "Nms/rad", .min = 0, .max = 0.5})};
     for (const Node& target : section.at("targets", "rad").items()) {
       const auto joints =
