@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -14,7 +15,7 @@
 #include <vector>
 
 #include "parts/object_of.hpp"
-#include "parts/phase_clock.hpp"
+#include "parts/phased.hpp"
 #include "parts/settings.hpp"
 #include "parts/tips_drive.hpp"
 #include "skills/makers.hpp"
@@ -76,12 +77,14 @@ CatchConfig read_catch(const Node& root) {
   return config;
 }
 
+enum class CatchPhase : std::uint8_t { kApproach, kWait, kClose, kHold, kDone, kFailed };
+
 // Catches a ball that falls or flies towards the fingers of a flipped robot.
-class Catch final : public Skill {
+class Catch final : public Skill, public Phased<Catch, CatchPhase> {
  public:
   Catch(const SkillContext& context, CatchConfig config)
-      : config_(std::move(config)),
-        clock_(context.period),
+      : Phased(context.period),
+        config_(std::move(config)),
         drive_(context.description, context.limits, config_.tips),
         ball_(object_of(context.description, config_.object, ObjectShape::kBall)) {
     if (!context.description.flipped)
@@ -96,6 +99,7 @@ class Catch final : public Skill {
       outward_[i] = {std::cos(azimuth), std::sin(azimuth), 0.0};
     }
     radius_ = config_.open_radius;
+    phase_ = Phase::kWait;
     note();
   }
 
@@ -121,19 +125,17 @@ class Catch final : public Skill {
     const Seconds elapsed = clock_.advance(step);
     drive_.sense(joints);
     if (!has_begun_) find_way();
-    follow_phases();
+    follow_phases(elapsed);
     move(elapsed);
     note();
     return action_;
   }
 
   void stop() noexcept override {
-    is_stopped_ = true;
     // A ball that is in the air is caught, one that is held stays held.
-    if (phase_ == Phase::kApproach || phase_ == Phase::kWait || phase_ == Phase::kHold) {
-      end("it was stopped");
-      note();
-    }
+    is_stopped_ = true;
+    stop_phase("it was stopped");
+    note();
   }
 
   [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
@@ -141,7 +143,7 @@ class Catch final : public Skill {
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
                                             std::span<const SeenPose> poses) const override {
     std::vector<Figure> figures;
-    const auto hold = std::ranges::find(trace.steps, name_of(Phase::kHold), &SkillStep::phase);
+    const auto hold = std::ranges::find(trace.steps, row_of(Phase::kHold).name, &SkillStep::phase);
     if (hold == trace.steps.end()) return figures;
     // The flight until the ball met the tips.
     const TimeIndex met = hold->step - static_cast<TimeIndex>(kUntilHold / trace.period) -
@@ -171,12 +173,11 @@ class Catch final : public Skill {
   }
 
  private:
-  enum class Phase { kApproach, kWait, kClose, kHold, kDone, kFailed };
-  static constexpr std::array<std::string_view, 6> kPhaseNames{"approach", "wait", "close",
-                                                               "hold",     "done", "failed"};
-  static constexpr std::string_view name_of(Phase phase) noexcept {
-    return kPhaseNames[static_cast<std::size_t>(phase)];
-  }
+  using Phase = CatchPhase;
+  using enum CatchPhase;
+  friend Phased;
+  static const std::array<Row, 6> kPhases;
+
   static constexpr Seconds kNever{std::numeric_limits<double>::infinity()};
   static constexpr Seconds kMaxApproach{10};
   static constexpr Seconds kUntilHold{0.08};         // From the contact to the hold.
@@ -187,10 +188,6 @@ class Catch final : public Skill {
   static constexpr double kAtStart = 0.01;           // Tips so near need no approach [m].
   static constexpr std::size_t kEnough = 4;          // Poses that make a flight.
 
-  void enter(Phase phase) noexcept {
-    phase_ = phase;
-    clock_.begin_phase();
-  }
   void end(std::string_view failure) noexcept {
     failure_ = failure;
     enter(failure.empty() ? Phase::kDone : Phase::kFailed);
@@ -220,45 +217,37 @@ class Catch final : public Skill {
     return Arrival{*time, there.position.head<2>(), there.velocity};
   }
 
-  void follow_phases() noexcept {
+  [[nodiscard]] bool is_at_start() const noexcept { return clock_.in_phase() >= approach_time_; }
+
+  void wait(Seconds /*elapsed*/) noexcept {
     const auto coming = arrival();
-    switch (phase_) {
-      case Phase::kApproach:
-        if (clock_.in_phase() >= approach_time_) enter(Phase::kWait);
-        break;
-      case Phase::kWait:
-        if (coming && flight_.count() >= kEnough) aim(*coming);
-        if (coming && flight_.count() >= kEnough && is_coming(*coming) &&
-            clock_.now() >= coming->time - config_.closing_lead) {
-          contact_ = coming->time;
-          close_begin_ = clock_.now();
-          enter(Phase::kClose);
-        } else if (clock_.in_phase() >= config_.wait_time) {
-          end(is_seen_ ? "no ball came down to the fingers" : "nobody has said where the ball is");
-        }
-        break;
-      case Phase::kClose:
-        if (coming && clock_.now() < contact_ - kBeforeContact) {
-          contact_ = coming->time;
-          aim(*coming);
-        }
-        if (clock_.now() >= contact_ + kUntilHold) {
-          place_ = expected();
-          last_good_ = clock_.now();
-          hold_begin_ = clock_.now();
-          enter(Phase::kHold);
-        }
-        break;
-      case Phase::kHold:
-        follow_hold();
-        break;
-      case Phase::kDone:
-      case Phase::kFailed:
-        break;
+    if (coming && flight_.count() >= kEnough) {
+      aim(*coming);
+      if (is_coming(*coming) && clock_.now() >= coming->time - config_.closing_lead) {
+        contact_ = coming->time;
+        close_begin_ = clock_.now();
+        enter(Phase::kClose);
+        return;
+      }
     }
+    if (clock_.in_phase() >= config_.wait_time)
+      end(is_seen_ ? "no ball came down to the fingers" : "nobody has said where the ball is");
   }
 
-  void follow_hold() noexcept {
+  void close(Seconds /*elapsed*/) noexcept {
+    const auto coming = arrival();
+    if (!coming || clock_.now() >= contact_ - kBeforeContact) return;
+    contact_ = coming->time;
+    aim(*coming);
+  }
+  [[nodiscard]] bool has_met() const noexcept { return clock_.now() >= contact_ + kUntilHold; }
+
+  void begin_hold() noexcept {
+    place_ = expected();
+    last_good_ = hold_begin_ = clock_.now();
+  }
+
+  void hold(Seconds /*elapsed*/) noexcept {
     const bool is_there = (place_ - expected()).norm() < config_.lost_distance;
     if (is_there && clock_.now() - last_seen_ < kLostTime) last_good_ = clock_.now();
     if (clock_.now() - last_good_ > kLostTime) {
@@ -349,7 +338,7 @@ class Catch final : public Skill {
   }
 
   void note() noexcept {
-    state_.phase = name_of(phase_);
+    state_.phase = row_of(phase_).name;
     state_.has_ended = phase_ == Phase::kDone || phase_ == Phase::kFailed;
     state_.failure = failure_;
     state_.desired = {.pose = {.position = expected()}};
@@ -364,13 +353,11 @@ class Catch final : public Skill {
   }
 
   CatchConfig config_;
-  PhaseClock clock_;
   TipsDrive drive_;
   ObjectDescription ball_;
   double rest_height_{0.0};  // Of a ball on the closed tips [m].
   TipsDrive::Points outward_{};
 
-  Phase phase_{Phase::kWait};
   std::string_view failure_;
   bool has_begun_{false};
   bool is_stopped_{false};
@@ -403,6 +390,16 @@ class Catch final : public Skill {
   TriFinger::Action action_;
   SkillState state_;
 };
+
+constinit const std::array<Catch::Row, 6> Catch::kPhases{{
+    // name, when it is stopped, done, next, entry, during
+    {"approach", &Catch::end, &Catch::is_at_start, kWait},
+    {"wait", &Catch::end, nullptr, kClose, nullptr, &Catch::wait},
+    {"close", nullptr, &Catch::has_met, kHold, &Catch::begin_hold, &Catch::close},
+    {"hold", &Catch::end, nullptr, kDone, nullptr, &Catch::hold},
+    {"done"},
+    {"failed"},
+}};
 
 }  // namespace
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,7 +13,7 @@
 #include <vector>
 
 #include "parts/object_of.hpp"
-#include "parts/phase_clock.hpp"
+#include "parts/phased.hpp"
 #include "parts/settings.hpp"
 #include "skills/makers.hpp"
 #include "skills/throw/stroke.hpp"
@@ -97,14 +98,16 @@ ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
   return config;
 }
 
+enum class ThrowPhase : std::uint8_t { kApproach, kWait, kCentre, kThrow, kWatch, kDone, kFailed };
+
 // Throws a ball that lies on the tips.
-class Throw final : public Skill {
+class Throw final : public Skill, public Phased<Throw, ThrowPhase> {
  public:
   Throw(const SkillContext& context, ThrowConfig config)
-      : config_(std::move(config)),
+      : Phased(context.period),
+        config_(std::move(config)),
         limits_(context.limits),
         kinematics_(context.description),
-        clock_(context.period),
         ball_(object_of(context.description, config_.object, ObjectShape::kBall)),
         correction_(Eigen::Vector3d::Zero()),
         last_targets_(config_.stroke.targets.front()),
@@ -117,6 +120,7 @@ class Throw final : public Skill {
     const TipPositions forces = weight.replicate<3, 1>();
     weight_ = -kinematics_.tip_jacobians().transpose() * forces;
     jacobians_ = kinematics_.tip_jacobians();
+    phase_ = Phase::kWait;
     set_state();
   }
 
@@ -148,7 +152,7 @@ class Throw final : public Skill {
       TimeIndex step, const control::JointState& joints) noexcept override {
     const Seconds elapsed = clock_.advance(step);
     if (!has_begun_) begin_at(joints);
-    follow_phases();
+    follow_phases(elapsed);
     act(elapsed, joints);
     set_state();
     return action_;
@@ -157,17 +161,16 @@ class Throw final : public Skill {
   void stop() noexcept override {
     // A stroke takes less time than to stop the ball safely.
     is_stopped_ = true;
-    if (phase_ != Phase::kThrow && phase_ != Phase::kWatch && !state_.has_ended) {
-      end("it was stopped");
-      set_state();
-    }
+    stop_phase("it was stopped");
+    set_state();
   }
 
   [[nodiscard]] const SkillState& state() const noexcept override { return state_; }
 
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
                                             std::span<const SeenPose> poses) const override {
-    const auto watch = std::ranges::find(trace.steps, name_of(Phase::kWatch), &SkillStep::phase);
+    const auto watch =
+        std::ranges::find(trace.steps, row_of(Phase::kWatch).name, &SkillStep::phase);
     control::BallisticEstimator flight(kFlightTolerance);
     if (watch != trace.steps.end()) {
       const TimeIndex first = watch->step + static_cast<TimeIndex>(kReleaseTime / trace.period);
@@ -193,12 +196,10 @@ class Throw final : public Skill {
   }
 
  private:
-  enum class Phase { kApproach, kWait, kCentre, kThrow, kWatch, kDone, kFailed };
-  static constexpr std::array<std::string_view, 7> kPhaseNames{
-      "approach", "wait", "centre", "throw", "watch", "done", "failed"};
-  static constexpr std::string_view name_of(Phase phase) noexcept {
-    return kPhaseNames[static_cast<std::size_t>(phase)];
-  }
+  using Phase = ThrowPhase;
+  using enum ThrowPhase;
+  friend Phased;
+  static const std::array<Row, 7> kPhases;
 
   static constexpr Seconds kMaxApproach{10};
   static constexpr Seconds kReleaseTime{0.02};  // After the stroke the ball still touches a tip.
@@ -214,10 +215,6 @@ class Throw final : public Skill {
   static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
   static constexpr double kMostCorrection = 0.01;    // [m]
 
-  void enter(Phase phase) noexcept {
-    phase_ = phase;
-    clock_.begin_phase();
-  }
   void end(std::string_view failure) noexcept {
     failure_ = failure;
     enter(failure.empty() ? Phase::kDone : Phase::kFailed);
@@ -237,40 +234,27 @@ class Throw final : public Skill {
            (place_ - config_.ball).norm() < config_.cradle_distance;
   }
 
-  void follow_phases() noexcept {
-    const Seconds elapsed = clock_.in_phase();
-    switch (phase_) {
-      case Phase::kApproach:
-        if (elapsed >= approach_time_) enter(Phase::kWait);
-        break;
-      case Phase::kWait:
-        if (is_ball_in_cradle() && velocity_.norm() < 3 * config_.rest_speed) {
-          enter(Phase::kCentre);
-        } else if (elapsed >= config_.wait_time) {
-          end(is_seen_ ? "no ball lies on the fingers" : "nobody has said where the ball is");
-        }
-        break;
-      case Phase::kCentre:
-        follow_centre(elapsed);
-        break;
-      case Phase::kThrow:
-        if (elapsed >= config_.stroke.duration()) enter(Phase::kWatch);
-        break;
-      case Phase::kWatch:
-        if (elapsed >= kReleaseTime && !has_left_) {
-          has_left_ = true;
-          flight_.reset();
-        }
-        if (has_left_) note_flight();
-        if (elapsed >= config_.watch_time) finish();
-        break;
-      case Phase::kDone:
-      case Phase::kFailed:
-        break;
+  [[nodiscard]] bool is_at_start() const noexcept { return clock_.in_phase() >= approach_time_; }
+  [[nodiscard]] bool has_thrown() const noexcept {
+    return clock_.in_phase() >= config_.stroke.duration();
+  }
+
+  void wait(Seconds /*elapsed*/) noexcept {
+    if (is_ball_in_cradle() && velocity_.norm() < 3 * config_.rest_speed) {
+      enter(Phase::kCentre);
+    } else if (clock_.in_phase() >= config_.wait_time) {
+      end(is_seen_ ? "no ball lies on the fingers" : "nobody has said where the ball is");
     }
   }
 
-  void follow_centre(Seconds elapsed) noexcept {
+  void watch(Seconds /*elapsed*/) noexcept {
+    if (clock_.in_phase() >= kReleaseTime && !std::exchange(has_left_, true)) flight_.reset();
+    if (has_left_) note_flight();
+    if (clock_.in_phase() >= config_.watch_time) finish();
+  }
+
+  void centre(Seconds /*elapsed*/) noexcept {
+    const Seconds elapsed = clock_.in_phase();
     if (!is_ball_in_cradle()) {
       end("the ball has left the fingers");
       return;
@@ -395,7 +379,7 @@ class Throw final : public Skill {
   }
 
   void set_state() noexcept {
-    state_.phase = name_of(phase_);
+    state_.phase = row_of(phase_).name;
     state_.has_ended = phase_ == Phase::kDone || phase_ == Phase::kFailed;
     state_.failure = failure_;
     state_.desired = {.pose = {.position = config_.ball}};
@@ -406,12 +390,10 @@ class Throw final : public Skill {
   ThrowConfig config_;
   control::SafetyLimits limits_;
   Kinematics kinematics_;
-  PhaseClock clock_;
   ObjectDescription ball_;
   JointMatrix jacobians_;
   JointValues weight_;  // Torques that carry the ball in the cradle [Nm].
 
-  Phase phase_{Phase::kWait};
   std::string_view failure_;
   bool has_begun_{false};
   bool is_stopped_{false};
@@ -437,6 +419,17 @@ class Throw final : public Skill {
   TriFinger::Action action_;
   SkillState state_;
 };
+
+constinit const std::array<Throw::Row, 7> Throw::kPhases{{
+    // name, when it is stopped, done, next, entry, during
+    {"approach", &Throw::end, &Throw::is_at_start, kWait},
+    {"wait", &Throw::end, nullptr, kCentre, nullptr, &Throw::wait},
+    {"centre", &Throw::end, nullptr, kThrow, nullptr, &Throw::centre},
+    {"throw", nullptr, &Throw::has_thrown, kWatch},
+    {"watch", nullptr, nullptr, kDone, nullptr, &Throw::watch},
+    {"done"},
+    {"failed"},
+}};
 
 }  // namespace
 
