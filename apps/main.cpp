@@ -46,22 +46,6 @@ std::string full_name(const CLI::App& program, const Commands& words) {
   return name;
 }
 
-// Returns the verbs of programs of others on the PATH.
-Commands foreign_verbs(const CLI::App& program) {
-  const std::vector<const CLI::App*> own = program.get_subcommands({});
-  Commands verbs = external_verbs();
-  // trifinger-log-plot is the program of `trifinger log plot`, and trifinger-run-policy-of-python
-  // a part of `trifinger run-policy`.
-  std::erase_if(verbs, [&own](const std::string& verb) {
-    return std::ranges::any_of(own, [&verb](const CLI::App* command) {
-      const bool has_parts = !commands_of(*command).empty() || command->get_prefix_command();
-      return verb == command->get_name() ||
-             (has_parts && verb.starts_with(command->get_name() + "-"));
-    });
-  });
-  return verbs;
-}
-
 std::string footer(const CLI::App& program) {
   std::string text =
       "Example:\n"
@@ -129,25 +113,7 @@ int run_program(const std::vector<std::string>& words) {
   add_model(program, action);
   add_new(program, action);
   add_doctor(program, action);
-  using enum Package;
-  declare_external(program, "manipulate", "Lift, throw or turn an object with a running robot",
-                   kPrograms);
-  declare_external(program, "run-policy", "Let a trained policy move a running robot", kPrograms);
-  declare_external(program, "job", "Give a user a turn on a robot that several share", kPrograms);
-  declare_external(program, "endurance", "Move a robot at random for weeks, without a hand",
-                   kPrograms);
-  declare_external(program, "demo", "Lift a cube with a simulated robot, and draw it", kPython);
-  declare_external(program, "view", "Show a running robot or a log in a browser", kPython);
-  declare_external(program, "film", "Draw a logged session: a film and pictures", kPython);
-  declare_external(program, "teach", "Record what a hand does with a robot that floats", kPython);
-  declare_external(program, "teleop", "Move a robot by keyboard, gamepad or a device of yours",
-                   kPython);
-  declare_external(program, "motion", "Change, draw and play motions in files", kPython);
-  declare_external(program, "bridge", "Show a running robot in Foxglove or ROS 2", kPython);
-  declare_external(program, "train", "Train a policy in simulation", kPython);
-  declare_external(program, "evaluate", "Say how near a policy comes to its goals", kPython);
-  declare_external(program, "export", "Make a data set for learning of logs", kPython);
-  declare_external(program, "clone", "Train a policy to act as in a data set", kPython);
+  declare_external(program);
 
   if (words.empty()) {
     fmt::print(stderr, "{}", program.help());

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lets .venv use the package in a build folder, as if it were installed there.
+"""Lets .venv use the package in a build folder, and those of packages/, as if installed there.
 
     tools/link_into_venv.py FOLDER
 
-Python finds the package by a .pth file. The programs of the package go into the `bin` of this
-virtual environment; they work as soon as the folder is built.
+Python finds the packages by a .pth file. Their programs go into the `bin` of this virtual
+environment; they work as soon as the folder is built.
 """
 
 import sys
@@ -13,10 +13,11 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+PROJECTS = (ROOT / "pyproject.toml", *sorted(ROOT.glob("packages/*/pyproject.toml")))
 ENTRY_POINT = """\
 #!{python}
 import sys
-from {module} import {function}
+from {module} import {name}
 sys.exit({function}())
 """
 
@@ -28,17 +29,34 @@ def replace(path: Path, text: str, mode: int) -> None:
     path.chmod(mode)
 
 
+def scripts() -> dict[str, str]:
+    """Returns the programs of all packages, MODULE:FUNCTION by their names."""
+    made: dict[str, str] = {}
+    for path in PROJECTS:
+        made |= tomllib.loads(path.read_text())["project"].get("scripts", {})
+    return made
+
+
+def write_scripts(folder: Path) -> None:
+    """Writes the programs of all packages into a folder, as pip does."""
+    for program, target in scripts().items():
+        module, _, function = target.partition(":")
+        name = function.partition(".")[0]
+        text = ENTRY_POINT.format(
+            python=sys.executable, module=module, name=name, function=function
+        )
+        replace(folder / program, text, 0o755)
+
+
 def link(package_folder: Path) -> None:
     """Lets this virtual environment use the package in a folder, which need not exist yet."""
-    replace(Path(sysconfig.get_path("purelib"), "trifinger.pth"), f"{package_folder}\n", 0o644)
+    folders = [package_folder, *(path.parent for path in PROJECTS[1:])]
+    lines = "".join(f"{folder}\n" for folder in folders)
+    replace(Path(sysconfig.get_path("purelib"), "trifinger.pth"), lines, 0o644)
     programs = Path(sysconfig.get_path("scripts"))
     launcher = (ROOT / "python/scripts/trifinger").read_text()
     replace(programs / "trifinger", launcher.replace("#!python", f"#!{sys.executable}", 1), 0o755)
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    for name, target in project["scripts"].items():
-        module, _, function = target.partition(":")
-        text = ENTRY_POINT.format(python=sys.executable, module=module, function=function)
-        replace(programs / name, text, 0o755)
+    write_scripts(programs)
 
 
 if __name__ == "__main__":

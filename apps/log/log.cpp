@@ -19,10 +19,7 @@ void add_log(CLI::App& program, Action& action) {
   add_log_cut(*command, action);
   add_log_rescue(*command, action);
   add_log_replay(*command, action);
-  declare_external(*command, "plot", "Draw what happened: a picture, or a page for a browser",
-                   Package::kPython);
-  declare_external(*command, "export", "Write tables for other programs: CSV, Parquet",
-                   Package::kPython);
+  declare_external(*command);
 }
 
 }  // namespace trifinger::apps

@@ -101,10 +101,7 @@ void add_calibrate(CLI::App& program, Action& action) {
       "Cameras have a calibration of their own: 'trifinger calibrate cameras --help' tells more. "
       "So have\n"
       "the colours of objects: 'trifinger calibrate colours --help'.");
-  declare_external(command, "cameras",
-                   "Find out where the cameras of a robot are, and their lenses", Package::kPython);
-  declare_external(command, "colours", "Learn how the faces of an object look to the cameras",
-                   Package::kPython);
+  declare_external(command);
 }
 
 }  // namespace trifinger::apps

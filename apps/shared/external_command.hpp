@@ -5,12 +5,17 @@
 #include <string>
 #include <vector>
 
-// Commands that are programs of their own: `trifinger film` is the program trifinger-film.
+// Commands that are programs of their own: `trifinger film` is the program trifinger-film. The
+// project and its packages declare theirs (cmake/TrifingerCommands.cmake). Others need not.
 namespace trifinger::apps {
 
-// Returns the verbs of all programs that are called trifinger-VERB, sorted. The programs are on the
-// PATH or beside this one.
-[[nodiscard]] std::vector<std::string> external_verbs();
+// Declares the commands that belong below `parent`, which is the program itself or one of its
+// commands: trifinger-log-plot is `plot` below "log". The program itself must be the last.
+void declare_external(CLI::App& parent);
+
+// Returns the verbs of all programs trifinger-VERB that nobody has declared, sorted. The programs
+// are on the PATH or beside this one.
+[[nodiscard]] std::vector<std::string> foreign_verbs(const CLI::App& program);
 
 // Replaces this process by the program trifinger-`verb` with the further `arguments`. Returns if
 // there is no such program. Throws SystemError if it cannot be started.
@@ -20,14 +25,6 @@ void run_external(const std::string& verb, const std::vector<std::string>& argum
 // the user calls it. Throws UsageError that says how to get it if it is missing.
 [[noreturn]] void run_python(const std::string& verb, const std::string& command,
                              const std::vector<std::string>& arguments);
-
-// Where a program comes from; --help has a heading for each.
-enum class Package : unsigned char { kPrograms, kPython };
-
-// Declares the command `verb` below `parent`: trifinger-`verb`, or trifinger-log-`verb` below
-// "log".
-void declare_external(CLI::App& parent, const std::string& verb, const std::string& description,
-                      Package package);
 
 // Replaces this process by the program of a declared command if `words` begin with one. The words
 // after it, including --help, belong to that program. If it is missing, throws UsageError, which

@@ -2,14 +2,14 @@
 """Starts the commands that are written in Python, so that Ctrl-C ends them at any moment.
 
 The package `trifinger` takes a second to import, and Ctrl-C would be an exception in whatever line
-that has reached. This package is imported first. `from trifinger_launcher import view` gives the
-function that does `trifinger view`.
+that has reached. This package is imported first, so the script of a command in pyproject.toml is
+`trifinger_launcher:MODULE.FUNCTION` instead of `MODULE:FUNCTION`.
 """
 
 import contextlib
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import import_module
 from types import FrameType
 
@@ -21,19 +21,29 @@ def _end(_number: int, _frame: FrameType | None) -> None:
     os._exit(INTERRUPTED)  # nothing has begun yet, or everything is done
 
 
-def __getattr__(command: str) -> Callable[[], int]:
-    """The function of a command, by the name of its module in `trifinger.commands`."""
-    if command.startswith("_"):
-        raise AttributeError(command)
+class _Function:
+    """A function by its path in modules that are imported when it is called."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def __getattr__(self, name: str) -> "_Function":
+        return _Function(f"{self._path}.{name}")
+
+    def __call__(self) -> int:
+        module, _, name = self._path.rpartition(".")
+        return int(getattr(import_module(module), name)())
+
+
+def __getattr__(package: str) -> _Function:
+    """The functions in a package."""
+    if package.startswith("_"):
+        raise AttributeError(package)
     # Whoever starts a command with SIGINT ignored, as shells do in the background, wants that.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
     _unblock()
-
-    def main() -> int:
-        return int(import_module(f"trifinger.commands.{command}").main())
-
-    return main
+    return _Function(package)
 
 
 def _unblock() -> None:

@@ -5,7 +5,6 @@ import dataclasses
 import os
 import re
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import trifinger
 from conftest import BUILD, PROGRAM, output_of
 from foreign_writers import WRITERS
 from hypothesis import given, strategies as st
+from link_into_venv import write_scripts
 from rendered_boards import Look, TrueCamera
 from trifinger import CameraCalibration, Lens, foreign_yaml
 from trifinger.camera_calibration import (
@@ -174,14 +174,10 @@ def test_the_program_calibrates_checks_and_converts(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    script = tmp_path / "bin" / "trifinger-calibrate-cameras"
-    script.parent.mkdir()
-    script.write_text(
-        f"#!{sys.executable}\nimport sys\n"
-        "from trifinger.commands.calibrate_cameras import main\nsys.exit(main())\n"
-    )
-    script.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{script.parent}:{os.environ['PATH']}")
+    scripts = tmp_path / "bin"
+    scripts.mkdir()
+    write_scripts(scripts)
+    monkeypatch.setenv("PATH", f"{scripts}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", str(BUILD / "python"))
     few = tmp_path / "few"
     for path in images.rglob("*.png"):

@@ -12,15 +12,17 @@ import struct
 import subprocess
 import tempfile
 import termios
+import tomllib
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
 from conftest import PATIENT_FAKE, PROGRAM, StartChild, StartProgram, diverging_state
+from link_into_venv import PROJECTS, ROOT
 
-ROOT = Path(__file__).parents[2]
 COMMANDS = (
     "run",
     "list",
@@ -94,36 +96,50 @@ def test_the_help_lists_every_command() -> None:
     assert all(re.search(rf"^  {command} ", text, re.MULTILINE) for command in COMMANDS)
 
 
-PROGRAMS_OF_PYTHON = (
-    "bridge",
-    "clone",
-    "demo",
-    "evaluate",
-    "export",
-    "film",
-    "motion",
-    "teach",
-    "teleop",
-    "train",
-    "view",
-    "log plot",
-    "log export",
-    "calibrate cameras",
+def commands_of_packages() -> Iterator[tuple[str, str, str]]:
+    """The commands that are written in Python, each with its package and where that is."""
+    for path in PROJECTS:
+        project = tomllib.loads(path.read_text())["project"]
+        folder = path.parent.relative_to(ROOT)
+        for program in project.get("scripts", {}):
+            if program.startswith("trifinger-") and program != "trifinger-run-policy-of-python":
+                verb = program.removeprefix("trifinger-")
+                command = re.sub(r"^(log|calibrate)-", r"\1 ", verb)
+                yield command, project["name"], f"./{folder}" if folder.parts else "."
+
+
+COMMANDS_OF_PACKAGES = list(commands_of_packages())
+PROGRAMS_OF_PYTHON = [command for command, _, _ in COMMANDS_OF_PACKAGES]
+
+
+@pytest.mark.parametrize(
+    ("command", "package", "folder"), COMMANDS_OF_PACKAGES, ids=PROGRAMS_OF_PYTHON
 )
-
-
-@pytest.mark.parametrize("command", PROGRAMS_OF_PYTHON)
 def test_what_is_written_in_python_says_how_to_get_it_where_it_is_missing(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: str, package: str, folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     for arguments in ("", "--help", "run --output stop"):
         message = run(*command.split(), *arguments.split(), expect=2)
-        assert f"'trifinger {command}' is part of the Python package" in message
-        assert "'pip install .' in the sources of TriFinger installs it" in message
+        assert f"'trifinger {command}' is part of the Python package {package}, " in message
+        assert f"'pip install {folder}' in the sources of TriFinger installs it" in message
 
 
-@pytest.mark.parametrize("command", [*PROGRAMS_OF_PYTHON, "endurance", "manipulate", "run-policy"])
+def test_the_help_tells_what_is_installed_from_what_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "trifinger-compat-check"
+    program.write_text("")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    missing = "Python package trifinger-compat, not installed: 'pip install ./packages/trifinger_"
+    assert f"\n{missing}compat' in the sources of TriFinger:\n  compat-check " in run("--help")
+    program.chmod(0o755)
+    assert "\nPython package trifinger-compat:\n  compat-check " in run("--help")
+
+
+@pytest.mark.parametrize(
+    "command", [*PROGRAMS_OF_PYTHON, "endurance", "job", "manipulate", "run-policy"]
+)
 def test_the_help_lists_programs_of_their_own(command: str) -> None:
     *above, verb = command.split()
     assert re.search(rf"^  {verb}  +\w", run(*above, "--help"), re.MULTILINE)

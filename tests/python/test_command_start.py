@@ -5,16 +5,14 @@ import os
 import random
 import subprocess
 import sys
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from conftest import PROGRAM
-from link_into_venv import ENTRY_POINT, ROOT
+from link_into_venv import ROOT, scripts, write_scripts
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-COMMANDS: dict[str, str] = PROJECT["scripts"]
+COMMANDS = [name for name, target in scripts().items() if target.startswith("trifinger_launcher:")]
 # Python imports this module while it starts. It sends the signal at once, or at an import.
 CUSTOMIZE = """
 import os, signal, sys
@@ -44,13 +42,7 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Start:
     """
     programs = tmp_path / "bin"
     programs.mkdir()
-    for name, target in COMMANDS.items():
-        module, _, function = target.partition(":")
-        program = programs / name
-        program.write_text(
-            ENTRY_POINT.format(python=sys.executable, module=module, function=function)
-        )
-        program.chmod(0o755)
+    write_scripts(programs)
     monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
 
@@ -67,7 +59,7 @@ def assert_interrupted(done: subprocess.CompletedProcess[str]) -> None:
 
 
 # The parts of other commands are started by these.
-@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - {"trifinger-run-policy-of-python"}))
+@pytest.mark.parametrize("name", sorted(set(COMMANDS) - {"trifinger-run-policy-of-python"}))
 def test_ctrl_c_ends_a_command_while_it_starts(start: Start, name: str) -> None:
     words = (
         name.removeprefix("trifinger-").replace("log-", "log ").replace("calibrate-", "calibrate ")
@@ -84,7 +76,7 @@ def test_ctrl_c_ends_a_command_that_is_started_without_the_program(start: Start)
 
 AT_THE_END = """
 import os, signal
-from trifinger_launcher import view
+from trifinger_launcher import trifinger
 from trifinger.commands.command_line import run, say
 run(lambda: say("done"))
 os.kill(os.getpid(), signal.SIGINT)

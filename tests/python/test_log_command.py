@@ -17,6 +17,7 @@ import plotly.offline
 import pytest
 import trifinger
 from conftest import PATIENT_FAKE, PROGRAM, StartProgram
+from link_into_venv import write_scripts
 from test_log import Written, write_log
 from trifinger.log.plot import curves, panels, plot
 
@@ -48,13 +49,7 @@ def python_programs(tmp_path: Path) -> dict[str, str]:
     """An environment in which the programs of the Python package are on the PATH."""
     folder = tmp_path / "bin"
     folder.mkdir()
-    for verb in ("plot", "export"):
-        program = folder / f"trifinger-log-{verb}"
-        program.write_text(
-            f"#!{sys.executable}\n"
-            f"import sys\nfrom trifinger.commands.{verb} import main\nsys.exit(main())\n"
-        )
-        program.chmod(0o755)
+    write_scripts(folder)
     return {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}"}
 
 

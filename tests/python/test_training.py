@@ -22,6 +22,7 @@ import torch
 import trifinger
 from conftest import PROGRAM, output_of
 from gymnasium.vector import AutoresetMode
+from link_into_venv import write_scripts
 from stable_baselines3 import DDPG
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from trifinger import evaluation
@@ -606,13 +607,9 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
     assert train.main(["--resume", "Middle", *said]) == 0
 
     # The program in C++ hands the policy to that of the Python package.
-    script = tmp_path / "bin/trifinger-run-policy-of-python"
-    script.parent.mkdir()
-    script.write_text(
-        f"#!{sys.executable}\nimport sys\nfrom trifinger_launcher import run_policy_of_python\n"
-        "sys.exit(run_policy_of_python())\n"
-    )
-    script.chmod(0o755)
+    scripts = tmp_path / "bin"
+    scripts.mkdir()
+    write_scripts(scripts)
     start_program("run", "trifinger_edu", "--name", "p", "--non-real-time").wait_for(
         "waits for a user"
     )
@@ -628,10 +625,10 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
             env=os.environ | {"PATH": path},
         )
 
-    done = run(f"{script.parent}:/usr/bin")
+    done = run(f"{scripts}:/usr/bin")
     assert done.returncode == 2
     assert "say --task my_tasks:Middle" in done.stderr
-    done = run(f"{script.parent}:/usr/bin", *said)
+    done = run(f"{scripts}:/usr/bin", *said)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "of 2 episodes ended at their goal." in done.stdout
     reports = json.loads(Path("j").read_text())

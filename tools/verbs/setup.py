@@ -9,6 +9,8 @@ import sys
 import tomllib
 from collections.abc import Iterable
 
+from link_into_venv import PROJECTS
+
 from .steps import ROOT, StepFailed, Steps
 
 VENV = ROOT / ".venv"
@@ -107,10 +109,10 @@ def _make_virtual_environment(steps: Steps) -> None:
 
 
 def _link_package(steps: Steps) -> None:
-    """Lets .venv use the package in build/release as if it were installed."""
+    """Lets .venv use the package in build/release, and all others, as if they were installed."""
     launcher = VENV / "bin" / "trifinger"
     tool = ROOT / "tools" / "link_into_venv.py"
-    sources = [tool, ROOT / "pyproject.toml", *(ROOT / "python" / "scripts").iterdir()]
+    sources = [tool, *PROJECTS, *(ROOT / "python" / "scripts").iterdir()]
     if not launcher.exists() or launcher.stat().st_mtime < max(
         source.stat().st_mtime for source in sources
     ):
