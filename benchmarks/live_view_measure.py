@@ -16,16 +16,16 @@ import trifinger
 import viser
 from chromium import open_browser
 from rows import Row
-from trifinger.commands import view as command
-from trifinger.view.gate import Gate, page_server
-from trifinger.view.live import LiveRun
-from trifinger.view.page import Page, help_slow_browsers
+from trifinger_view.commands import view as command
+from trifinger_view.gate import Gate, page_server
+from trifinger_view.live import LiveRun
+from trifinger_view.page import Page, help_slow_browsers
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 VIEWERS = 3
 WINDOWS = 5  # measured in turn with and without viewers, which take seconds to start
-COMMAND = "import sys; from trifinger.commands.view import main; sys.exit(main())"
+COMMAND = "import sys; from trifinger_view.commands.view import main; sys.exit(main())"
 SCENE_SIZE = 100_000  # bytes that a connection has got once it has the robot
 STAMP = "trifinger-stamp"
 # Notes the stamp of each picture and when the browser was ready to draw the next one [ms].

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 HOUR = 3_600_000  # steps
 
-COMMAND = "import sys; from trifinger.commands.view import main; sys.exit(main())"
+COMMAND = "import sys; from trifinger_view.commands.view import main; sys.exit(main())"
 TRIANGLES = 5000  # that have been drawn when the robot can be seen
 COUNT_TRIANGLES = """
 window.triangles = 0;
@@ -34,7 +34,7 @@ WebGL2RenderingContext.prototype.drawElements = function (...words) {
 # Each prints when it is done, and its largest memory [KB].
 FIRST_PICTURE = """
 import resource, sys
-from trifinger.view.logged import LoggedRun
+from trifinger_view.logged import LoggedRun
 run = LoggedRun(sys.argv[1])
 frame = run.frame_at(float(sys.argv[2]) * run.end)
 run.scene.poses(frame.position, frame.objects)

@@ -274,9 +274,9 @@ def log(effort: Effort) -> list[Row]:
 
 def data_set(effort: Effort) -> list[Row]:
     """Exports ten minutes of a robot with three cameras, and encodes as many images alone."""
-    from trifinger.data_sets import lerobot
-    from trifinger.data_sets.episodes import find_episodes
     from trifinger.log.images import LoggedCameras
+    from trifinger_data_sets import lerobot
+    from trifinger_data_sets.episodes import find_episodes
 
     is_quick = effort.rounds == 1
     duration, episodes = (1, 2) if is_quick else (20, 30)  # the same session again and again

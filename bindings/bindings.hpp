@@ -21,7 +21,7 @@ void bind_recorder(nanobind::module_& m);
 /// Log, LoggedSession.
 void bind_log(nanobind::module_& m);
 void bind_logged_images(nanobind::module_& m);
-/// LiveMessages, for python/trifinger/bridges.
+/// LiveMessages, for packages/trifinger_view/trifinger_view/bridges.
 void bind_live(nanobind::module_& m);
 /// replay.
 void bind_replay(nanobind::module_& m);
@@ -36,7 +36,7 @@ void bind_hand(nanobind::module_& m);
 void bind_rendering(nanobind::module_& m);
 /// Kinematics.
 void bind_kinematics(nanobind::module_& m);
-/// configuration_text, read_joint_facts, kinematics_of: what python/trifinger/motion is made of.
+/// configuration_text, read_joint_facts, kinematics_of: what packages/trifinger_view/trifinger_view/motion is made of.
 void bind_joint_facts(nanobind::module_& m);
 
 // What python/trifinger/control.py names:

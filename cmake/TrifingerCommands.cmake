@@ -2,6 +2,22 @@
 # The commands of `trifinger` that are programs of their own: `trifinger view` is the program trifinger-view. --help
 # lists them without starting one, and says of those that are missing how to get them.
 
+# trifinger_program_options(TARGET ...): sets the options of programs and of what they share
+function(trifinger_program_options)
+  foreach(target IN LISTS ARGV)
+    trifinger_target_options(${target})
+    target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/apps)
+    trifinger_optimise_less(${target})
+    trifinger_use_headers(${target} program)
+    get_target_property(type ${target} TYPE)
+    if(type STREQUAL EXECUTABLE)
+      target_link_libraries(${target} PRIVATE $<TARGET_NAME_IF_EXISTS:trifinger_older_glibc>)
+      set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/apps)
+      install(TARGETS ${target} RUNTIME DESTINATION bin COMPONENT program)
+    endif()
+  endforeach()
+endfunction()
+
 # trifinger_command(TARGET HELP): the program trifinger-COMMAND, of which --help says HELP
 function(trifinger_command target help)
   string(REGEX REPLACE "^trifinger_" "" command ${target})

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import trifinger
 from tracking_scenes import CONFIG, VARIANTS, Scenes, config_of
-from trifinger.colours import Samples
 from trifinger.tracking import tracked_object
+from trifinger_camera_calibration.colours import Samples
 
 import tracking
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks that layers include only layers below them, and use their own namespaces.
 
-A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. The table of layers in
+A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. Programs of packages are
+part of `apps`, and their bindings part of `bindings`. The table of layers in
 ARCHITECTURE.md says which layers each one is directly above. A layer may also include all layers
 further down. Tests may open any namespace.
 """
@@ -48,6 +49,10 @@ def layer_of(path: Path) -> str | None:
             return layer
         case (("apps" | "bindings") as layer, _, *_):
             return layer
+        case ("packages", _, "bindings", *_):
+            return "bindings"
+        case ("packages", _, folder, *_) if folder != "tests":
+            return "apps"
     return None
 
 

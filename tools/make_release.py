@@ -14,11 +14,10 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import tomllib
 from pathlib import Path
 
-from make_wheel import ROOT, make_wheel, reproducible
+from make_wheel import ROOT, make_wheel, make_wheels_of_packages, reproducible
 
 VERSIONS_OF_PYTHON = ("3.11", "3.12", "3.13")
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -76,11 +75,7 @@ def make_wheels(folder: Path) -> None:
         own = tomllib.loads(project.read_text())["project"]
         if own["version"] != VERSION:
             sys.exit(f"{project}: the version is {own['version']}, but that of all is {VERSION}")
-        with tempfile.TemporaryDirectory() as temporary:
-            # setuptools leaves files in the sources.
-            sources = shutil.copytree(project.parent, Path(temporary, "sources"))
-            pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel"]
-            run(*pip, "--no-build-isolation", "--no-deps", "--wheel-dir", folder, sources)
+    make_wheels_of_packages(folder)
 
 
 def make_debian_packages(folder: Path) -> None:

@@ -3,7 +3,8 @@
 
     tools/make_wheel.py FOLDER PYTHON [NAME=VALUE ...]    variables of CMake
 
-The wheel is for this Python, which needs the packages that pyproject.toml requires for building.
+It prints the path of the wheel, and beside it makes those of packages/, for every Python. The wheel
+is for this Python, which needs the packages that pyproject.toml requires for building.
 auditwheel puts the libraries of Debian that the package uses into the wheel, and fails if the
 wheel needs newer systems than it should. MuJoCo is not put into the wheel: the wheel requires
 MuJoCo's own package. The same commit gives the same bytes in every folder.
@@ -82,6 +83,19 @@ def make_wheel(folder: Path, variables: Mapping[str, str], python: str = sys.exe
         return Path(shutil.move(wheel, folder / wheel.name))
 
 
+def make_wheels_of_packages(folder: Path) -> None:
+    """Makes the wheels of packages/ in a folder; needs no network."""
+    for project in sorted(ROOT.glob("packages/*/pyproject.toml")):
+        with tempfile.TemporaryDirectory() as temporary:
+            # setuptools leaves files in the sources.
+            sources = shutil.copytree(project.parent, Path(temporary, "sources"))
+            run(
+                *(sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel"),
+                *("--no-build-isolation", "--no-deps", "--wheel-dir", folder, sources),
+            )
+
+
 if __name__ == "__main__":
     folder, python, *words = sys.argv[1:]
+    make_wheels_of_packages(Path(folder))
     print(make_wheel(Path(folder), dict(word.split("=", 1) for word in words), python))

@@ -20,7 +20,7 @@ struct EpisodeMark {
   bool success{false};
 };
 
-// A file of marks, which Python calls trifinger.data_sets.marks.EpisodeMarks.
+// A file of marks, which Python calls trifinger_data_sets.marks.EpisodeMarks.
 class EpisodeMarks {
  public:
   // Begins the file, or goes on at its end. Throws InvalidArgument if exports would not find it by

@@ -8,7 +8,7 @@ An element that does not fit into one line has a line for each field.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,3 +81,11 @@ def _values(value: Any) -> str:
 
 def _number(number: Any) -> str:
     return f"{number:.{DIGITS}g}" if isinstance(number, np.floating) else str(number)
+
+
+def positions_field(fields: Collection[str]) -> str:
+    """The field of an observation that has the positions of all joints of the model.
+
+    A robot whose motors do not drive its joints one by one has "joint_position".
+    """
+    return "joint_position" if "joint_position" in fields else "position"

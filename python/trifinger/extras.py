@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Finds missing packages that only some commands need, and says how to install them.
 
-An extra is a list of such packages in pyproject.toml, as in `pip install ".[learning]"`.
+An extra is a list of such packages in pyproject.toml, as in `pip install ".[learning]"`. One of
+another package of the project is written as pip does: "trifinger-view[ros2]". Without brackets it
+is what that package always needs.
 """
 
 import re
@@ -13,21 +15,18 @@ MODULES = {
     "demo": ("matplotlib", "OpenGL"),
     "plot": ("matplotlib", "plotly"),
     "film": ("matplotlib", "OpenGL", "av"),
-    "cameras": ("cv2", "yaml"),
     "export": ("pandas", "pyarrow"),
-    "lerobot": ("pandas", "pyarrow", "av", "PIL"),
-    "minari": ("minari", "h5py", "gymnasium"),
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
-    "foxglove": ("websockets",),
-    "ros2": ("cyclonedds", "zenoh"),
     "window": ("glfw",),
-    "view": ("viser", "websockets"),
 }
-"""Modules to import for each extra."""
+"""Modules to import for each extra of `trifinger` itself."""
 
 
 def require(extra: str, *modules: str) -> None:
-    """Raises Error with what to install if some of these modules (default: all) are missing."""
+    """Raises Error with what to install if some of these modules are missing.
+
+    Without `modules` these are all of an extra of `trifinger`.
+    """
     lacking = [one for one in modules or MODULES[extra] if util.find_spec(one) is None]
     if lacking:
         raise Error(sentence(extra, *lacking))
@@ -41,10 +40,16 @@ def sentence(extra: str, *modules: str) -> str:
 
 def how_to_install(extra: str) -> str:
     """The command that installs the packages of an extra."""
+    package, _, name = extra.rstrip("]").partition("[")
+    if "-" not in package:
+        package, name = "trifinger", extra
     try:
-        requirements = metadata.requires("trifinger") or []
+        requirements = metadata.requires(package) or []
     except metadata.PackageNotFoundError:  # a build folder, used from the sources
         return "./run setup"
-    marker = re.compile(rf"""; *extra *== *["']{extra}["']$""")
-    own = [marker.sub("", each).strip() for each in requirements if marker.search(each)]
+    marker = re.compile(rf"""; *extra *== *["']{name}["']$""")
+    if not name:
+        own = [each for each in requirements if "extra ==" not in each]
+    else:
+        own = [marker.sub("", each).strip() for each in requirements if marker.search(each)]
     return f"pip install {' '.join(own)}"

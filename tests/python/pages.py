@@ -28,6 +28,7 @@ from pathlib import Path
 from tracked_files import tracked_files
 
 ROOT = Path(__file__).parents[2]
+TESTS = ("tests/", "packages/")  # folders of tests
 BLOCK = re.compile(
     r"^```(?P<language>\w+)(?: (?P<use>[^\n]+))?\n(?P<code>.*?)^```$", re.DOTALL | re.MULTILINE
 )
@@ -62,7 +63,7 @@ class Block:
     @property
     def is_file(self) -> bool:
         """Whether a reader saves it as a file."""
-        uses = ("output", "stays", "typed", "tests/", "needs ")
+        uses = ("output", "stays", "typed", *TESTS, "needs ")
         return bool(self.use) and not self.use.startswith(uses)
 
     @property
@@ -73,7 +74,7 @@ class Block:
     @property
     def test(self) -> tuple[Path, str] | None:
         """The file and the name of the test that does it instead."""
-        if not self.use.startswith("tests/"):
+        if not self.use.startswith(TESTS):
             return None
         path, _, name = self.use.partition("::")
         return ROOT / path, name

@@ -84,7 +84,7 @@ def modules() -> list[str]:
         ".".join(path.relative_to(project.parent).with_suffix("").parts).removesuffix(".__main__")
         for project in PACKAGES
         for path in sorted(project.parent.rglob("*.py"))
-        if '__name__ == "__main__"' in path.read_text()
+        if "tests" not in path.parts and '__name__ == "__main__"' in path.read_text()
     ]
 
 

@@ -12,7 +12,13 @@ PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text
 
 
 def test_knows_the_extras_of_the_package() -> None:
-    assert set(extras.MODULES) == set(PROJECT["optional-dependencies"]) - {"test", "lint", "wheel"}
+    for_others = {"all", "test", "lint", "wheel"}
+    assert set(extras.MODULES) == set(PROJECT["optional-dependencies"]) - for_others
+
+
+def test_all_has_every_extra_for_users() -> None:
+    (everything,) = PROJECT["optional-dependencies"]["all"]
+    assert everything == f"trifinger[{','.join(extras.MODULES)}]"
 
 
 @pytest.mark.parametrize("extra", extras.MODULES)
@@ -32,3 +38,16 @@ def test_names_what_is_missing_and_how_to_get_it(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(trifinger.Error, match=r"^av is missing: pip install "):
         extras.require("film", "av")
     extras.require("film", "matplotlib")
+
+
+@pytest.mark.parametrize(
+    ("extra", "installs"), [("trifinger-view", "a==1 b==2"), ("trifinger-view[ros2]", "c==3")]
+)
+def test_says_how_to_get_what_another_package_of_the_project_needs(
+    extra: str, installs: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    required = {"trifinger-view": ["a==1", "b==2", 'c==3; extra == "ros2"', 'd; extra == "x"']}
+    monkeypatch.setattr(metadata, "requires", required.__getitem__)
+    with pytest.raises(trifinger.Error) as missing:
+        extras.require(extra, "no_such_module")
+    assert str(missing.value) == f"no_such_module is missing: pip install {installs}"

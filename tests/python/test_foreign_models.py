@@ -12,7 +12,7 @@ import trifinger
 from trifinger.environments import Environment, Options
 from trifinger.foreign_models import model_of
 from trifinger.picture import Painter
-from trifinger.view.scene import Scene
+from trifinger_view.scene import Scene
 
 PYTHON = Path(trifinger.__file__).parent
 JOINT = '<worldbody><body name="b"><joint name="a"/><geom size="0.1"/></body></worldbody>'

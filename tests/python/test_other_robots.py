@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, assert_steady, output_of, patient
-from trifinger.commands import export, film, plot, view
+from trifinger.commands import export, film, plot
 from trifinger.log.film import Scene
-from trifinger.view.live import LiveRun
-from trifinger.view.scene import scene_of
+from trifinger_view.commands import view
+from trifinger_view.live import LiveRun
+from trifinger_view.scene import scene_of
 
 ROOT = Path(__file__).parents[2]
 FETCHED = ROOT / "build/robots"
@@ -180,7 +181,7 @@ def test_what_needs_a_trifinger_says_so(
 ) -> None:
     robot = start_program("run", str(ROOT / "examples/arm.yml"))
     robot.wait_for("waits for a user")
-    call = f"from trifinger.commands.{words[0]} import main; raise SystemExit(main())"
+    call = f"from trifinger_view.commands.{words[0]} import main; raise SystemExit(main())"
     done = subprocess.run(
         [sys.executable, "-c", call, *words[1:]],
         stdin=subprocess.DEVNULL,

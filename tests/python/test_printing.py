@@ -6,7 +6,6 @@ import os
 import struct
 import subprocess
 import sys
-import tomllib
 import unicodedata
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +14,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM
 from hypothesis import given, strategies
-from link_into_venv import ROOT
+from link_into_venv import scripts
 from mcap.writer import Writer
 from strange_log import copy_changed
 from trifinger.commands.command_line import say
@@ -45,7 +44,8 @@ def words_of(*words: str | Path) -> str:
 
 def python_of(command: str, *words: str | Path) -> str:
     """All that a command prints that is written in Python."""
-    script = f"import sys; from trifinger.commands.{command} import main; sys.exit(main())"
+    module, _, _ = scripts()[f"trifinger-{command}"].partition(":")[2].rpartition(".")
+    script = f"import sys; from {module} import main; sys.exit(main())"
     return words_of(sys.executable, "-c", script, *words)
 
 
@@ -132,9 +132,9 @@ def test_fault_78_no_text_of_a_log_reaches_the_terminal_as_it_is(
     for words in ("check", "recover", "info"):
         assert_harmless(words_of(PROGRAM, "log", words, strange))
     assert_harmless(python_of("view", strange, "-o", tmp_path / "page.html"))
-    assert_harmless(python_of("plot", strange, "-o", tmp_path / "plot.html"))
-    assert_harmless(python_of("export", strange, "--to", tmp_path / "missing/x.csv"))
-    assert_harmless(python_of("export_data_set", "lerobot", strange, "-o", tmp_path / "set"))
+    assert_harmless(python_of("log-plot", strange, "-o", tmp_path / "plot.html"))
+    assert_harmless(python_of("log-export", strange, "--to", tmp_path / "missing/x.csv"))
+    assert_harmless(python_of("export", "lerobot", strange, "-o", tmp_path / "set"))
     run = trifinger.Log(strange).session()
     assert_harmless(printable_lines(run.fault_text))
 
@@ -179,7 +179,7 @@ def test_fault_78_names_of_files_are_shown_harmlessly(tmp_path: Path) -> None:
     images = folder / "images" / HOSTILE
     images.mkdir(parents=True)
     (images / f"{HOSTILE}.png").write_bytes(b"no image")
-    assert_harmless(python_of("calibrate_cameras", "--images", folder / "images"))
+    assert_harmless(python_of("calibrate-cameras", "--images", folder / "images"))
     sets = ("--set", "cameras.source=folder", "--set", f"cameras.folder={folder / 'images'}")
     assert_harmless(words_of(PROGRAM, "cameras", "sim_cameras", *sets))
     with pytest.raises(OSError, match="evil") as raised:
@@ -189,16 +189,11 @@ def test_fault_78_names_of_files_are_shown_harmlessly(tmp_path: Path) -> None:
 
 # ---- words of the command line, such as the files of a folder for `*` ----
 
-PACKAGES = [ROOT / "pyproject.toml", *sorted(ROOT.glob("packages/*/pyproject.toml"))]
-COMMANDS = [
-    target.replace("trifinger_launcher:", "trifinger.commands.").removesuffix(":main")
-    for package in PACKAGES
-    for target in tomllib.loads(package.read_text())["project"].get("scripts", {}).values()
-]
+COMMANDS = [target.removeprefix("trifinger_launcher:") for target in scripts().values()]
 TASKS = [
-    "trifinger_simulation.tasks.__main__",
+    "trifinger_simulation.tasks.__main__.main",
     *(
-        f"trifinger_simulation.tasks.{task}.__main__"
+        f"trifinger_simulation.tasks.{task}.__main__.main"
         for task in ("move_cube", "move_cube_on_trajectory", "rearrange_dice")
     ),
 ]
@@ -211,9 +206,9 @@ def test_fault_78_every_command_shows_its_words_harmlessly(
     monkeypatch.setattr(
         argparse.ArgumentParser, "parse_args", lambda parser, *_: parser.error(f"{HUGE}{HOSTILE}")
     )
-    module, _, function = command.partition(":")
+    module, _, function = command.replace(":", ".").rpartition(".")
     with pytest.raises(SystemExit):
-        getattr(import_module(module), function or "main")()
+        getattr(import_module(module), function)()
     output = capsys.readouterr().err
     assert "error: \\x1b]0;evil\\x07" in output
     assert_harmless(output)

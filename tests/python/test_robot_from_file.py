@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import ARM, output_of
-from trifinger.view.scene import scene_of
+from trifinger_view.scene import scene_of
 
 pytestmark = pytest.mark.bindings
 

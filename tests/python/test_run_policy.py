@@ -12,10 +12,10 @@ import trifinger
 from conftest import BUILD, PATIENT, StartProgram
 from lerobot_reader import Reader
 from trifinger import policy_file
-from trifinger.commands.export_data_set import main as export
-from trifinger.data_sets.marks import read_marks
-from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.environments import Environment, Options, policy_metadata
+from trifinger_data_sets.commands.export import main as export
+from trifinger_data_sets.marks import read_marks
+from trifinger_data_sets.recorded_environment import RecordEpisodes
 
 PROGRAM = BUILD / "apps/trifinger-run-policy"
 

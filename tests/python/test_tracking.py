@@ -10,9 +10,9 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, output_of
 from trifinger.cameras import to_rgb
-from trifinger.colours import Samples
-from trifinger.commands import calibrate_colours
 from trifinger.tracking import Tracker, faces_in_blocks, tracked_object
+from trifinger_camera_calibration.colours import Samples
+from trifinger_camera_calibration.commands import colours as calibrate_colours
 
 POSITION = np.array([0.05, -0.04, 0.0325])
 ORIENTATION = np.array([np.cos(0.4), 0.0, 0.0, np.sin(0.4)])

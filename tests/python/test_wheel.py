@@ -5,7 +5,6 @@ import fcntl
 import json
 import os
 import re
-import shutil
 import sys
 import sysconfig
 import tomllib
@@ -14,14 +13,15 @@ from pathlib import Path
 
 import pytest
 from conftest import BUILD, output_of
-from make_wheel import make_wheel
+from link_into_venv import PROJECTS
+from make_wheel import make_wheel, make_wheels_of_packages
 
 pytestmark = pytest.mark.slow
 
 SOURCES = Path(__file__).parents[2]
 PROJECT = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]
 VERSION = PROJECT["version"]
-PROGRAMS = SOURCES / "tests" / "python" / "compat" / "programs"
+PROGRAMS = SOURCES / "packages" / "trifinger_compat" / "tests" / "programs"
 PACKAGES = Path(sysconfig.get_path("purelib"))
 
 
@@ -170,9 +170,7 @@ def test_program_starts_without_importing_the_package(installation: Installation
     assert f"trifinger {VERSION}\n" in imported
 
 
-@pytest.mark.parametrize(
-    "command", ["demo", "train", "evaluate", "film", "export", "clone", "log plot", "log export"]
-)
+@pytest.mark.parametrize("command", ["demo", "train", "evaluate", "film", "log plot", "log export"])
 def test_program_finds_the_commands_of_the_package(
     installation: Installation, command: str
 ) -> None:
@@ -192,8 +190,6 @@ def test_program_finds_the_commands_of_the_package(
         ("film logs", "matplotlib, OpenGL and av", "film"),
         ("log plot logs", "matplotlib", "plot"),
         ("log export logs --format parquet", "pyarrow", "export"),
-        ("export lerobot logs -o set", "pandas, pyarrow, av and PIL", "lerobot"),
-        ("export minari logs -o set-v0", "minari, h5py and gymnasium", "minari"),
     ],
 )
 def test_commands_say_what_they_lack(
@@ -216,18 +212,59 @@ def test_demo_runs_without_what_draws_it(installation: Installation) -> None:
 
 
 @pytest.fixture(scope="module")
-def compat(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installation:
-    """An environment with the wheels of the package and of trifinger-compat."""
-    folder = tmp_path_factory.mktemp("compat")
-    sources = shutil.copytree(SOURCES / "packages" / "trifinger_compat", folder / "sources")
-    build = ["wheel", "--no-build-isolation", "--no-deps", "--wheel-dir", folder, sources]
-    pip(*build)
-    (compat_wheel,) = folder.glob("*.whl")
+def packages(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installation:
+    """An environment with the wheels of the package and of those beside it."""
+    folder = tmp_path_factory.mktemp("packages")
+    make_wheels_of_packages(folder)
     environment = Installation(folder / "environment", wheel)
-    environment.install(compat_wheel)
+    for path in folder.glob("trifinger_*.whl"):
+        environment.install(path)
     environment.link("scipy", "scipy.libs", "cv2", "opencv_python_headless.libs", "yaml", "_yaml")
     environment.link("gymnasium", "cloudpickle", "farama_notifications", "typing_extensions.py")
+    environment.link("websockets")
     return environment
+
+
+def test_each_package_has_a_wheel_with_its_modules_alone(packages: Installation) -> None:
+    metadata = {
+        path.name: (path / "RECORD").read_text()
+        for path in packages.packages.glob("trifinger_*.dist-info")
+    }
+    assert len(metadata) == len([path for path in PROJECTS if "/trifinger_" in str(path)])
+    assert [name for name, files in metadata.items() if "tests/" in files] == []
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        name.removeprefix("trifinger-").replace("calibrate-", "calibrate ")
+        for path in PROJECTS[1:]
+        for name in tomllib.loads(path.read_text())["project"].get("scripts", {})
+        if name.startswith("trifinger-")
+    ],
+)
+def test_program_finds_the_commands_of_packages(packages: Installation, command: str) -> None:
+    usage = packages.run("trifinger", *command.split(), "--help")
+    assert usage.startswith(f"usage: trifinger {command}")
+
+
+@pytest.mark.parametrize(
+    ("command", "missing", "folder", "extra"),
+    [
+        ("export lerobot l -o s", "pandas, pyarrow, av and PIL", "trifinger_data_sets", "lerobot"),
+        ("export minari l -o s-v0", "minari and h5py", "trifinger_data_sets", "minari"),
+        ("view sim", "viser", "trifinger_view", None),
+    ],
+)
+def test_commands_of_packages_say_what_they_lack(
+    packages: Installation, command: str, missing: str, folder: str, extra: str | None
+) -> None:
+    project = tomllib.loads((SOURCES / "packages" / folder / "pyproject.toml").read_text())
+    required = project["project"]
+    names = required["optional-dependencies"][extra] if extra else required["dependencies"]
+    verb = "is" if missing.isidentifier() else "are"
+    refusal = packages.run("trifinger", *command.split(), succeeds=False)
+    assert refusal == f"trifinger: {missing} {verb} missing: pip install {' '.join(names)}\n"
 
 
 @pytest.mark.parametrize(
@@ -239,16 +276,16 @@ def compat(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installatio
     ],
 )
 def test_programs_for_the_original_run_with_the_wheel_of_compat(
-    compat: Installation, program: str, said: str
+    packages: Installation, program: str, said: str
 ) -> None:
-    assert re.fullmatch(said, compat.run("python", PROGRAMS / program, "sim"))
+    assert re.fullmatch(said, packages.run("python", PROGRAMS / program, "sim"))
 
 
 def test_a_back_end_an_evaluation_and_a_log_reader_run_with_the_wheel_of_compat(
-    compat: Installation,
+    packages: Installation,
 ) -> None:
     goal = {"position": [0.05, 0.0, 0.0825], "orientation": [0, 0, 0, 1]}
-    (compat.folder / "goal.json").write_text(json.dumps({"difficulty": 3, "goal": goal}))
+    (packages.folder / "goal.json").write_text(json.dumps({"difficulty": 3, "goal": goal}))
     logs = "--render-images --robot-logfile robot_data.dat --camera-logfile camera_data.dat"
     backend = f"pybullet_backend --name wheel -a 200 {logs}"
     evaluation = f"python {PROGRAMS / 'evaluate_policy.py'} real goal.json -"
@@ -261,18 +298,18 @@ def test_a_back_end_an_evaluation_and_a_log_reader_run_with_the_wheel_of_compat(
         wait $backend
         python {PROGRAMS / "read_log.py"} .
     """
-    told = compat.run("bash", "-e", "-c", script)
+    told = packages.run("bash", "-e", "-c", script)
     assert re.search(r"steps .* \(540, 540, 3\) True True\n", told)
 
 
 def test_the_check_and_what_stands_in_for_other_packages_come_with_compat(
-    compat: Installation,
+    packages: Installation,
 ) -> None:
     program = PROGRAMS / "pushing.py"
-    assert "0 do not work" in compat.run("trifinger", "compat-check", program)
+    assert "0 do not work" in packages.run("trifinger", "compat-check", program)
     modules = (
         "pybullet, rrc_2022_datasets.utils, trifinger_rl_datasets, ament_index_python.packages"
     )
-    compat.run("python", "-c", f"import {modules}")
+    packages.run("python", "-c", f"import {modules}")
     for name in ("trifinger_backend", "trifinger_data_backend", "trifinger_robot_backend"):
-        assert compat.run(name, "--help").startswith(f"usage: {name} ")
+        assert packages.run(name, "--help").startswith(f"usage: {name} ")

@@ -75,6 +75,8 @@ def test_a_directory_without_a_place_in_the_table_is_an_error() -> None:
         ("tests/ipc/futex_test.cpp", "ipc"),
         ("apps/robot/run.cpp", "apps"),
         ("bindings/module.cpp", "bindings"),
+        ("packages/trifinger_x/part/x.cpp", "apps"),
+        ("packages/trifinger_x/bindings/x.cpp", "bindings"),
     ],
 )
 def test_the_directory_is_the_layer(path: str, layer: str) -> None:

@@ -32,7 +32,7 @@ def examples(*names: str) -> NoReturn:
 
 
 def wheel() -> None:
-    """Makes a wheel and says how to install it."""
+    """Makes a wheel, and those of packages/, and says how to install them."""
     setup()
     # This option is that of build/release, so that ccache has all objects.
     option = "TRIFINGER_WARNINGS_AS_ERRORS=ON"
@@ -42,6 +42,7 @@ def wheel() -> None:
     path = step.last_line()
     print(f"    {path}, {(ROOT / path).stat().st_size / 2**20:.1f} MiB")
     print(f"To install it with all that the demo needs: pip install '{path}[demo]'")
+    print(f"To install everything: pip install '{path}[all]' build/wheels/trifinger_*.whl")
 
 
 def bench(*measures: str) -> NoReturn:

@@ -82,15 +82,17 @@ def install_debian_packages(steps: Steps, packages: Iterable[str]) -> None:
 
 
 def python_packages() -> list[str]:
-    """Returns all packages in pyproject.toml as requirements for pip."""
-    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    project = pyproject["project"]
-    groups = [
-        pyproject["build-system"]["requires"],
-        project["dependencies"],
-        *project["optional-dependencies"].values(),
-    ]
-    return sorted({package for group in groups for package in group})
+    """Returns all packages of others with one version in any pyproject.toml, as pip takes them."""
+    groups: list[list[str]] = []
+    for path in PROJECTS:
+        pyproject = tomllib.loads(path.read_text())
+        project = pyproject["project"]
+        groups += [
+            pyproject["build-system"]["requires"],
+            project["dependencies"],
+            *project.get("optional-dependencies", {}).values(),
+        ]
+    return sorted({package for group in groups for package in group if "==" in package})
 
 
 def _make_virtual_environment(steps: Steps) -> None:

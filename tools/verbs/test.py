@@ -71,8 +71,8 @@ def quick_tests(count: Count) -> bool:
 
 def layers() -> list[str]:
     """Returns the layers that have tests in C++."""
-    folders = {file.parent.name for file in (ROOT / "tests").glob("*/CMakeLists.txt")}
-    return sorted(folders - {"machine", "python"})
+    files = [*ROOT.glob("tests/*/CMakeLists.txt"), *ROOT.glob("packages/*/tests/*/CMakeLists.txt")]
+    return sorted({file.parent.name for file in files} - {"machine", "python"})
 
 
 def test_layers(*names: str) -> int:
@@ -95,7 +95,7 @@ def python_tests(count: Count, group: str, preset: str, *arguments: str, **varia
     limit = ["timeout", "--foreground", "--signal=INT", "--kill-after=1m", "60m"]
     results = f"--junitxml={RESULTS / group / 'python.xml'}"
     pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal", results]
-    command = [*limit, *pytest, *arguments, "tests/python"]
+    command = [*limit, *pytest, *arguments, "tests/python", "packages"]
     return count.pytest(
         Steps(group), "Python tests", command, **uses(preset), **variables
     ).succeeded

@@ -83,7 +83,7 @@ def with_caption(fence: re.Match[str]) -> str:
         return f"```{{code-block}} {language}\n:class: output\n"
     if use == "stays":
         return f"```{{code-block}} {language}\n:caption: keeps running in a terminal of its own\n"
-    if use.startswith(("typed", "tests/", "needs ")):
+    if use.startswith(("typed", "tests/", "packages/", "needs ")):
         return f"```{language}"
     return f"```{{code-block}} {language}\n:caption: {use}\n"
 

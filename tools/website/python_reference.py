@@ -16,10 +16,17 @@ from tracked_files import ROOT, tracked_files
 
 from .pages import ORPHAN, Pages, list_of
 
-PACKAGE = ROOT / "python"
+# The folders that users' programs import our modules from.
+FOLDERS = (
+    *("python", "packages/trifinger_camera_calibration", "packages/trifinger_data_sets"),
+    "packages/trifinger_view",
+)
 STUB = "trifinger._trifinger"
 # Modules of the program and of its pages, which nobody imports.
-INTERNAL = re.compile(r"trifinger\.(_|commands|extras|element_text|placement|arrays|progress|view)")
+INTERNAL = re.compile(
+    r"trifinger\w*\.(_|commands|extras|element_text|placement|arrays|progress)"
+    r"|trifinger_view(?!\.(bridges|motion|teaching|teleoperation))|trifinger_launcher"
+)
 SECTION = re.compile(
     r"^(Args|Raises|Returns|Yields|Attributes):\n((?:    .*\n?|\n)+)", re.MULTILINE
 )
@@ -38,18 +45,22 @@ class Definition:
 class Module:
     """A module that was read."""
 
-    def __init__(self, path: Path) -> None:
-        """Reads a file below python/."""
-        parts = path.with_suffix("").parts
+    def __init__(self, folder: str, path: Path) -> None:
+        """Reads a file below one of the folders."""
+        parts = path.relative_to(folder).with_suffix("").parts
         self.name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        self.body = ast.parse((PACKAGE / path).read_text()).body
+        self.body = ast.parse((ROOT / path).read_text()).body
         self.text = ast.get_docstring(ast.Module(self.body, [])) or ""
 
 
 def modules() -> dict[str, Module]:
     """Returns all modules by their names; the type stub stands for the module in C++."""
-    paths = (path for path in tracked_files(".py", ".pyi") if path.parts[0] == "python")
-    read = [Module(path.relative_to("python")) for path in paths if path.parts[1] == "trifinger"]
+    read = [
+        Module(folder, path)
+        for path in tracked_files(".py", ".pyi")
+        for folder in FOLDERS
+        if path.is_relative_to(folder) and "tests" not in path.parts
+    ]
     return {module.name: module for module in read}
 
 

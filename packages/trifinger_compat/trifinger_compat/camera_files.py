@@ -49,7 +49,7 @@ def calibration(text: str) -> trifinger.CameraCalibration:
 @cache
 def data_folder() -> Path:
     """A folder with `camera_params`, the calibrations of the model's cameras, and `cube_v2`."""
-    from trifinger.camera_calibration.original import SUFFIXES, text_of
+    from trifinger.original_cameras import SUFFIXES, text_of
 
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = cache_home / "trifinger-compat" / trifinger.__version__ / "data"

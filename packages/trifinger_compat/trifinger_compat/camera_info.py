@@ -3,7 +3,7 @@
 
 import numpy as np
 import trifinger
-from trifinger.camera_calibration.geometry import inverse
+from trifinger.poses import inverse
 
 from trifinger_compat.types import Array
 

@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.marks:
         raise InvalidArgument(
-            "--marks is for tasks in C++; RecordEpisodes of trifinger.data_sets marks episodes of "
+            "--marks is for tasks in C++; RecordEpisodes of trifinger_data_sets marks episodes of "
             "tasks in Python"
         )
     if arguments.scheduling == "require":

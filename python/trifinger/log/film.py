@@ -15,11 +15,11 @@ import numpy as np
 from trifinger import picture
 from trifinger._trifinger import LoggedSession
 from trifinger.arrays import Array
+from trifinger.element_text import positions_field
 from trifinger.errors import InvalidArgument
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.picture import Painter, View
 from trifinger.progress import shown
-from trifinger.view.frame import positions_field
 from trifinger.whole_file import whole_file
 
 STRIP_IMAGES = 8

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The page of a running robot and of a log, in a real browser."""
+
+import contextlib
+import os
+import re
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from chromium import open_browser
+from conftest import PATIENT, StartChild, StartProgram
+from playwright.sync_api import Browser, Page, expect
+from trifinger_view import page as viewed
+from trifinger_view.commands import view
+from trifinger_view.gate import Gate, page_server
+from trifinger_view.words import Line
+from viewing import StartView
+
+pytestmark = [
+    pytest.mark.slow,
+    # An exception in a check is shown by Python, and is meant here.
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+HOME = np.array([0.0, 0.9, -1.7] * 3)
+NEVER = 280_000.0  # tests have watchdogs of their own [ms]
+ROBOT = ("run", "sim", "--non-real-time", *PATIENT)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 640, "height": 400})
+    context.set_default_timeout(NEVER)
+    page = context.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("request", lambda asked: asked.url.startswith(OWN) or errors.append(asked.url))
+    yield page
+    context.close()
+    assert errors == []  # nothing failed, and nothing was loaded from elsewhere
+
+
+OWN = ("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:")
+
+
+def says(page: Page, label: str, text: str) -> None:
+    """Waits until a line of the state has a text."""
+    expect(page.locator(f".trifinger-{label}")).to_contain_text(text, timeout=NEVER)
+
+
+def settled(page: Page, but: bytes = b"") -> bytes:
+    """Waits until the picture of the scene no longer changes, and is another than `but`."""
+    before = b""
+    while True:
+        picture = page.locator("canvas").first.screenshot(timeout=NEVER)
+        if picture == before and picture != but:
+            return picture
+        before = picture
+
+
+def drive(robot: trifinger.Frontend, position: np.ndarray, steps: int = 600) -> None:
+    actions = np.repeat(robot.new_action(position=position), steps)
+    robot.append_desired_actions(actions)
+
+
+def test_the_page_shows_a_robot_that_moves_and_its_state_in_words(
+    page: Page, start_view: StartView, start_program: StartProgram
+) -> None:
+    start_program(*ROBOT).wait_for("waits for a user")
+    viewing = start_view("sim")
+    page.goto(viewing.url)
+    says(page, "state", "holds its pose and waits for a controller")
+    assert "token" not in page.url
+    first = settled(page)
+    with trifinger.connect("sim") as robot:
+        drive(robot, HOME + 0.3)
+        says(page, "state", "runs")
+        says(page, "step", "600 (0.6 s)")
+        says(page, "controller", str(os.getpid()))
+        settled(page, but=first)
+        expect(page.get_by_text("torque [Nm]")).to_be_visible(timeout=NEVER)
+    says(page, "before", "the controller finished at step 600")
+    assert viewing.end() == (130, "")
+
+
+def test_the_page_waits_for_a_robot_and_follows_its_sessions_and_faults(
+    page: Page, start_view: StartView, start_fake: StartChild
+) -> None:
+    page.goto(start_view("bot").url)
+    says(page, "state", "no robot 'bot' runs")
+    start_fake("bot", observation_fault_after=20)
+    says(page, "state", "holds its pose")
+    robot = trifinger.connect("bot")
+    with pytest.raises(trifinger.RobotStopped):
+        robot.append_desired_actions(np.repeat(robot.new_action(), 100_000))
+    says(page, "state", "has ended")
+    says(page, "fault", "the driver")
+    says(page, "remedy", "trifinger recover bot")
+    trifinger.recover("bot")
+    says(page, "state", "holds its pose")
+    says(page, "before", "the driver")
+
+
+def test_a_robot_without_a_model_has_curves_of_its_own_fields(
+    page: Page, start_view: StartView, start_fake: StartChild
+) -> None:
+    start_fake("bot")
+    page.goto(start_view().url)  # the robot that runs
+    with trifinger.connect("bot") as robot:
+        for k in range(200):
+            robot.append_desired_action(robot.new_action(setpoint=k))
+        expect(page.get_by_text("applied_actions")).to_be_visible(timeout=NEVER)
+        expect(page.get_by_text("setpoint")).to_be_visible(timeout=NEVER)
+        says(page, "step", "200 (0.2 s)")
+
+
+def test_a_back_end_that_was_killed_is_named_with_the_remedy(
+    page: Page, start_view: StartView, start_fake: StartChild
+) -> None:
+    child = start_fake("bot")
+    page.goto(start_view("bot").url)
+    says(page, "state", "holds its pose")
+    child.kill()
+    says(page, "state", "the back-end is gone")
+    says(page, "remedy", "trifinger log rescue bot")
+
+
+def test_the_page_shows_what_cameras_see(
+    page: Page, start_view: StartView, start_program: StartProgram
+) -> None:
+    words = ["sim_cameras", "--name", "sim", "--non-real-time"]
+    start_program("run", *words).wait_for("waits for a user")
+    page.goto(start_view("sim").url)
+    for camera in ("camera60", "camera180", "camera300"):
+        expect(page.get_by_text(camera)).to_be_visible(timeout=NEVER)
+    # 540 pixels are too many for a panel; each pixel is the mean of four.
+    page.wait_for_function(
+        "() => [...document.images].filter(one => one.naturalWidth == 270).length == 3",
+        timeout=NEVER,
+    )
+
+
+@pytest.fixture
+def log(tmp_path: Path, start_program: StartProgram) -> Path:
+    """A log of a robot without a model, which ends with a fault at step 2000."""
+    folder = tmp_path / "log"
+    words = ["fake", "--non-real-time", "--set", "fault_after=2000", "--record", str(folder)]
+    program = start_program("run", *words)
+    program.wait_for("waits for a user")
+    robot = trifinger.connect("fake")
+    with pytest.raises(trifinger.RobotStopped):
+        robot.append_desired_actions(np.repeat(robot.new_action(), 100_000))
+    program.wait_for("waits for 'trifinger recover fake'")
+    assert program.end()[0] == 0
+    return folder
+
+
+def test_a_log_plays_scrubs_and_jumps_to_its_fault(
+    page: Page, start_view: StartView, log: Path
+) -> None:
+    page.goto(start_view(str(log)).url)
+    says(page, "time", "0.000 of 2.")
+    page.get_by_role("button", name="+1 s", exact=True).click()
+    says(page, "time", "1.000 of 2.")
+    page.get_by_role("button", name="-1 step", exact=True).click()
+    says(page, "step", "999")
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    # What comes from the server while a key is pressed moves the slider back.
+    step = page.locator(".trifinger-step")
+    while "2" not in (step.text_content() or ""):
+        slider.press("End")
+        page.evaluate("new Promise(requestAnimationFrame)")
+    page.get_by_role("button", name="Jump to the fault", exact=True).click()
+    says(page, "state", "a fault was injected")
+    page.get_by_role("button", name="Play", exact=True).click()  # from the beginning
+    expect(page.get_by_role("button", name="Play", exact=True)).to_be_visible(timeout=NEVER)
+    says(page, "state", "a fault was injected")
+
+
+def test_fault_68_a_viewer_that_stands_still_does_not_hold_up_the_robot(
+    page: Page, start_view: StartView, start_fake: StartChild
+) -> None:
+    start_fake("bot")
+    viewing = start_view("bot")
+    page.goto(viewing.url)
+    says(page, "state", "holds its pose")
+    viewing.process.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, viewing.process.pid, os.WSTOPPED)
+    with trifinger.connect("bot") as robot:
+        for _ in range(20):  # more than the history holds
+            robot.append_desired_actions(np.repeat(robot.new_action(), 1000))
+    viewing.process.send_signal(signal.SIGCONT)
+    says(page, "before", "the controller finished at step 20000")
+
+
+def test_fault_68_texts_of_a_session_are_shown_as_texts(page: Page) -> None:
+    with contextlib.closing(Gate(port=0)) as gate:
+        server = page_server(gate, "test")
+        shown = viewed.Page(server, "test")
+        shown.show_state([Line("state", "<img src=x onerror=alert(1)> & more", "bad")])
+        page.goto(gate.url)
+        says(page, "state", "<img src=x onerror=alert(1)> & more")
+        server.stop()
+
+
+# ---- the command line ----
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["sim", "-o", "run.html"], "-o needs a log"),
+        (["sim", "--from", "1"], "--from is for a file of a log"),
+        (["./nothing.mcap"], "nothing.mcap"),
+        (["sim", "--token", "short"], "at least 16"),
+        (["sim", "--host", "192.0.2.1"], r"192\.0\.2\.1"),
+    ],
+)
+def test_wrong_words_are_named(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert view.main(words) in (1, 2)
+    error = capsys.readouterr().err
+    assert error.startswith("trifinger: ")
+    assert re.search(message, error)
+    assert error.count("\n") == 1
+
+
+def test_over_ssh_the_way_to_the_page_is_printed(
+    start_view: StartView, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SSH_CONNECTION", "10.0.0.1 5000 10.0.0.2 22")
+    viewing = start_view("sim")
+    port = viewing.port
+    assert re.search(rf"ssh -L {port}:127\.0\.0\.1:{port} \w+@10\.0\.0\.2", viewing.said)

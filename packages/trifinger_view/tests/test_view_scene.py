@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The scene of a session: meshes and poses without a page."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+import trifinger
+from trifinger import Simulation
+from trifinger_view.frame import frame_of
+from trifinger_view.scene import Scene, glb, joined, scene_of
+
+SHAPES = """
+<mujoco>
+  <asset>
+    <mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/>
+    <hfield name="hills" nrow="4" ncol="5" size="1 2 0.3 0.1"
+            elevation="0 1 0 1 0  1 0 1 0 1  0 1 0 1 0  1 0 1 0 1"/>
+  </asset>
+  <worldbody>
+    <geom type="plane" size="1 2 0.1"/>
+    <geom type="hfield" hfield="hills"/>
+    <body name="arm"><joint name="turn" axis="0 0 1"/>
+      <geom type="box" size="0.1 0.2 0.3" pos="0.5 0 0" euler="10 20 30"/>
+      <geom type="sphere" size="0.1"/>
+      <geom type="capsule" size="0.1 0.4"/>
+      <geom type="cylinder" size="0.1 0.4"/>
+      <geom type="ellipsoid" size="0.1 0.2 0.3"/>
+      <geom type="mesh" mesh="wedge"/>
+      <geom type="sphere" size="9" group="3"/>
+      <geom type="box" size="0.1 0.1 0.1" rgba="1 0 0 0.5" group="1"/>
+    </body>
+    <body name="stone"><freejoint/><geom type="sphere" size="0.1" rgba="1 0 0 1"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with Simulation("sim").connect() as robot:
+        yield robot
+
+
+def test_a_robot_has_all_its_moving_bodies_and_objects(robot):
+    scene = scene_of(robot.documents())
+    names = [body.name for body in scene.bodies]
+    assert [body.object for body in scene.bodies if body.object] == ["cube"]
+    assert scene.object_names == ("cube",)
+    assert len(scene.joint_names) == 9
+    assert len(scene.tip_names) == 3
+    for number in (0, 120, 240):
+        assert {f"finger_{part}_link_{number}" for part in ("upper", "middle", "lower")} <= {*names}
+    assert {body.name for body in scene.bodies if not body.is_moving} == {
+        "world",
+        "platform",
+        *(f"finger_base_link_{number}" for number in (0, 120, 240)),
+    }
+
+
+def test_bodies_are_where_the_kinematics_of_the_controllers_say(robot):
+    scene, kinematics = scene_of(robot.documents()), trifinger.Kinematics("sim")
+    numbers = np.random.default_rng(1)
+    for _ in range(20):
+        position = numbers.uniform(-1, 1, 9)
+        tips, directions = scene.tips(position)
+        np.testing.assert_allclose(tips, kinematics.tip_positions(position), atol=1e-6)
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
+
+
+def test_objects_are_where_the_frame_says_and_the_rest_stays(robot):
+    scene = scene_of(robot.documents())
+    pose = np.array([0.1, 0.2, 0.3, 0.5, 0.5, 0.5, 0.5])
+    before = scene.poses()
+    after = scene.poses(objects={"cube": pose, "unknown": pose})
+    cube = [body.object for body in scene.bodies].index("cube")
+    np.testing.assert_allclose(after[0][cube], pose[:3])
+    np.testing.assert_allclose(after[1][cube], pose[3:])
+    np.testing.assert_allclose(np.delete(after[0], cube, 0), np.delete(before[0], cube, 0))
+
+
+def test_the_picture_is_around_robot_and_objects_where_they_are_now():
+    scene = Scene(SHAPES)
+    far = np.array([3.0, -2, 1, 1, 0, 0, 0])
+    box = np.array([0.5, 0, 0])  # on the arm, which turns about z
+    for angle in (0.0, 2.0):
+        turned = np.array([np.cos(angle), np.sin(angle), 0]) * box[0]
+        low, high = scene.bounds([angle], {"stone": far})
+        for point in (far[:3] - 0.1, far[:3] + 0.1, turned, [0, 0, 0.5], [0, 0, -0.5]):
+            assert (low - 1e-6 <= point).all()
+            assert (point <= high + 1e-6).all()
+        middle, radius = scene.sphere([angle], {"stone": far})
+        assert np.linalg.norm(far[:3] - middle) < radius < 3
+
+
+def test_every_triangle_looks_outwards():
+    for body in Scene(SHAPES).bodies:
+        for mesh in body.meshes:
+            corners = mesh.vertices[mesh.faces].astype(float)
+            across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals = mesh.normals[mesh.faces].mean(axis=1)
+            assert (np.einsum("ij,ij->i", across, normals) >= -1e-9).all()
+            np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
+
+
+def test_shapes_are_sorted_by_what_hides_others_and_hidden_groups_are_left_out():
+    world, arm, stone = Scene(SHAPES).bodies
+    assert [(mesh.is_transparent, mesh.is_surround) for mesh in arm.meshes] == [
+        (False, False),
+        (True, True),
+    ]
+    assert abs(joined(arm.meshes).vertices).max() < 2  # not the sphere of 9 m
+    assert stone.meshes[0].colours[0].tolist() == [255, 0, 0, 255]
+    assert not world.is_moving
+    assert arm.is_moving
+    assert stone.object == "stone"
+
+
+def test_a_ghost_has_the_shape_of_its_body_without_surroundings():
+    arm = Scene(SHAPES).bodies[1]
+    ghost = arm.ghost()
+    assert len(ghost.vertices) == len(arm.meshes[0].vertices)
+    assert ghost.is_transparent
+
+
+def test_a_glb_file_is_complete_and_aligned():
+    for body in Scene(SHAPES).bodies:
+        data = glb(body.meshes)
+        magic, version, size = struct.unpack_from("<4sII", data)
+        assert (magic, version, size) == (b"glTF", 2, len(data))
+        length, kind = struct.unpack_from("<I4s", data, 12)
+        assert kind == b"JSON"
+        document = json.loads(data[20 : 20 + length])
+        binary, kind = struct.unpack_from("<I4s", data, 20 + length)
+        assert kind == b"BIN\0"
+        assert document["buffers"][0]["byteLength"] == binary == len(data) - 28 - length
+        for view in document["bufferViews"]:
+            assert view["byteOffset"] % 4 == 0
+            assert view["byteOffset"] + view["byteLength"] <= binary
+        assert len(document["meshes"][0]["primitives"]) == len(body.meshes)
+
+
+def test_painted_light_comes_from_above_whatever_the_pose_of_the_body():
+    body = Scene(SHAPES).bodies[1]
+    mesh = joined(body.meshes)
+    upside_down = np.array([0.0, 1.0, 0.0, 0.0])
+    for turn, sign in ((np.array([1.0, 0.0, 0.0, 0.0]), 1.0), (upside_down, -1.0)):
+        data = glb([mesh], turn)
+        length = struct.unpack_from("<I", data, 12)[0]
+        document = json.loads(data[20 : 20 + length])
+        assert document["extensionsUsed"] == ["KHR_materials_unlit"]
+        accessor = document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
+        view = document["bufferViews"][document["accessors"][accessor]["bufferView"]]
+        start = 28 + length + view["byteOffset"]
+        colours = np.frombuffer(data[start : start + view["byteLength"]], np.uint16).reshape(-1, 4)
+        seen = mesh.colours[:, :3].max(axis=1) > 0
+        brightness = colours[seen, :3].max(axis=1).astype(float)
+        up = sign * mesh.normals[seen, 2]
+        assert brightness[up > 0.9].mean() > 1.5 * brightness[up < -0.9].mean()
+    assert "extensionsUsed" not in json.loads(
+        (lit := glb([mesh]))[20 : 20 + struct.unpack_from("<I", lit, 12)[0]]
+    )
+
+
+def test_a_session_without_a_model_has_no_scene():
+    assert scene_of({}) is None
+
+
+def test_a_damaged_model_and_a_wrong_number_of_positions_are_named():
+    with pytest.raises(trifinger.InvalidArgument, match="cannot be read"):
+        scene_of({"model.xml": "<mujoco"})
+    with pytest.raises(trifinger.InvalidArgument, match="2 positions, but the model has 1 joints"):
+        Scene(SHAPES).poses(np.zeros(2))
+
+
+def test_a_frame_holds_what_the_robot_measures_and_what_it_is_asked_for(robot):
+    action = robot.new_action(position=np.full(9, 0.1))
+    t = robot.append_desired_action(action)
+    frame = frame_of(t, 0.001, robot.get_observation(t), robot.get_desired_action(t))
+    np.testing.assert_allclose(frame.desired, 0.1)
+    assert len(frame.position) == len(frame.torque) == 9
+    assert len(frame.tip_force) == 3
+    assert {*frame.values} == {"position", "velocity", "torque", "tip_force"}
+    torque_only = robot.new_action(torque=0.0)
+    assert frame_of(t, 0.001, robot.get_observation(t), torque_only).desired is None
+
+
+def test_a_robot_without_joints_has_a_frame_of_its_own_fields():
+    with trifinger.fake() as fake:
+        t = fake.append_desired_action(fake.new_action())
+        frame = frame_of(t, 0.001, fake.get_observation(t), fake.get_desired_action(t))
+    assert frame.position is None
+    assert {*frame.values} >= {"setpoint", "applied_actions"}

@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger view`."""
+
+import argparse
+import contextlib
+import getpass
+import os
+import socket
+import sys
+import time
+import webbrowser
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from trifinger import extras
+from trifinger._trifinger import list_sessions, observe
+from trifinger.commands.command_line import ArgumentParser, ended_by_signals, run, say
+from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
+
+from trifinger_view import PAGE
+from trifinger_view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
+from trifinger_view.logged import LoggedRun
+from trifinger_view.pilot import Pilot
+
+RATE = 40.0  # of pictures [Hz]
+IDLE_RATE = 5.0  # without a browser
+KINDS_WITH_HAND = ("trifinger", "finger")
+TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
+
+
+@dataclass(frozen=True)
+class PageOptions:
+    """How to serve a page."""
+
+    gate: Gate
+    opens_browser: bool
+    is_plain: bool  # without lights and shadows
+
+
+def is_log(text: str) -> bool:
+    """Whether a word on the command line is a log, and not the name of a robot."""
+    return text.endswith(".mcap") or os.sep in text or (text != "" and Path(text).is_dir())
+
+
+def show(
+    page_title: str,
+    options: PageOptions,
+    begin: Callable[..., Callable[[bool], None]],
+    pilot: Pilot | None = None,
+    note: str = "",
+) -> None:
+    """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it.
+
+    `note` is a sentence for the terminal.
+    """
+    from trifinger_view.live import be_modest
+    from trifinger_view.page import Page, help_slow_browsers
+
+    gate = options.gate
+    if pilot is None:  # the thread of a guide would inherit this
+        be_modest()
+    with contextlib.closing(gate):
+        help_slow_browsers(gate, is_plain=options.is_plain)
+        server = page_server(gate, page_title, None if pilot is None else CONTROL_MESSAGES)
+        page = Page(server, page_title, is_plain=options.is_plain)
+        renew = begin(page)
+        print_address(gate, controls=pilot is not None and pilot.with_guide, note=note)
+        if options.opens_browser:
+            webbrowser.open(gate.url)
+        following = time.monotonic()
+        try:
+            while True:
+                is_watched = page.is_watched
+                renew(is_watched)
+                following += 1.0 / (RATE if is_watched else IDLE_RATE)
+                pause = following - time.monotonic()
+                if pause > 0:
+                    time.sleep(pause)
+                else:  # the machine is busy: leave pictures out
+                    following = time.monotonic()
+        finally:
+            page.server.stop()
+
+
+def print_address(gate: Gate, *, controls: bool = False, note: str = "") -> None:
+    """Says how to open the page, and what its end does to a robot that it controls or not."""
+    say(f"Open {gate.url}")
+    if not gate.is_local:
+        does = "moves" if controls else "sees"
+        say(
+            f"Who has this address {does} the robot; it crosses the network unencrypted.",
+            file=sys.stderr,
+        )
+    elif os.environ.get("SSH_CONNECTION"):
+        words = os.environ["SSH_CONNECTION"].split()
+        host = words[2] if len(words) == 4 else socket.gethostname()
+        say(
+            "From the machine that you came from, first:\n"
+            f"  ssh -L {gate.port}:{LOOPBACK}:{gate.port} {getpass.getuser()}@{host}"
+        )
+    if note:
+        say(note)
+    end = "the session of the robot ends with it" if controls else "the robot does not notice"
+    say(f"Ctrl-C ends the page; {end}.", flush=True)
+
+
+def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> None:
+    """Shows a running robot, or the next one that runs. With a pilot, the page can steer it."""
+    from trifinger_view.control_panel import ControlPanel, add_stop
+    from trifinger_view.live import LiveRun
+    from trifinger_view.page import Page
+
+    live = LiveRun(name)
+    if pilot is not None and pilot.with_guide:
+        add_stop(options.gate, name)
+
+    def begin(page: Page) -> Callable[[bool], None]:
+        shown: dict[str, object] = {"session": None, "lines": None}
+        page.show_state(live.lines)
+        panel = None if pilot is None else ControlPanel(page, pilot)
+
+        def renew(is_watched: bool) -> None:
+            live.look(with_images=is_watched)
+            if live.session_id != shown["session"]:
+                shown["session"] = live.session_id
+                page.begin(live.scene)
+                if panel is not None:
+                    panel.begin(live)
+            if panel is not None:
+                panel.renew(live)
+            if live.frame is not None:
+                page.show(live.frame)
+            if live.lines is not shown["lines"]:
+                shown["lines"] = live.lines
+                page.show_state(live.lines)
+                if live.frame is not None:
+                    page.show_images(live.frame.images)
+                page.show_curves(live.window)
+
+        return renew
+
+    show(name or "TriFinger", options, begin, pilot, note_of_missing(name))
+
+
+def note_of_missing(name: str) -> str:
+    """Says that the page waits for the robot `name`, or for any, if none runs; otherwise empty."""
+    running = [one.name for one in list_sessions() if one.backend_is_alive and not one.is_companion]
+    if name in running or (running and not name):
+        return ""
+    others = f"; there is {' and '.join(running)}" if running else ""
+    start = f"'trifinger run {name or 'sim'}' starts it"
+    return f"No robot{f' {name!r}' if name else ''} runs{others}. The page waits for it; {start}."
+
+
+def steer_robot(name: str, options: PageOptions, *, with_guide: bool) -> None:
+    """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
+    if not with_guide:
+        require_hand(name)
+    pilot = Pilot(name, with_guide=with_guide)
+    with ended_by_signals(), contextlib.closing(pilot):
+        with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
+            pilot.connect()
+        show_robot(name, options, pilot)
+
+
+def require_hand(name: str) -> None:
+    """Raises InvalidArgument if a robot runs that no hand can ever pull.
+
+    A robot that does not run yet may be another one later; then the page says what it can.
+    """
+    with contextlib.suppress(SessionNotFound, RobotStopped):
+        kind = observe(name).session_info().type
+        if kind not in KINDS_WITH_HAND:
+            raise InvalidArgument(
+                f"robot '{name}' is of type '{kind}'; --hand pulls at robots of type "
+                f"{' and '.join(KINDS_WITH_HAND)} in simulation. 'trifinger view {name}' shows it"
+            )
+
+
+def show_log(run: LoggedRun, options: PageOptions) -> None:
+    """Shows a log with a time line."""
+    from trifinger_view.log_page import LogPage
+    from trifinger_view.page import Page
+
+    def begin(page: Page) -> Callable[[bool], None]:
+        return LogPage(page, run).renew
+
+    show(f"{run.session.name}, {run.log.files[0].name}", options, begin)
+
+
+def write_log(arguments: argparse.Namespace) -> None:
+    """Writes a log into one file for a browser."""
+    from trifinger_view.html_file import write_html
+
+    run = LoggedRun(arguments.what, arguments.robot, arguments.session)
+    written = write_html(
+        run, arguments.output, begin=arguments.from_, end=arguments.to, rate=arguments.rate
+    )
+    say(written)
+
+
+def require_no_file_options(arguments: argparse.Namespace, what: str) -> None:
+    """Raises InvalidArgument if options are given that only a file has."""
+    for option, value in (
+        ("--from", arguments.from_),
+        ("--to", arguments.to),
+        ("--rate", arguments.rate),
+    ):
+        if value is not None:
+            raise InvalidArgument(f"{option} is for a file of a log: it needs {what}")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger view`."""
+    parser = ArgumentParser(
+        prog="trifinger view",
+        description="Show a running robot or a log in a browser, on this machine alone.",
+        epilog="Examples:\n"
+        "  trifinger view                     the robot that runs\n"
+        "  trifinger view sim                 the robot 'sim', and its next sessions\n"
+        "  trifinger view sim --control       the same, and the page steers the robot\n"
+        "  trifinger view logs                the newest log in a folder, with a time line\n"
+        "  trifinger view logs -o run.html    a file that any browser shows, without this program",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="",
+        metavar="NAME|LOG",
+        help="a robot, or a log: a file or a folder; default: the robot that runs",
+    )
+    parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
+    parser.add_argument(
+        "--session",
+        type=int,
+        metavar="N|ID",
+        help="of a log: number or id, as `trifinger log info` shows them; default: the newest",
+    )
+    parser.add_argument(
+        "--control",
+        action="store_true",
+        help="control the robot NAME from the page; its safety checks apply as always",
+    )
+    parser.add_argument(
+        "--hand",
+        action="store_true",
+        help="pull at tips and objects of the simulation NAME, whoever controls it",
+    )
+    parser.add_argument(
+        "--plain",
+        action="store_true",
+        help="draw without lights and shadows, for a browser without a graphics card",
+    )
+    file = parser.add_argument_group("a file of a log")
+    file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
+    file.add_argument(
+        "--from", dest="from_", type=float, metavar="SECONDS", help="begin, since the first step"
+    )
+    file.add_argument("--to", type=float, metavar="SECONDS", help="end, since the first step")
+    file.add_argument("--rate", type=float, metavar="HZ", help="pictures per second; default: 30")
+    server = parser.add_argument_group("who can see the page")
+    server.add_argument(
+        "--host",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help=f"address to listen at; default: {LOOPBACK}, which only this machine reaches",
+    )
+    server.add_argument(
+        "--port", type=int, metavar="PORT", help="default: the first free one from 8080"
+    )
+    server.add_argument(
+        "--token",
+        default=os.environ.get(TOKEN_VARIABLE, ""),
+        help=f"secret part of the address; default: ${TOKEN_VARIABLE}, or chosen by chance",
+    )
+    server.add_argument("--no-browser", action="store_true", help="only print the address")
+    arguments = parser.parse_args(words)
+
+    def work() -> None:
+        steers = arguments.control or arguments.hand
+        if steers and (not arguments.what or is_log(arguments.what)):
+            option = "--control" if arguments.control else "--hand"
+            raise InvalidArgument(
+                f"{option} needs the name of a robot that runs: trifinger view sim {option}"
+            )
+        if is_log(arguments.what):
+            if arguments.output is not None:
+                write_log(arguments)
+                return
+            require_no_file_options(arguments, "--output")
+            extras.require(*PAGE)
+            logged = LoggedRun(arguments.what, arguments.robot, arguments.session)
+            show_log(logged, page_options(arguments))
+            return
+        if arguments.output is not None:
+            raise InvalidArgument(
+                f"-o needs a log: the path of a file, or of a folder with a '{os.sep}'"
+            )
+        require_no_file_options(arguments, "a log and -o")
+        extras.require(*PAGE)
+        if steers:
+            steer_robot(arguments.what, page_options(arguments), with_guide=arguments.control)
+        else:
+            show_robot(arguments.what, page_options(arguments))
+
+    return run(work)
+
+
+def page_options(arguments: argparse.Namespace) -> PageOptions:
+    """What the command line says about the page. The gate listens from now on."""
+    gate = Gate(arguments.host, arguments.port, arguments.token)
+    return PageOptions(gate, wants_browser(arguments), arguments.plain)
+
+
+def wants_browser(arguments: argparse.Namespace) -> bool:
+    """Whether to open a browser: on a screen of this machine, unless told otherwise."""
+    has_screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return has_screen and not arguments.no_browser and not os.environ.get("SSH_CONNECTION")

@@ -1,0 +1,494 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot and its objects as plain data: meshes, and where they are in a frame.
+
+    scene = scene_of(session.documents)       # None if the session has no model
+    for body in scene.bodies:                 # fixed order
+        for mesh in body.meshes:              # at most one opaque and one transparent of a kind
+            show(body.name, mesh.vertices, mesh.faces, mesh.normals, mesh.colours)
+    positions, quaternions = scene.poses(frame.position, frame.objects)   # one row for each body
+
+A mesh is in the frame of its body. Everything else is in the world frame: z up, origin on the
+table, metres, quaternions w, x, y, z. Bodies are those of the MuJoCo model "model.xml", so any
+robot that has one can be shown. Nothing here draws or needs a screen. One Scene belongs to one
+thread.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from trifinger.foreign_models import model_of
+from trifinger.placement import Placement
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from trifinger.arrays import Array
+
+MODEL = "model.xml"
+UNLIT = "KHR_materials_unlit"
+AMBIENT = 0.5  # brightness of a painted surface that looks to the horizon
+LIGHT = np.array([-0.15, -0.3, 0.45])  # more brightness of one that looks there, in the world
+VISIBLE_GROUPS = (0, 1, 2)  # MuJoCo's own viewer hides the others, such as collision shapes
+SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
+SEGMENTS = 32  # of a circle
+LARGEST_PLANE = 3.0  # half the size of a plane without edges [m]
+SMOOTH = 0.5  # cosine between triangle and normal above which a surface is smooth
+GHOST = (70, 130, 255, 90)  # RGBA of the desired pose
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in the frame of their body."""
+
+    vertices: NDArray[np.float32]
+    """[n, 3], in metres; each has one normal, so edges are sharp"""
+    normals: NDArray[np.float32]
+    """[n, 3], of length 1"""
+    colours: NDArray[np.uint8]
+    """[n, 4], sRGB and opacity"""
+    faces: NDArray[np.uint32]
+    """[m, 3], anticlockwise seen from outside"""
+    is_transparent: bool
+    is_surround: bool
+    """Frame or wall around the robot, which can hide it."""
+
+    def painted(self, rgba: Sequence[int]) -> Mesh:
+        """The same mesh in one colour, sRGB and opacity from 0 to 255."""
+        colours = np.broadcast_to(np.array(rgba, np.uint8), self.colours.shape).copy()
+        return Mesh(
+            self.vertices, self.normals, colours, self.faces, rgba[3] < 255, self.is_surround
+        )
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body."""
+
+    name: str
+    """Name in the model; unnamed bodies have "body" and a number."""
+    meshes: tuple[Mesh, ...]
+    is_moving: bool
+    """False if nothing can move it, as the table."""
+    object: str
+    """Name of the object it is; empty for a part of the robot or the surroundings."""
+
+    def ghost(self) -> Mesh | None:
+        """Its shape in the transparent colour of the desired pose; None if it has none."""
+        solid = [mesh for mesh in self.meshes if not mesh.is_surround]
+        return joined(solid).painted(GHOST) if solid else None
+
+
+class Scene:
+    """The bodies of a session's model, and the function from a frame to their poses."""
+
+    def __init__(self, mjcf: str) -> None:
+        """Reads a MuJoCo model; raises InvalidArgument if it is not one."""
+        import mujoco
+
+        self._mujoco = mujoco
+        self._model = model = model_of(mjcf)
+        self._data = mujoco.MjData(model)
+        self._placement = Placement(model)
+        self.joint_names = self._placement.joint_names
+        """Names of the joints, in the order of the positions."""
+        self._shown: Array = np.array([], int)
+        self.bodies: tuple[Body, ...] = ()
+        """All bodies that can be seen, in the order of the model."""
+        self._make_bodies()
+        tips = [i for i in range(model.nsite) if "_tip_" in model.site(i).name]
+        self._tips = np.array(tips, int)
+        self.tip_names = tuple(model.site(i).name for i in tips)
+        """Names of the tips, in the order of the forces; empty if the robot has none."""
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """Names of the objects that can move freely."""
+        return self._placement.object_names
+
+    def poses(
+        self, position: Array | None = None, objects: Mapping[str, Array] | None = None
+    ) -> tuple[Array, Array]:
+        """Where the bodies are: positions [m] float[bodies, 3], quaternions float[bodies, 4].
+
+        `position` are those of the joints [rad] and `objects` the poses of objects by name, as in
+        Frame. What is None, or missing, is where the model starts.
+
+        Raises:
+            InvalidArgument: if there are more or fewer positions than joints
+        """
+        self._place(position, objects or {})
+        data = self._data
+        return data.xpos[self._shown].copy(), data.xquat[self._shown].copy()
+
+    def tips(self, position: Array | None = None) -> tuple[Array, Array]:
+        """Centres of the tips [m] and the directions in which they press, both float[tips, 3].
+
+        A tip presses along its link. The sensor of a tip measures the size of a force alone.
+        """
+        self._place(position, {})
+        places = self._data.site_xpos[self._tips].copy()
+        links = self._data.xpos[self._model.site_bodyid[self._tips]]
+        along = places - links
+        lengths = np.linalg.norm(along, axis=1, keepdims=True)
+        return places, np.divide(along, lengths, out=np.zeros_like(along), where=lengths > 0)
+
+    def sphere(
+        self, position: Array | None = None, objects: Mapping[str, Array] | None = None
+    ) -> tuple[Array, float]:
+        """Centre [m] and radius [m] of a sphere around robot and objects, without surroundings.
+
+        The arguments are those of `poses`.
+        """
+        low, high = self.bounds(position, objects)
+        return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+
+    def bounds(
+        self, position: Array | None = None, objects: Mapping[str, Array] | None = None
+    ) -> tuple[Array, Array]:
+        """Corners of a box [m] around robot and objects, without surroundings.
+
+        The arguments are those of `poses`.
+        """
+        positions, quaternions = self.poses(position, objects)
+        corners = []
+        for body, place, turn in zip(self.bodies, positions, quaternions, strict=True):
+            if body.name == "world":
+                continue
+            points = [mesh.vertices for mesh in body.meshes if not mesh.is_surround]
+            if points:
+                corners.append(np.concatenate(points) @ _matrix(turn).T + place)
+        if not corners:
+            return np.full(3, -0.5), np.full(3, 0.5)
+        every = np.concatenate(corners)
+        return every.min(axis=0), every.max(axis=0)
+
+    def _place(self, position: Array | None, objects: Mapping[str, Array]) -> None:
+        self._data.qpos[:] = self._placement.qpos(position, objects)
+        self._mujoco.mj_kinematics(self._model, self._data)  # normalises quaternions in its poses
+
+    def _make_bodies(self) -> None:
+        model = self._model
+        shapes: dict[int, list[Mesh]] = {}
+        for geom in range(model.ngeom):
+            if model.geom_group[geom] in VISIBLE_GROUPS:
+                mesh = _mesh_of(model, geom)
+                if mesh is not None:
+                    shapes.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
+        self._shown = np.array(sorted(shapes), int)
+        self.bodies = tuple(
+            Body(
+                name=model.body(int(i)).name or f"body{i}",
+                meshes=_merged(shapes[int(i)]),
+                is_moving=bool(model.body_weldid[i] != 0),
+                object=self._placement.object_bodies.get(int(i), ""),
+            )
+            for i in self._shown
+        )
+
+
+def scene_of(documents: Mapping[str, str]) -> Scene | None:
+    """The scene of a session, from its documents; None if the robot has no model.
+
+    Raises:
+        InvalidArgument: if the model cannot be read
+    """
+    return Scene(documents[MODEL]) if MODEL in documents else None
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several; it is transparent, or surroundings, if the first one is."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Mesh(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        normals=np.concatenate([mesh.normals for mesh in meshes]),
+        colours=np.concatenate([mesh.colours for mesh in meshes]),
+        faces=np.concatenate(
+            [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts, strict=False)]
+        ),
+        is_transparent=meshes[0].is_transparent,
+        is_surround=meshes[0].is_surround,
+    )
+
+
+def glb(meshes: Iterable[Mesh], painted_light: Array | None = None) -> bytes:
+    """A binary glTF 2.0 file of some meshes of a body, in the body's frame.
+
+    With `painted_light`, the quaternion (w, x, y, z) of the body, the colours have the light in
+    them that falls on the body there, and a browser needs none of its own (KHR_materials_unlit).
+    """
+    chunks: list[bytes] = []
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+
+    def add(values: NDArray[Any], kind: str, component: int, target: int, **more: Any) -> int:
+        data = np.ascontiguousarray(values).tobytes()
+        views.append(
+            {
+                "buffer": 0,
+                "byteOffset": sum(map(len, chunks)),
+                "byteLength": len(data),
+                "target": target,
+            }
+        )
+        chunks.append(data + b"\0" * (-len(data) % 4))
+        accessors.append(
+            {
+                "bufferView": len(views) - 1,
+                "componentType": component,
+                "count": len(values) if kind != "SCALAR" else values.size,
+                "type": kind,
+                **more,
+            }
+        )
+        return len(accessors) - 1
+
+    vertex_data, index_data, single, short, integer = 34962, 34963, 5126, 5123, 5125
+    primitives = []
+    for mesh in meshes:
+        corners = {"min": mesh.vertices.min(axis=0).tolist()}
+        corners["max"] = mesh.vertices.max(axis=0).tolist()
+        # glTF's colours are linear; eight bits would not do for dark ones.
+        colours = np.empty((len(mesh.colours), 4), np.uint16)
+        linear = _linear(mesh.colours[:, :3] / 255.0)
+        if painted_light is not None:
+            light = np.clip(AMBIENT + mesh.normals @ (_matrix(painted_light).T @ LIGHT), 0.0, 1.0)
+            linear = linear * light[:, None]
+        colours[:, :3] = np.round(linear * 65535)
+        colours[:, 3] = mesh.colours[:, 3].astype(np.uint16) * 257
+        primitives.append(
+            {
+                "attributes": {
+                    "POSITION": add(mesh.vertices, "VEC3", single, vertex_data, **corners),
+                    "NORMAL": add(mesh.normals, "VEC3", single, vertex_data),
+                    "COLOR_0": add(colours, "VEC4", short, vertex_data, normalized=True),
+                },
+                "indices": add(mesh.faces, "SCALAR", integer, index_data),
+                "material": int(mesh.is_transparent),
+            }
+        )
+    surface: dict[str, Any] = {
+        "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.75}
+    }
+    used: dict[str, Any] = {}
+    if painted_light is not None:
+        surface["extensions"] = {UNLIT: {}}
+        used["extensionsUsed"] = [UNLIT]
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": primitives}],
+        "materials": [
+            surface,
+            surface | {"alphaMode": "BLEND"},
+        ],
+        "buffers": [{"byteLength": sum(map(len, chunks))}],
+        "bufferViews": views,
+        "accessors": accessors,
+        **used,
+    }
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    binary = b"".join(chunks)
+    header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
+    return b"".join(
+        [
+            *(header, struct.pack("<I4s", len(text), b"JSON"), text),
+            *(struct.pack("<I4s", len(binary), b"BIN\0"), binary),
+        ]
+    )
+
+
+def _linear(colours: Array) -> Array:
+    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+
+
+def _merged(meshes: Sequence[Mesh]) -> tuple[Mesh, ...]:
+    kinds: dict[tuple[bool, bool], list[Mesh]] = {}
+    for mesh in meshes:
+        kinds.setdefault((mesh.is_transparent, mesh.is_surround), []).append(mesh)
+    return tuple(joined(kinds[kind]) for kind in sorted(kinds))
+
+
+def _matrix(quaternion: Array) -> Array:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+Shape = tuple["Array", "Array", "Array"]  # vertices, normals, faces
+
+
+def _mesh_of(model: Any, geom: int) -> Mesh | None:
+    """The shape of a geom in the frame of its body; None if it cannot be seen."""
+    colour = np.array(_colour(model, geom))
+    if colour[3] <= 0:
+        return None
+    shape = _shape(model, geom)
+    if shape is None:
+        return None
+    vertices, normals, faces = shape
+    turn = _matrix(model.geom_quat[geom])
+    rgba = np.round(np.clip(colour, 0, 1) * 255).astype(np.uint8)
+    return Mesh(
+        vertices=(vertices @ turn.T + model.geom_pos[geom]).astype(np.float32),
+        normals=(normals @ turn.T).astype(np.float32),
+        colours=np.tile(rgba, (len(vertices), 1)),
+        faces=faces.astype(np.uint32),
+        is_transparent=bool(rgba[3] < 255),
+        is_surround=bool(model.geom_group[geom] == SURROUND_GROUP),
+    )
+
+
+def _colour(model: Any, geom: int) -> Array:
+    """RGBA from 0 to 1. A texture counts with its mean colour."""
+    rgba = np.array(model.geom_rgba[geom], float)
+    material = int(model.geom_matid[geom])
+    if material < 0:
+        return rgba
+    # A colour of the geom's own goes before that of its material: MuJoCo's default is grey.
+    if np.allclose(rgba, (0.5, 0.5, 0.5, 1.0)):
+        rgba = np.array(model.mat_rgba[material], float)
+    textures = [int(texture) for texture in np.ravel(model.mat_texid[material]) if texture >= 0]
+    for texture in textures[:1]:
+        first = int(model.tex_adr[texture])
+        channels = int(model.tex_nchannel[texture])
+        size = int(model.tex_width[texture] * model.tex_height[texture]) * channels
+        pixels = model.tex_data[first : first + size].reshape(-1, channels)
+        if channels >= 3:
+            rgba[:3] *= pixels[:, :3].mean(axis=0) / 255.0
+    return rgba
+
+
+def _shape(model: Any, geom: int) -> Shape | None:
+    """The surface of a geom in the geom's own frame; None for a kind without a surface."""
+    import mujoco
+
+    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom], float)
+    kinds = mujoco.mjtGeom
+    if kind == kinds.mjGEOM_BOX:
+        return _box(size)
+    if kind == kinds.mjGEOM_PLANE:
+        half = [extent if 0 < extent < LARGEST_PLANE else LARGEST_PLANE for extent in size[:2]]
+        return _plane(half[0], half[1])
+    if kind == kinds.mjGEOM_SPHERE:
+        return _round(size[0], 0.0)
+    if kind == kinds.mjGEOM_CAPSULE:
+        return _round(size[0], size[1])
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        vertices, normals, faces = _round(1.0, 0.0)
+        normals = normals / size
+        return vertices * size, normals / np.linalg.norm(normals, axis=1, keepdims=True), faces
+    if kind == kinds.mjGEOM_CYLINDER:
+        return _cylinder(size[0], size[1])
+    if kind == kinds.mjGEOM_MESH:
+        return _triangles(model, int(model.geom_dataid[geom]))
+    if kind == kinds.mjGEOM_HFIELD:
+        return _height_field(model, int(model.geom_dataid[geom]))
+    return None
+
+
+def _grid(rows: int, columns: int) -> Array:
+    """Triangles of a grid of vertices, row after row."""
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    one = np.stack([first, first + 1, first + columns + 1], axis=1)
+    two = np.stack([first, first + columns + 1, first + columns], axis=1)
+    return np.concatenate([one, two])
+
+
+def _plane(x: float, y: float) -> Shape:
+    vertices = np.array([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]], float)
+    return vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def _box(half: Array) -> Shape:
+    vertices, normals, faces = [], [], []
+    for axis, sign in itertools.product(range(3), (-1.0, 1.0)):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            corner = np.zeros(3)
+            corner[axis], corner[one], corner[two] = sign, a, b
+            vertices.append(corner * half)
+        normals += [np.eye(3)[axis] * sign] * 4
+        first = len(vertices) - 4
+        order = (0, 1, 2, 3) if sign > 0 else (0, 3, 2, 1)
+        faces += [[first + order[0], first + order[1], first + order[2]]]
+        faces += [[first + order[0], first + order[2], first + order[3]]]
+    return np.array(vertices), np.array(normals), np.array(faces)
+
+
+def _round(radius: float, half_length: float) -> Shape:
+    """A sphere, or a capsule along z if `half_length` is not zero."""
+    quarter = np.linspace(-np.pi / 2, 0.0, SEGMENTS // 4 + 1)
+    latitudes = np.concatenate([quarter, -quarter[::-1]])
+    shifts = np.repeat([-half_length, half_length], len(quarter))
+    if half_length == 0.0:  # the equator once is enough
+        latitudes, shifts = np.delete(latitudes, len(quarter)), np.delete(shifts, len(quarter))
+    angles = np.linspace(0.0, 2 * np.pi, SEGMENTS + 1)
+    latitude, angle = np.meshgrid(latitudes, angles, indexing="ij")
+    normals = np.stack(
+        [np.cos(latitude) * np.cos(angle), np.cos(latitude) * np.sin(angle), np.sin(latitude)],
+        axis=-1,
+    ).reshape(-1, 3)
+    vertices = radius * normals
+    vertices[:, 2] += np.repeat(shifts, len(angles))
+    return vertices, normals, _grid(len(latitudes), len(angles))
+
+
+def _cylinder(radius: float, half_length: float) -> Shape:
+    angles = np.linspace(0.0, 2 * np.pi, SEGMENTS + 1)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    up = np.array([0.0, 0.0, half_length])
+    vertices = [radius * ring - up, radius * ring + up]
+    normals = [ring, ring]
+    faces = [_grid(2, len(angles))]
+    for sign in (-1.0, 1.0):
+        first = sum(map(len, vertices))
+        vertices += [np.concatenate([[sign * up], radius * ring + sign * up])]
+        normals += [np.tile([0.0, 0.0, sign], (len(ring) + 1, 1))]
+        edge = first + 1 + np.arange(len(angles) - 1)
+        fan = np.stack([np.full(len(edge), first), edge, edge + 1], axis=1)
+        faces.append(fan if sign > 0 else fan[:, ::-1])
+    return np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces)
+
+
+def _triangles(model: Any, mesh: int) -> Shape:
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    faces = model.mesh_face[first : first + count] + model.mesh_vertadr[mesh]
+    turns = model.mesh_facenormal[first : first + count] + model.mesh_normaladr[mesh]
+    places = np.array(model.mesh_vert[faces], float)
+    across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    lengths = np.linalg.norm(across, axis=1, keepdims=True)
+    flat = np.divide(across, lengths, out=np.zeros_like(across), where=lengths > 0)[:, None]
+    # Smooth where the model is smooth. MuJoCo's normals of hulls can point anywhere.
+    smooth = np.array(model.mesh_normal[turns], float)
+    agrees = np.einsum("fci,fci->fc", smooth, np.broadcast_to(flat, smooth.shape)) > SMOOTH
+    normals = np.where(agrees[..., None], smooth, flat).reshape(-1, 3)
+    rows = np.concatenate([faces.reshape(-1, 1), np.round(normals, 4)], axis=1)
+    _, corners, index = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return places.reshape(-1, 3)[corners], normals[corners], np.reshape(index, (-1, 3))
+
+
+def _height_field(model: Any, field: int) -> Shape:
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    x, y, top, _ = model.hfield_size[field]
+    first = int(model.hfield_adr[field])
+    heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns) * top
+    places = np.meshgrid(np.linspace(-y, y, rows), np.linspace(-x, x, columns), indexing="ij")
+    vertices = np.stack([places[1], places[0], heights], axis=-1).reshape(-1, 3)
+    slopes = np.gradient(heights, 2 * y / (rows - 1), 2 * x / (columns - 1))
+    normals = np.stack([-slopes[1], -slopes[0], np.ones_like(heights)], axis=-1).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return vertices, normals, _grid(rows, columns)
