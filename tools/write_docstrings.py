@@ -10,13 +10,15 @@ import re
 import subprocess
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from clang import cindex
 
 ROOT = Path(__file__).resolve().parent.parent
-INCLUDE = ROOT / "include"
+OF_PACKAGES = sorted(ROOT.glob("packages/*/bindings"))
+# Folders with headers whose comments are docstrings.
+HEADERS = (ROOT / "include", *OF_PACKAGES)
 BINDINGS = ROOT / "bindings"
 NAMES_FILE = BINDINGS / "docstrings.hpp"
 TEXTS_FILE = BINDINGS / "docstrings.cpp"
@@ -89,14 +91,17 @@ def enumerator(name: re.Match[str]) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name[1]).upper()
 
 
-def documented(root: Path = INCLUDE) -> Iterator[tuple[str, str]]:
-    """Yields the full name and the comment of each declaration in the headers below `root`."""
-    headers = sorted(path.relative_to(root).as_posix() for path in root.rglob("*.hpp"))
+def documented(roots: Sequence[Path] = HEADERS) -> Iterator[tuple[str, str]]:
+    """Yields the full name and the comment of each declaration in the headers below `roots`."""
+    headers = sorted(
+        path.relative_to(root).as_posix() for root in roots for path in root.rglob("*.hpp")
+    )
     program = "".join(f"#include <{header}>\n" for header in headers)
     eigen = output_of("pkg-config", "--cflags", "eigen3").split()
     # The wheel of libclang has no headers of its own; vectors of Eigen would need them.
     compiler = ["-isystem", output_of("c++", "-print-file-name=include").strip()]
-    flags = ["-std=c++20", "-DEIGEN_DONT_VECTORIZE", f"-I{root}", *compiler, *eigen]
+    folders = [f"-I{root}" for root in roots]
+    flags = ["-std=c++20", "-DEIGEN_DONT_VECTORIZE", *folders, *compiler, *eigen]
     unit = cindex.Index.create().parse(
         "all.cpp",
         flags,
@@ -107,7 +112,7 @@ def documented(root: Path = INCLUDE) -> Iterator[tuple[str, str]]:
     def walk(parent: cindex.Cursor, place: str) -> Iterator[tuple[str, str]]:
         for cursor in parent.get_children():
             file = cursor.location.file
-            if file is None or not file.name.startswith(str(root)):
+            if file is None or not file.name.startswith(tuple(map(str, roots))):
                 continue
             name = f"{place}::{cursor.spelling}"
             if cursor.raw_comment:
@@ -125,10 +130,12 @@ def output_of(*command: str) -> str:
 
 def used() -> dict[str, str]:
     """Returns the names that bindings use, each with a file that does."""
-    sources = (path for path in sorted(BINDINGS.rglob("*.[ch]pp")) if path != TEXTS_FILE)
+    folders = (BINDINGS, *OF_PACKAGES)
+    sources = [path for folder in folders for path in sorted(folder.rglob("*.[ch]pp"))]
     return {
         name: path.relative_to(ROOT).as_posix()
         for path in sources
+        if path != TEXTS_FILE
         for name in USE.findall(path.read_text())
     }
 

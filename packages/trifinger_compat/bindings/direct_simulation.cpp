@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/direct_simulation.hpp"
+#include "direct_simulation.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -11,7 +11,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 
-namespace trifinger {
+namespace trifinger::bindings {
 namespace {
 
 using detail::require;
@@ -237,4 +237,4 @@ std::span<const double> DirectSimulation<R>::configuration_velocity() const noex
 template class DirectSimulation<TriFinger>;
 template class DirectSimulation<Finger>;
 
-}  // namespace trifinger
+}  // namespace trifinger::bindings

@@ -12,7 +12,7 @@
 #include "trifinger/sim/simulation_options.hpp"
 #include "trifinger/sim/simulator.hpp"
 
-namespace trifinger {
+namespace trifinger::bindings {
 
 /// How `DirectSimulation` makes torques of an action.
 template <std::size_t N>
@@ -120,4 +120,4 @@ class DirectSimulation {
 extern template class DirectSimulation<TriFinger>;
 extern template class DirectSimulation<Finger>;
 
-}  // namespace trifinger
+}  // namespace trifinger::bindings

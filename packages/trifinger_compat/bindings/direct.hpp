@@ -7,7 +7,7 @@
 #include <deque>
 #include <utility>
 
-#include "trifinger/sim/direct_simulation.hpp"
+#include "direct_simulation.hpp"
 
 namespace trifinger::bindings {
 

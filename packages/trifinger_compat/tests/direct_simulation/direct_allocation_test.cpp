@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include "direct_simulation.hpp"
 #include "support/malloc_counter.hpp"
-#include "trifinger/sim/direct_simulation.hpp"
 
 namespace trifinger::test {
 namespace {
+
+using bindings::DirectSimulation;
 
 TEST(DirectAllocation, AStepNeedsNoMemory) {
   DirectSimulation<TriFinger> direct({});

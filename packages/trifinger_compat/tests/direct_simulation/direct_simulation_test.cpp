@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/direct_simulation.hpp"
+#include "direct_simulation.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,6 +16,8 @@
 
 namespace trifinger::test {
 namespace {
+
+using bindings::DirectSimulation;
 
 using testing::DoubleEq;
 using testing::DoubleNear;

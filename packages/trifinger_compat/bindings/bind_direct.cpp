@@ -19,7 +19,7 @@
 #include "conversion/text.hpp"
 #include "direct.hpp"
 #include "docstrings.hpp"
-#include "simulation.hpp"
+#include "simulation/simulation.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace nb = nanobind;
