@@ -75,7 +75,7 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
                 f"only {', '.join(name for name in DIRECTLY_BELOW if name in allowed)}."
             )
         opened = NAMESPACE.match(line)
-        if opened and path.parts[0] != "tests" and opened[1] not in namespaces:
+        if opened and "tests" not in path.parts and opened[1] not in namespaces:
             yield (
                 f"{path}:{number}: '{layer}' may not open the namespace '{opened[1]}', "
                 f"only '{own}' and '{own}::detail'."

@@ -102,6 +102,16 @@ def find_tests(file: Path, text: str) -> Iterator[FaultTest]:
         yield FaultTest(row, file, match["suite"] or file.stem, match["function"] or match["name"])
 
 
+def all_tests() -> list[FaultTest]:
+    """Returns the tests of faults, also those of packages."""
+    return [
+        test
+        for file in tracked_files(".cpp", ".hpp", ".py")
+        if "tests" in file.parts
+        for test in find_tests(file, (ROOT / file).read_text())
+    ]
+
+
 def results_in(xml: str) -> Iterator[tuple[str, str, str]]:
     """Yields class, name and result of each test case of a JUnit file about a fault."""
     for case in ElementTree.fromstring(xml).iter("testcase"):  # noqa: S314  (these files are our own)
@@ -160,12 +170,7 @@ def main() -> int:
     parser.add_argument("results", type=Path, nargs="?", default=ROOT / RESULTS)
     arguments = parser.parse_args()
 
-    tests = [
-        test
-        for file in tracked_files(".cpp", ".hpp", ".py")
-        if file.parts[0] == "tests"
-        for test in find_tests(file, (ROOT / file).read_text())
-    ]
+    tests = all_tests()
     cases = [
         case
         for file in sorted(arguments.results.rglob("*.xml"))

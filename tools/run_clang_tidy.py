@@ -86,7 +86,7 @@ def main(build: Path, jobs: int, mode: str) -> int:
     ours = {
         str(ROOT / path)
         for path in tracked_files(".cpp")
-        if (path.parts[0] == "tests") == (mode == "tests")
+        if ("tests" in path.parts) == (mode == "tests")
     }
     database = json.loads((build / "compile_commands.json").read_text())
     entries = {entry["file"]: entry for entry in database if entry["file"] in ours}

@@ -3,8 +3,8 @@
 
 from collections.abc import Iterable
 
-from fault_matrix import LIST, Fault, FaultTest, find_tests, read_faults
-from tracked_files import ROOT, tracked_files
+from fault_matrix import LIST, Fault, FaultTest, all_tests, read_faults
+from tracked_files import ROOT
 
 HEAD = """\
 # Faults
@@ -19,13 +19,7 @@ value with a code, a step and a cause: [C++](/reference/cpp/core/fault.md),
 
 def page() -> str:
     """Returns the page of all faults."""
-    tests = [
-        test
-        for path in tracked_files(".cpp", ".hpp", ".py")
-        if path.parts[0] == "tests"
-        for test in find_tests(path, (ROOT / path).read_text())
-    ]
-    faults = read_faults((ROOT / LIST).read_text(), tests)
+    faults = read_faults((ROOT / LIST).read_text(), all_tests())
     return HEAD + "\n".join(map(section, faults))
 
 
