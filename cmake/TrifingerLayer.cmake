@@ -76,14 +76,20 @@ function(trifinger_headers kind)
   target_precompile_headers(${target} PRIVATE ${headers_HEADERS})
 endfunction()
 
-# Makes a target use the headers of its kind, layer, program or test, if there are any.
+# Makes a target use the headers of its kind, layer, program or test, if there are any. All of them must find Eigen, because
+# ccache lets the preprocessor include the headers again.
 function(trifinger_use_headers target kind)
   if(TARGET trifinger_${kind}_headers)
     target_precompile_headers(${target} REUSE_FROM trifinger_${kind}_headers)
+    if(TARGET Eigen3::Eigen)
+      target_include_directories(${target} SYSTEM PRIVATE $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>)
+    endif()
   endif()
 endfunction()
 
 if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+  # ccache finds objects again after headers were precompiled anew, if these do not contain the time of their files.
+  add_compile_options("SHELL:-Xclang -fno-pch-timestamp")
   trifinger_headers(layer HEADERS ${trifinger_common_headers})
   set_target_properties(trifinger_layer_headers PROPERTIES POSITION_INDEPENDENT_CODE ON)
   if(TRIFINGER_BUILD_ROBOT)

@@ -45,6 +45,8 @@ def setup() -> None:
     if shutil.which("ccache"):  # the build folders share objects, and comments change none
         os.environ["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
         os.environ["CCACHE_BASEDIR"] = str(ROOT)
+        # Without these, ccache keeps nothing that is compiled with precompiled headers.
+        os.environ["CCACHE_SLOPPINESS"] = "pch_defines,time_macros"
     _make_virtual_environment(steps)
     _link_package(steps)
 
