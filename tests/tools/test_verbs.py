@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from verbs import counting, steps, test as stages
+from verbs import counting, machine as machines, steps, test as stages
 from verbs.counting import Count
 from verbs.main import VERBS
 from verbs.steps import NotRun, StepFailed, Steps
@@ -72,6 +72,44 @@ def test_a_stage_that_cannot_run_here_is_neither_passed_nor_failed(
     assert "  not run: there is no kernel" in lines
     (line,) = (line for line in lines if "not run " in line)
     assert line.split()[:1] == ["SocketCAN"]
+
+
+def test_the_machine_that_began_beside_another_stage_is_not_started_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(machines, "build", lambda *_: None)
+    monkeypatch.setattr(machines.can_machine, "fetch_kernel", lambda: None)
+    monkeypatch.setattr(machines, "PYTHON", "echo")
+    machine = machines.Machine()
+    machine.begin()
+    assert capsys.readouterr().out == ""
+    assert len(Steps.running) == 1
+    assert machine.test(Count())
+    assert Steps.running == []
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["robot", "0"]
+
+
+def test_why_there_is_no_machine_is_said_by_its_own_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_kernel() -> None:
+        raise machines.can_machine.NotPossibleHere("there is no kernel")
+
+    monkeypatch.setattr(machines, "build", lambda *_: None)
+    monkeypatch.setattr(machines.can_machine, "fetch_kernel", no_kernel)
+    machine = machines.Machine()
+    machine.begin()
+    with pytest.raises(NotRun, match="there is no kernel"):
+        machine.test(Count())
+
+
+def test_cpp_tests_run_beside_others_and_are_counted_when_these_end() -> None:
+    count = Count()
+    line = "100% tests passed, 0 tests failed out of 3"
+    with stages.cpp_tests(count, "g", "s", "echo", line) as step:
+        assert Steps.running == [step]
+        assert count.passed == 0
+    assert step.succeeded
+    assert count.passed == 3
 
 
 def test_a_stage_that_fails_does_not_keep_others_from_running(

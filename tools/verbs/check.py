@@ -9,7 +9,7 @@ from .build import build
 from .counting import Count
 from .docs import build_site, look_at_site
 from .lint import clang_tidy
-from .machine import test_in_machine
+from .machine import Machine
 from .setup import PYTHON
 from .steps import Steps
 from .test import cpp_tests, python_tests, run_stages
@@ -17,14 +17,15 @@ from .test import cpp_tests, python_tests, run_stages
 
 def check() -> int:
     """Runs all stages, also after one failed, and prints a summary."""
+    machine = Machine()
     return run_stages(
         [
             ("clang-tidy", tidy),
             ("AddressSanitizer and UBSan", test_with_address_sanitizer),
             ("ThreadSanitizer, a fuzzer beside it", test_with_thread_sanitizer),
             ("slow tests of what users get", test_release),
-            ("documentation site", test_site),
-            ("SocketCAN on a real-time kernel", test_in_machine),
+            ("documentation site", lambda count: test_site(count, machine)),
+            ("SocketCAN on a real-time kernel", machine.test),
             ("every fault has its test", test_every_fault),
         ]
     )
@@ -41,7 +42,6 @@ def test_with_address_sanitizer(count: Count) -> bool:
     # The sanitizer keeps its shadow memory of large blocks and does not map it again for each.
     options = f"clear_shadow_mmap_threshold={2**30}"
     ctest = ["env", f"ASAN_OPTIONS={options}", "ctest", "--preset", "dev", "-LE", "examples"]
-    passed = cpp_tests(count, "dev", "C++ tests", *ctest)
     # Python itself is not instrumented and frees little at its end, so only the C++ tests look for
     # leaks. libstdc++ must be loaded before the runtime looks for the functions that it wraps.
     # --capture=sys keeps pytest from hiding the runtime's reports.
@@ -52,7 +52,9 @@ def test_with_address_sanitizer(count: Count) -> bool:
         "PYTHONMALLOC": "malloc",
     }
     selected = ["-m", "bindings and not without_sanitizer", "--capture=sys"]
-    return python_tests(count, "dev", "dev", *selected, **variables) and passed
+    with cpp_tests(count, "dev", "C++ tests", *ctest) as step:
+        passed = python_tests(count, "dev", "dev", *selected, **variables)
+    return passed and step.succeeded
 
 
 def preloaded_libraries() -> list[str]:
@@ -80,10 +82,11 @@ def test_with_thread_sanitizer(count: Count) -> bool:
     try:
         build("tsan", *(f"tests/{layer}/all" for layer in THREADED))
         ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
-        passed = cpp_tests(count, "tsan", f"C++ tests of {', '.join(THREADED)}", *ctest)
+        with cpp_tests(count, "tsan", f"C++ tests of {', '.join(THREADED)}", *ctest) as step:
+            pass
     finally:
         fuzzer_steps.end(fuzzer)
-    return passed and fuzzer.succeeded
+    return step.succeeded and fuzzer.succeeded
 
 
 def fixed_addresses() -> list[str]:
@@ -123,17 +126,18 @@ def test_release(count: Count) -> bool:
     folders = ["apps", "bindings", "examples", "benchmarks", "tests/python"]
     targets = ["tests_without_sanitizer", "evaluate_teach"]
     build("release", *(f"{folder}/all" for folder in folders), *targets)
-    # Both run at once, because many Python tests only wait for a robot in real time.
-    steps = Steps("release")
     ctest = ["ctest", "--preset", "release", "-L", "^examples$|_without_sanitizer$"]
-    step = count.begin_ctest(steps, "C++ tests that need no sanitizer", ctest)
-    passed = python_tests(count, "release", "release", "-m", "slow")
-    count.end_ctest(steps, step)
+    with cpp_tests(count, "release", "C++ tests that need no sanitizer", *ctest) as step:
+        passed = python_tests(count, "release", "release", "-m", "slow")
     return passed and step.succeeded
 
 
-def test_site(count: Count) -> bool:
-    """Builds the site, with pictures of the pages that the release build has carried out."""
+def test_site(count: Count, machine: Machine) -> bool:
+    """Builds the site, with pictures of the pages that the release build has carried out.
+
+    Site and machine use one processor each, so the machine starts beside the site.
+    """
+    machine.begin()
     build_site()
     return look_at_site(count)
 

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the tests that tell a newcomer that all works here, in minutes; check.py has the others."""
 
+import contextlib
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from .build import build, jobs, uses
 from .counting import RESULTS, Count, slowest_tests
 from .lint import lint
 from .setup import PYTHON, fetch_robots, setup
-from .steps import ROOT, NotRun, StepFailed, Steps, duration
+from .steps import ROOT, NotRun, Step, StepFailed, Steps, duration
 
 Stage = tuple[str, Callable[[Count], bool]]
 
@@ -65,8 +66,9 @@ def quick_tests(count: Count) -> bool:
     build("release", "apps/all", "bindings/all", "tests/python/all", *programs)
     labels = f"^({'|'.join(QUICK_LAYERS)})(_without_sanitizer)?$"
     ctest = ["ctest", "--preset", "release", "-L", labels]
-    passed = cpp_tests(count, "quick", f"C++ tests of {', '.join(QUICK_LAYERS)}", *ctest)
-    return python_tests(count, "quick", "release", "-m", "not slow") and passed
+    with cpp_tests(count, "quick", f"C++ tests of {', '.join(QUICK_LAYERS)}", *ctest) as step:
+        passed = python_tests(count, "quick", "release", "-m", "not slow")
+    return passed and step.succeeded
 
 
 def layers() -> list[str]:
@@ -80,7 +82,9 @@ def test_layers(*names: str) -> int:
     setup()
     build("dev", *(f"tests/{name}/all" for name in names))
     ctest = ["ctest", "--preset", "dev", "-L", f"^({'|'.join(names)})(_.*)?$"]
-    return 0 if cpp_tests(Count(), "dev", "C++ tests", *ctest) else 1
+    with cpp_tests(Count(), "dev", "C++ tests", *ctest) as step:
+        pass
+    return 0 if step.succeeded else 1
 
 
 def python_tests(count: Count, group: str, preset: str, *arguments: str, **variables: str) -> bool:
@@ -101,9 +105,15 @@ def python_tests(count: Count, group: str, preset: str, *arguments: str, **varia
     ).succeeded
 
 
-def cpp_tests(count: Count, group: str, label: str, *command: str) -> bool:
-    """Runs ctest and says whether all tests passed."""
+@contextlib.contextmanager
+def cpp_tests(count: Count, group: str, label: str, *command: str) -> Iterator[Step]:
+    """Runs ctest beside the block, because it uses one processor and often only waits.
+
+    At the end of the block it waits for ctest and adds the numbers of its tests.
+    """
     steps = Steps(group)
     step = count.begin_ctest(steps, label, command)
-    count.end_ctest(steps, step)
-    return step.succeeded
+    try:
+        yield step
+    finally:
+        count.end_ctest(steps, step)
