@@ -6,7 +6,9 @@
 It checks all files except tests, or with `tests` those. With `analyser`, clang's static analyser
 checks all files except tests, which takes as long as all the checks of .clang-tidy.
 
-A file that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
+Files that the release build compiles together are checked together: their headers are read once.
+What such a unit includes counts as a header, so misc-unused-using-decls finds nothing there.
+A unit that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
 version and configuration, the compile command, the file, and all headers of this repository that it
 includes.
 """
@@ -34,38 +36,46 @@ ANALYSER = (
     "-clang-analyzer-optin.performance.Padding,-clang-analyzer-security.PointerSub"
 )
 INCLUDE = re.compile(rb'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+INCLUDE_FOLDER = re.compile(r" -I *(\S+)")
 
 
 @cache
-def direct_includes(file: Path) -> tuple[Path, ...]:
-    """Returns the files of this repository that `file` includes."""
-    folders = (file.parent, ROOT / "include", ROOT / "tests")
+def direct_includes(file: Path, folders: tuple[Path, ...] = ()) -> tuple[Path, ...]:
+    """Returns the files of this repository that `file` includes from its folder or `folders`."""
     names = [name.decode() for name in INCLUDE.findall(file.read_bytes())]
-    candidates = ((folder / name).resolve() for name in names for folder in folders)
-    return tuple(path for path in candidates if path.is_file())
+    candidates = ((place / name).resolve() for name in names for place in (file.parent, *folders))
+    return tuple(dict.fromkeys(path for path in candidates if path.is_file()))
 
 
-def with_includes(file: Path) -> list[Path]:
-    """Returns the file and all files of this repository that it includes, also indirectly."""
+def with_includes(entry: dict[str, str]) -> list[Path]:
+    """Returns the file of an entry and all of ours that it includes, also indirectly."""
+    folders = tuple(Path(name) for name in INCLUDE_FOLDER.findall(entry["command"]))
+    file = Path(entry["file"])
     seen = {file}
     queue = [file]
     while queue:
-        new = set(direct_includes(queue.pop())) - seen
+        new = set(direct_includes(queue.pop(), folders)) - seen
         seen |= new
         queue += new
     return sorted(seen)
 
 
-def own_size(file: Path) -> int:
-    """Returns the size of a file together with the files that it includes directly [bytes]."""
-    return sum(path.stat().st_size for path in {file, *direct_includes(file)})
+def sources_of(entry: dict[str, str]) -> list[str]:
+    """Returns the file of an entry, or the files that are compiled together in it."""
+    file = Path(entry["file"])
+    return [str(path) for path in (file, *direct_includes(file)) if path.suffix == ".cpp"]
+
+
+def size(entry: dict[str, str]) -> int:
+    """Returns the size of all of ours that is read for an entry [bytes]."""
+    return sum(path.stat().st_size for path in with_includes(entry))
 
 
 def fingerprint(entry: dict[str, str], common: bytes) -> str:
     """Returns a hash of everything that can change the findings in one entry of the database."""
     digest = hashlib.sha256(common)
     digest.update(entry["command"].encode())
-    for file in with_includes(Path(entry["file"])):
+    for file in with_includes(entry):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
@@ -89,7 +99,7 @@ def main(build: Path, jobs: int, mode: str) -> int:
         if ("tests" in path.parts) == (mode == "tests")
     }
     database = json.loads((build / "compile_commands.json").read_text())
-    entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
+    entries = {entry["file"]: entry for entry in database if ours & set(sources_of(entry))}
     configs = [path for path in tracked_files() if path.name == ".clang-tidy"]
     config = b"".join((ROOT / path).read_bytes() for path in configs)
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout
@@ -106,7 +116,7 @@ def main(build: Path, jobs: int, mode: str) -> int:
     marks = {file: passed / fingerprint(entry, common) for file, entry in entries.items()}
     changed = [file for file, mark in marks.items() if not mark.exists()]
     # Large files come first, so that no long one runs alone at the end.
-    changed.sort(key=lambda file: (-own_size(Path(file)), file))
+    changed.sort(key=lambda file: (-size(entries[file]), file))
 
     failures = 0
     with ThreadPoolExecutor(jobs) as pool:
@@ -122,7 +132,7 @@ def main(build: Path, jobs: int, mode: str) -> int:
 
     # The printed number of checks reveals a misspelt glob in .clang-tidy.
     checks = sum(line.startswith("    ") for line in listing.splitlines())
-    print(f"{checks} checks, {len(entries)} files, {len(changed)} of them new or changed")
+    print(f"{checks} checks, {len(entries)} units, {len(changed)} of them new or changed")
     return 1 if failures else 0
 
 
