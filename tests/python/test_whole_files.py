@@ -18,6 +18,7 @@ SOURCES = [
     pytest.param(path, str(path.relative_to(place)), id=str(path.relative_to(place)))
     for place in PLACES
     for path in sorted(place.rglob("*.py"))
+    if "tests" not in path.parts[len(ROOT.parts) :]
 ]
 WRITERS = ("savefig", "imsave", "imwrite", "ParquetWriter", "write_table", "savez")
 METHODS = ("write_text", "write_bytes", "save", "tofile")
@@ -29,22 +30,22 @@ ELSEWHERE = {
     "log/tables.py": ("to_csv", "to_parquet"),
     "log/original.py": ("_open_text",),
     # Motion.save() writes a whole file.
-    "commands/motion.py": ("work",),
-    "commands/teach.py": ("save",),
+    "trifinger_view/commands/motion.py": ("work",),
+    "trifinger_view/commands/teach.py": ("save",),
     # A folder of many files, which grows.
     "log/images.py": ("save_images",),
     # In a whole folder.
-    "data_sets/lerobot.py": ("write_json", "_write", "close", "add", "_png"),
-    "data_sets/statistics.py": ("__init__",),
-    "data_sets/minari.py": ("_write_episodes",),
+    "trifinger_data_sets/lerobot.py": ("write_json", "_write", "close", "add", "_png"),
+    "trifinger_data_sets/statistics.py": ("__init__",),
+    "trifinger_data_sets/minari.py": ("_write_episodes",),
     # In a temporary folder.
-    "data_sets/recorded_environment.py": ("make",),
+    "trifinger_data_sets/recorded_environment.py": ("make",),
     "commands/run_policy_of_python.py": ("_configuration_of",),
     # Into the memory.
     "log/camera_film.py": ("__init__",),
-    "colour_labels.py": ("_source",),
+    "trifinger_camera_calibration/colour_labels.py": ("_source",),
     "training/checkpoint.py": ("dump",),
-    "view/html_file.py": ("_images",),
+    "trifinger_view/html_file.py": ("_images",),
     # Nothing: it asks whether a device may be written.
     "robot_fingers/programs.py": ("_require_targets",),
 }

@@ -220,9 +220,11 @@ def test_an_activated_terminal_finds_programs_and_package() -> None:
         text=True,
         check=True,
     )
-    program, package = done.stdout.splitlines()
+    program, package, *others = done.stdout.splitlines()
     assert Path(program).samefile(ROOT / ".venv" / "bin" / "trifinger")
     assert package == str(ROOT / "build/release/python")
+    modules = {module.name for folder in others for module in Path(folder).iterdir()}
+    assert {"trifinger_view", "trifinger_data_sets", "trifinger_camera_calibration"} <= modules
 
 
 @pytest.mark.parametrize("comes_early", [False, True])
