@@ -85,10 +85,10 @@ SkillRow cube_row(std::string what, std::string reach, double needed, SkillTrial
     Judgement judgement{.figure = report.at("position_rms"),
                         .why = std::string(result.trace.failure)};
     if (judgement.why.empty() && report.at("grasps") != 1) judgement.why = "it was grasped again";
-    if (judgement.why.empty() && !(judgement.figure <= limits.position_rms &&
-                                   report.at("orientation_rms") <= limits.orientation_rms &&
-                                   report.at("hold_drift") <= limits.hold_drift))
-      judgement.why = "beyond the reach";
+    const bool is_within = judgement.figure <= limits.position_rms &&
+                           report.at("orientation_rms") <= limits.orientation_rms &&
+                           report.at("hold_drift") <= limits.hold_drift;
+    if (judgement.why.empty() && !is_within) judgement.why = "beyond the reach";
     judgement.succeeds = judgement.why.empty();
     return judgement;
   };
@@ -103,7 +103,7 @@ SkillRow cube_row(std::string what, std::string reach, double needed, SkillTrial
           .scale = 1 / kMillimetre};
 }
 
-std::string cube_columns() {
+std::string_view cube_columns() {
   return "| what | reach | succeed | worst position rms | worst orientation rms | worst drift | "
          "normal forces | least torque left | holds |\n"
          "|---|---|---|---|---|---|---|---|---|\n";

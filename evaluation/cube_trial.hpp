@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 #include <string>
+#include <string_view>
 
 #include "evaluation/rows.hpp"
 
@@ -39,7 +40,7 @@ struct Limits {
 
 // A row of the tables of these skills, the header of their columns, and the table of its trials, in
 // Markdown.
-[[nodiscard]] std::string cube_columns();
+[[nodiscard]] std::string_view cube_columns();
 [[nodiscard]] std::string line_of(const JudgedRow& done);
 [[nodiscard]] std::string details_of(const JudgedRow& done, std::uint64_t first_seed);
 

@@ -44,7 +44,7 @@ inline constexpr std::string_view kStopped = "it was stopped";
 // longer than a step, so the caller does it. When the phase is kPlan, make a plan for
 // `resting_pose()` and give it to `begin`. Until then the tips stay where they are. Memory is
 // allocated only during construction.
-class Manipulation : public Phased<Manipulation, Phase> {
+class Manipulation : public Phased<Manipulation, Phase, NoSkill> {
  public:
   // `period` is the length of a step.
   // Throws InvalidArgument

@@ -23,13 +23,23 @@ struct PhaseRow {
   void (S::*during)(Seconds elapsed) noexcept {nullptr};
 };
 
-// What goes through phases. The table `kPhases` of `S` has a row for each `Phase`, in their order.
 template <class S, class Phase>
-class Phased {
- protected:
-  using Row = PhaseRow<S, Phase>;
+class TipsSkill;
+
+// The base of what goes through phases and is no skill.
+struct NoSkill {};
+
+// A `Base` that goes through phases. The table `kPhases` of `S`, which it is, has a row for each
+// `Phase`, in their order.
+template <class S, class Phase, class Base = Skill>
+class Phased : public Base {
+  friend S;
+  friend TipsSkill<S, Phase>;
 
   explicit Phased(Seconds period) noexcept : clock_(period) {}
+
+ protected:
+  using Row = PhaseRow<S, Phase>;
 
   void enter(Phase phase) noexcept {
     phase_ = phase;

@@ -24,8 +24,14 @@ namespace trifinger::manipulation {
 //     void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
 //     [[nodiscard]] Motion desired() const noexcept;
 template <class S, class Phase>
-class TipsSkill : public Skill, public Phased<S, Phase> {
+class TipsSkill : public Phased<S, Phase> {
+  friend S;
   using Phases = Phased<S, Phase>;
+
+  explicit TipsSkill(const SkillContext& context)
+      : Phases(context.period), servo_(context.description, context.limits) {
+    enter(Phase::kLook);
+  }
 
  public:
   [[nodiscard]] const TriFinger::Action& update(
@@ -60,11 +66,6 @@ class TipsSkill : public Skill, public Phased<S, Phase> {
  protected:
   using Phases::clock_;
   using Phases::phase_;
-
-  explicit TipsSkill(const SkillContext& context)
-      : Phases(context.period), servo_(context.description, context.limits) {
-    enter(Phase::kLook);
-  }
 
   void enter(Phase phase) noexcept {
     Phases::enter(phase);

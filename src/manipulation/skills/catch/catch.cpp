@@ -80,7 +80,7 @@ CatchConfig read_catch(const Node& root) {
 enum class CatchPhase : std::uint8_t { kApproach, kWait, kClose, kHold, kDone, kFailed };
 
 // Catches a ball that falls or flies towards the fingers of a flipped robot.
-class Catch final : public Skill, public Phased<Catch, CatchPhase> {
+class Catch final : public Phased<Catch, CatchPhase> {
  public:
   Catch(const SkillContext& context, CatchConfig config)
       : Phased(context.period),

@@ -101,7 +101,7 @@ ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
 enum class ThrowPhase : std::uint8_t { kApproach, kWait, kCentre, kThrow, kWatch, kDone, kFailed };
 
 // Throws a ball that lies on the tips.
-class Throw final : public Skill, public Phased<Throw, ThrowPhase> {
+class Throw final : public Phased<Throw, ThrowPhase> {
  public:
   Throw(const SkillContext& context, ThrowConfig config)
       : Phased(context.period),
