@@ -58,7 +58,7 @@ class Dice {
   std::normal_distribution<double> normal_;
 };
 
-// Of the joints that follow these targets.
+// Returns the stroke of joints that follow these targets.
 Stroke stroke_of(std::vector<JointValues> targets) {
   return {
       .spacing = Seconds(0.025), .targets = std::move(targets), .stiffness = 15.0, .damping = 0.02};

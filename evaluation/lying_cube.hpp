@@ -38,7 +38,7 @@ inline constexpr std::array<const char*, 6> kFaces{"+x", "-x", "+y", "-y", "+z",
   return "";
 }
 
-// Requires that `is_good` says nothing at any step of the last second.
+// Returns what is wrong at the first step of the last second at which `wrong` says something.
 [[nodiscard]] inline std::string last_second(
     const SkillTrialResult& result, const std::function<std::string(const TrueStep&)>& wrong) {
   constexpr std::size_t kSteps = 1000;

@@ -36,7 +36,7 @@ struct JudgedRow {
 // Runs the trials of a row on all processors; those in real time one after the other.
 [[nodiscard]] std::vector<Report> run_all(const Options& options, const SkillRow& row);
 
-// The same, and prints what comes out.
+// Runs the trials of a row, and prints how many have succeeded and what is wrong with the others.
 [[nodiscard]] JudgedRow judged(const Options& options, SkillRow row);
 
 // Writes a page. Throws Error.

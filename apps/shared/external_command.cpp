@@ -58,8 +58,8 @@ std::vector<std::string> search_folders() {
   return folders;
 }
 
-bool is_installed(const std::string& verb) {
-  return std::ranges::any_of(search_folders(), [&verb](const std::string& folder) {
+bool is_installed(const std::string& verb, const std::vector<std::string>& folders) {
+  return std::ranges::any_of(folders, [&verb](const std::string& folder) {
     return ::access((folder + "/" + std::string(kPrefix) + verb).c_str(), X_OK) == 0;
   });
 }
@@ -105,12 +105,13 @@ void start_python(const std::string& verb, const std::vector<std::string>& argum
 void declare_external(CLI::App& parent) {
   const bool is_program = parent.get_parent() == nullptr;
   const std::string above = is_program ? "" : parent.get_name() + "-";
+  const std::vector<std::string> folders = search_folders();
   for (const Command& command : kCommands) {
     const std::string verb = command.verb;
     if (is_program ? is_below_a_command(parent, verb) : !verb.starts_with(above)) continue;
     parent.add_subcommand(verb.substr(above.size()), command.help)
         ->prefix_command()
-        ->group(heading(command, is_installed(verb)));
+        ->group(heading(command, is_installed(verb, folders)));
   }
 }
 

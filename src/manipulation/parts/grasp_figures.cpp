@@ -189,7 +189,8 @@ std::vector<Figure> grasp_figures(const SkillTrace& trace, std::span<const SeenP
   for (const SkillStep& step : trace.steps) cycles.push_back(step.cycle_time.count());
   figures.push_back(
       {"cycle_p50", quantile(cycles, 0.5), "s", "of a step of the controller, median"});
-  figures.push_back({"cycle_p999", quantile(cycles, 0.999), "s", "the same, 99.9 %"});
+  figures.push_back(
+      {"cycle_p999", quantile(cycles, 0.999), "s", "of a step of the controller, 99.9 %"});
   return figures;
 }
 
