@@ -14,8 +14,8 @@
 #include "harness.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/learning/environment_batch.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_simulation.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::benchmarks {
 namespace {
@@ -43,17 +43,17 @@ std::vector<std::vector<float>> wandering(std::size_t actions, std::size_t count
 class BareEpisode {
  public:
   // Finds the torques of an episode with these actions. `place` is that of its simulation in them.
-  BareEpisode(const FileRobotOptions& robot, const std::vector<std::vector<float>>& actions,
+  BareEpisode(const SimulationOptions& robot, const std::vector<std::vector<float>>& actions,
               std::size_t place)
-      : model_(*robot.model->mujoco()) {
-    const FileSimulator simulator(robot);
+      : model_(*robot.file->mujoco()) {
+    const Simulator simulator(robot);
     const Environment environment(kTask, default_options(kTask), robot);
-    const RobotModel::Data data = robot.model->make_data();
-    FileSimulator::State state = simulator.make_state();
+    const SceneModel::Data data = robot.file->make_data();
+    Simulator::State state = simulator.make_state();
     Episode episode;
     const Start start = environment.begin(place, 0, episode);
     const std::size_t joints = simulator.num_joints();
-    simulator.reset(start.position, model_, *data, state,
+    simulator.reset(std::span(start.position).first(joints), start.random, *data, state,
                     std::span(start.model_position).first(state.model_position.size()));
     begin_.assign(data->qpos, data->qpos + model_.nq);
     CountedAction action = hold_position(state.observation);
@@ -103,14 +103,14 @@ Row row_of(const char* name, const Paired& paired) {
 }  // namespace
 
 std::vector<Row> any_robot(const Effort& effort) {
-  const FileRobotOptions robot = std::get<FileRobotConfig>(load_any_robot_config("dclaw")).robot;
-  const std::size_t joints = robot.limits.size();
+  const SimulationOptions robot = load_robot_config("dclaw").simulation;
+  const std::size_t joints = robot.limits->size();
   constexpr std::size_t kSimulations = 16;
   const auto actions = wandering(40, kSimulations * joints);
   std::vector<BareEpisode> bare;
   bare.reserve(kSimulations);
   for (std::size_t i = 0; i < kSimulations; ++i) bare.emplace_back(robot, actions, i);
-  const RobotModel::Data data = robot.model->make_data();
+  const SceneModel::Data data = robot.file->make_data();
   const std::size_t steps = bare.front().steps();
   const auto bare_steps = [&](std::size_t episodes) {
     const auto begin = Clock::now();
@@ -126,7 +126,7 @@ std::vector<Row> any_robot(const Effort& effort) {
     for (const std::vector<float>& action : actions) batch.step(action);
     return per_second(kSimulations * steps, begin);
   };
-  const FileSimulation simulation(robot, {.history = 1024});
+  const Simulation simulation(robot, {.history = 1024});
   const Environment environment(kTask, default_options(kTask), robot);
   const auto session = [&] {
     simulation.robot().reset();

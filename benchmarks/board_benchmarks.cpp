@@ -28,7 +28,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using Boards = boards::BoardRobotOptions<TriFinger>;
-using Simulation = SimulationOptions<TriFinger>;
+using Simulation = SimulationOptions;
 
 constexpr const char* kName = "bench";
 constexpr Nanoseconds kTick = 1ms;
@@ -41,7 +41,7 @@ struct Robot {
         {"boards.homing.method=here", "boards.homing.home_position=[0, 0.9, -1.7]",
          "boards.move_time=0.1", "boards.silent_after=1", "boards.receive_timeout=1"});
     boards = std::get<Boards>(config.boards->options);
-    simulation = std::get<Simulation>(config.simulation);
+    simulation = config.simulation;
     backend = config.backend;
     backend.max_action_repeats = backend.max_skipped_ticks = 1'000'000;
   }
@@ -202,7 +202,7 @@ std::vector<Row> emulated_robot(const Effort& effort) {
       p99.measure.add(p99_of(timed, robot.backend, effort.window_time));
       for (const double time : timed.times()) answers.add(time);
     }
-    SimulatedRobot<TriFinger> simulated(robot.simulation);
+    SimulatedRobot simulated(robot.simulation);
     p99.reference.add(p99_of(simulated, robot.backend, effort.window_time));
   }
   Row lateness =

@@ -83,7 +83,7 @@ struct Recording {
 };
 
 Recording record_lift() {
-  const Simulation<TriFinger> simulation({.description = description()});
+  const Simulation simulation({.description = description()});
   const auto cube_pose = [&] {
     const auto [position, orientation] = simulation.robot().object_pose("cube");
     const auto& [w, x, y, z] = orientation;

@@ -109,8 +109,8 @@ Row policy_row(const Effort& effort, Precision precision) {
 constexpr int kSimulations = 64;
 constexpr int kActions = 100;  // One episode.
 
-SimulationOptions<TriFinger> without_objects() {
-  SimulationOptions<TriFinger> options;
+SimulationOptions without_objects() {
+  SimulationOptions options;
   options.description.objects.clear();
   return options;
 }
@@ -199,7 +199,8 @@ class DirectSteps {
 
   RobotModel model_{without_objects().description};
   learning::Environment environment_;
-  SafetyChain<TriFinger> chain_{default_limits<TriFinger>(model_.description())};
+  SafetyChain<TriFinger> chain_{
+      limits_of<TriFinger::kJoints>(default_limits(model_.description()))};
   ActuatorParameters motors_{actuator(model_.description())};
   std::vector<Run> runs_;
   std::unique_ptr<mjBatch, DeleteBatch> batch_;
@@ -264,7 +265,7 @@ std::vector<Row> vector_environment_2_threads(const Effort& effort) {
 std::vector<Row> environment(const Effort& effort) {
   const learning::Environment task("reach", learning::default_options("reach"),
                                    without_objects().description);
-  const Simulation<TriFinger> simulation(without_objects(), {.history = 1024});
+  const Simulation simulation(without_objects(), {.history = 1024});
   const auto actions = wandering(TriFinger::kJoints);
   std::vector<float> observation(task.observation_size());
   std::vector<double> achieved(task.goal_size());

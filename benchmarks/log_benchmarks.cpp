@@ -48,7 +48,7 @@ Run run_with_random_torques() {
   Run run(kLogSteps);
   std::mt19937_64 random(1);  // NOLINT(cert-msc51-cpp): the same run every time
   std::uniform_real_distribution<double> torque(-0.2, 0.2);
-  const Simulation<TriFinger> simulation({}, {.history = static_cast<std::size_t>(2 * kLogSteps)});
+  const Simulation simulation({}, {.history = static_cast<std::size_t>(2 * kLogSteps)});
   auto robot = simulation.connect();
   auto action = hold_position(robot.latest_observation());
   for (TimeIndex t = 0; t <= kLogSteps; ++t) {
@@ -253,8 +253,8 @@ std::vector<Row> log_files(const Effort& effort) {
 
 // A simulated robot with its cube moves as fast as it can, with and without a recorder.
 std::vector<Row> recorded_simulation(const Effort& effort) {
-  const Simulation<TriFinger> bare;
-  const Simulation<TriFinger> recorded;
+  const Simulation bare;
+  const Simulation recorded;
   const test::Folder folder;
   log::RecorderOptions options;
   options.folder = folder.path();
@@ -266,7 +266,7 @@ std::vector<Row> recorded_simulation(const Effort& effort) {
 
   constexpr TimeIndex kRun = 30'000;  // more than the history
   TimeIndex steps = 0;
-  const auto measure = [&](const Simulation<TriFinger>& simulation) {
+  const auto measure = [&](const Simulation& simulation) {
     auto robot = simulation.connect();
     const auto action = hold_position(robot.latest_observation());
     const auto begin = Clock::now();

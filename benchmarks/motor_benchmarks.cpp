@@ -15,8 +15,8 @@
 #include "trifinger/dynamixel/motor_loop.hpp"
 #include "trifinger/dynamixel/port.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_plant.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::benchmarks {
 namespace {
@@ -27,9 +27,9 @@ using dynamixel::MotorSnapshot;
 constexpr int kBaud = 4'000'000;
 
 // A file that has D'Claw's motors, without the one of its valve.
-FileRobotConfig nine_motors() {
-  auto config = std::get<FileRobotConfig>(load_any_robot_config(
-      "dclaw_dynamixel", {"dynamixel.port=emulated", "dynamixel.baud=" + std::to_string(kBaud)}));
+RobotConfig nine_motors() {
+  auto config = load_robot_config(
+      "dclaw_dynamixel", {"dynamixel.port=emulated", "dynamixel.baud=" + std::to_string(kBaud)});
   config.servos->group.watchdog = 2s;
   config.servos->group.silent_after = 2s;
   config.servos->slack = 100ms;
@@ -49,7 +49,7 @@ MotorSnapshot wait_for(dynamixel::MotorLoop& loop, std::uint64_t request) {
 }
 
 // Cycles per second of a loop at this terminal, in windows of a second.
-void measure(const std::string& path, const FileRobotConfig& config, const Effort& effort,
+void measure(const std::string& path, const RobotConfig& config, const Effort& effort,
              Samples& rates, std::uint64_t& missing) {
   auto port =
       std::make_unique<dynamixel::SerialPort>(path, dynamixel::SerialOptions{.baud = kBaud});
@@ -84,9 +84,9 @@ std::vector<Row> motor_bus(const Effort& effort) {
   };
   std::vector<Row> rows;
   for (const Case& bus : {Case{"sync read", false, 1476.0}, Case{"fast sync read", true, 1852.0}}) {
-    FileRobotConfig config = nine_motors();
+    RobotConfig config = nine_motors();
     config.servos->group.is_fast = bus.is_fast;
-    FilePlant plant(config.robot, *config.servos);
+    ServoPlant plant(config.simulation, *config.servos);
     static_cast<void>(enter_realtime({.demand = Demand::kTry, .priority = 82}));
     Samples rates;
     std::uint64_t missing = 0;

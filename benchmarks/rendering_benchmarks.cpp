@@ -69,8 +69,8 @@ class BarePictures {
  private:
   rendering::Context context_;
   rendering::Context::Use use_;
-  RobotModel::Compiled model_;
-  RobotModel::Data data_;
+  SceneModel::Compiled model_;
+  SceneModel::Data data_;
   int size_;
   mjvOption option_{};
   mjvCamera camera_{};

@@ -28,7 +28,7 @@ TriFinger::Action motion(const TriFinger::Observation& begin, TimeIndex t) {
 // Measures the safety chain alone. In its motion some checks act, and none ends in a fault.
 std::vector<Row> safety_chain(const Effort& effort) {
   constexpr int kApplications = 200'000;
-  const SafetyChain<TriFinger> chain(default_limits<TriFinger>({}));
+  const SafetyChain<TriFinger> chain(limits_of<TriFinger::kJoints>(default_limits({})));
   Samples samples;
   double sum = 0.0;
   for (int round = 0; round < effort.rounds; ++round) {
@@ -54,7 +54,7 @@ std::vector<Row> safety_chain(const Effort& effort) {
 }
 
 std::vector<Row> simulation(const Effort& effort) {
-  const Simulation<TriFinger> simulated;
+  const Simulation simulated;
   std::vector<TriFinger::Observation> observations;
 
   const auto frontend = [&] {

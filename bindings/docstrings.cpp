@@ -646,7 +646,7 @@ const char* const metadata = R"(Facts for the program that runs the policy. docs
 }
 
 namespace ObjectAddress {
-const char* const ObjectAddress = R"(The place of one loose object in the state of a `RobotModel`.)";
+const char* const ObjectAddress = R"(The place of one loose object in the state of a `SceneModel`.)";
 const char* const body = R"(Index of the body.)";
 const char* const position = R"(First of 7 numbers in `qpos`: x y z, then the quaternion w x y z.)";
 const char* const velocity = R"(First of 6 numbers in `qvel`.)";
@@ -955,9 +955,9 @@ not diverged. `trifinger run` saves it in `log_folder()`.)";
 }
 
 namespace Simulation {
-const char* const connect = R"(Controls the robot in a new session.
+const char* const connect = R"(Controls the robot, of type R, in a new session.
 
-Raises ControlHeld while another front-end controls it.)";
+Raises ControlHeld while another front-end controls it, Error if its type is another.)";
 }
 
 namespace SplineKind {

@@ -9,7 +9,7 @@
 namespace trifinger::evaluation {
 
 BoardWorld::BoardWorld(const boards::BoardRobotOptions<TriFinger>& boards,
-                       const SimulationOptions<TriFinger>& simulation)
+                       const SimulationOptions& simulation)
     : plant_(simulation) {
   std::vector<std::unique_ptr<can::Bus>> of_robot;
   std::vector<std::unique_ptr<can::Bus>> of_boards;
@@ -20,7 +20,7 @@ BoardWorld::BoardWorld(const boards::BoardRobotOptions<TriFinger>& boards,
   }
   emulator_.emplace(boards, std::move(of_boards), plant_, clock_.now());
   robot_.emplace(boards, std::move(of_robot), clock_);
-  if (auto objects = object_companion(simulation.description)) {
+  if (auto objects = object_companion(simulation.description.objects)) {
     companions_.push_back(std::move(*objects));
   }
 }

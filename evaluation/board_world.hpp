@@ -23,7 +23,7 @@ class BoardWorld final : public Driver<TriFinger> {
  public:
   // `boards` is how the robot is driven, `simulation` what it and its objects are.
   BoardWorld(const boards::BoardRobotOptions<TriFinger>& boards,
-             const SimulationOptions<TriFinger>& simulation);
+             const SimulationOptions& simulation);
 
   [[nodiscard]] ManualClock& clock() noexcept { return clock_; }
   [[nodiscard]] SimulatedPlant<TriFinger>& plant() noexcept { return plant_; }

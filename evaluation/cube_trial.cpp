@@ -34,7 +34,7 @@ SkillTrial varied(const SkillTrial& trial, std::uint64_t seed) {
   Random random(seed);
   SkillTrial made = trial;
   made.after = control::Seconds(0);
-  SimulationOptions<TriFinger>& simulation = made.simulation;
+  SimulationOptions& simulation = made.simulation;
   ObjectDescription& object = simulation.description.objects.front();
   constexpr double kDistance = 0.03;
   // Draws a place within a circle, evenly distributed.
@@ -67,7 +67,7 @@ void push_from_any_side(SkillTrial& trial, std::uint64_t seed, double force,
                                      force * (width * std::sin(azimuth)), force * height};
   const control::Seconds period = trial.simulation.period;
   trial.interfere = [=, hold_begin = std::optional<TimeIndex>()](
-                        SimulatedRobot<TriFinger>& robot, TimeIndex t,
+                        SimulatedRobot& robot, TimeIndex t,
                         const manipulation::SkillState& state) mutable {
     constexpr control::Seconds kDuration{0.05};
     if (state.phase == "hold" && !hold_begin) hold_begin = t - 1;

@@ -73,7 +73,7 @@ struct Cradle {
 // A simulated robot whose ball and tips differ a little from what is believed.
 class Plant {
  public:
-  Plant(SimulationOptions<TriFinger> options, double mass, double friction, JointValues offset)
+  Plant(SimulationOptions options, double mass, double friction, JointValues offset)
       : offset_(std::move(offset)),
         limits_(manipulation::safety_limits_of(options)),
         kinematics_(options.description),
@@ -137,9 +137,9 @@ class Plant {
     if (robot_.prepare(0).state != DriverReport::State::kReady) return false;
     TriFinger::AppliedAction applied;
     for (TimeIndex t = 0; t < steps; ++t) {
-      static_cast<void>(robot_.get_latest_observation(observation_));
-      if (robot_.apply_action(controller(t), applied).state != DriverReport::State::kReady)
-        return false;
+      static_cast<void>(robot_.get_latest_observation(&observation_));
+      const TriFinger::Action action = controller(t);
+      if (robot_.apply_action(&action, &applied).state != DriverReport::State::kReady) return false;
     }
     return true;
   }
@@ -165,13 +165,13 @@ class Plant {
   double tip_radius_;
   double weight_;         // Believed mass of the ball [kg].
   JointValues carrying_;  // Torques that carry it at the start of the stroke [Nm].
-  SimulatedRobot<TriFinger> robot_;
+  SimulatedRobot robot_;
   TriFinger::Observation observation_;
 };
 
 class Finder {
  public:
-  Finder(const SimulationOptions<TriFinger>& options, std::uint64_t seed)
+  Finder(const SimulationOptions& options, std::uint64_t seed)
       : options_(options),
         limits_(manipulation::safety_limits_of(options)),
         kinematics_(options.description),
@@ -335,7 +335,7 @@ class Finder {
   }
 
  private:
-  SimulationOptions<TriFinger> options_;
+  SimulationOptions options_;
   SafetyLimits limits_;
   Kinematics kinematics_;
   Dice dice_;
@@ -394,7 +394,7 @@ struct FindOptions {
 
 int find(const FindOptions& options) {
   const RobotConfig config = load_robot_config(options.robot);
-  const auto& simulation = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  const auto& simulation = config.simulation;
   Finder finder(simulation, options.seed);
   double kept = -10.0;
   finder.keep = [&](const Finder::Found& found) {

@@ -34,8 +34,7 @@ control::Pose pose_of(const ObjectPose& object) {
 // Notes what is true in a simulation.
 class Witness {
  public:
-  Witness(const SkillTrial& trial, const SimulatedRobot<TriFinger>& robot,
-          const std::string& object)
+  Witness(const SkillTrial& trial, const SimulatedRobot& robot, const std::string& object)
       : robot_(robot),
         kinematics_(trial.simulation.description),
         tip_radius_(variant_figures(trial.simulation.description.variant).tip_radius) {
@@ -63,7 +62,7 @@ class Witness {
   }
 
  private:
-  const SimulatedRobot<TriFinger>& robot_;
+  const SimulatedRobot& robot_;
   Kinematics kinematics_;
   double tip_radius_;
   std::optional<ObjectDescription> object_;
@@ -72,7 +71,7 @@ class Witness {
 // A robot and a witness of each of its steps, in the thread of the back-end.
 class WitnessedRobot final : public Driver<TriFinger> {
  public:
-  WitnessedRobot(SimulatedRobot<TriFinger>& robot, Witness& witness, std::size_t most_steps)
+  WitnessedRobot(SimulatedRobot& robot, Witness& witness, std::size_t most_steps)
       : robot_(robot), witness_(witness) {
     truth_.reserve(most_steps);
   }
@@ -91,13 +90,13 @@ class WitnessedRobot final : public Driver<TriFinger> {
     return robot_.prepare(step);
   }
   [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
-    const DriverReport report = robot_.get_latest_observation(observation);
+    const DriverReport report = robot_.get_latest_observation(&observation);
     observation_ = observation;
     return report;
   }
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           AppliedAction& applied) noexcept override {
-    const DriverReport report = robot_.apply_action(desired, applied);
+    const DriverReport report = robot_.apply_action(&desired, &applied);
     if (truth_.size() < truth_.capacity())
       truth_.push_back(witness_.look(static_cast<TimeIndex>(truth_.size()) - 1, observation_));
     steps_.store(truth_.size(), std::memory_order_relaxed);
@@ -105,7 +104,7 @@ class WitnessedRobot final : public Driver<TriFinger> {
   }
   [[nodiscard]] DriverReport hold(const Observation& observation,
                                   Action& action) noexcept override {
-    return robot_.hold(observation, action);
+    return robot_.hold(&observation, &action);
   }
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override { return robot_.stop(step); }
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
@@ -123,7 +122,7 @@ class WitnessedRobot final : public Driver<TriFinger> {
   }
 
  private:
-  SimulatedRobot<TriFinger>& robot_;
+  SimulatedRobot& robot_;
   Witness& witness_;
   Observation observation_{};
   std::vector<TrueStep> truth_;
@@ -171,16 +170,16 @@ SkillTrialResult run_on_boards(const SkillTrial& trial) {
   return result;
 }
 
-Simulation<TriFinger> simulation_of(const SkillTrial& trial) {
-  if (!trial.sight) return Simulation<TriFinger>(trial.simulation);
+Simulation simulation_of(const SkillTrial& trial) {
+  if (!trial.sight) return Simulation(trial.simulation);
   RobotConfig config = trial.sight->config;
   config.simulation = trial.simulation;
-  return rendering::make_simulation<TriFinger>(config, trial.sight->rendering);
+  return rendering::make_simulation(config, trial.sight->rendering);
 }
 
 // A back-end in a thread of its own, the skill in this one.
 SkillTrialResult run_in_real_time(const SkillTrial& trial) {
-  SimulatedRobot<TriFinger> simulation(trial.simulation);
+  SimulatedRobot simulation(trial.simulation);
   const auto skill = make(trial);
   Witness witness(trial, simulation, std::string(skill->object()));
   // The robot holds before the first action and after the last one; these steps count, too.
@@ -188,8 +187,8 @@ SkillTrialResult run_in_real_time(const SkillTrial& trial) {
   const auto most = static_cast<std::size_t>((skill->max_duration() + trial.after + kSpare) /
                                              trial.simulation.period);
   WitnessedRobot robot(simulation, witness, most);
-  SessionHost host = SessionHost::anonymous(
-      {.documents = model_documents(trial.simulation.description)}, "skill-trial");
+  SessionHost host =
+      SessionHost::anonymous({.documents = model_documents(trial.simulation)}, "skill-trial");
   Backend backend(robot, host, *trial.real_time);
   // The world goes on from where a session has left it.
   backend.set_after_session([&](const Fault&) { simulation.restore(simulation.save()); });
@@ -234,7 +233,7 @@ double TrialRandom::between(double low, double high) {
 }
 
 void vary_physics(SkillTrial& trial, TrialRandom& random, double least_friction) {
-  SimulationOptions<TriFinger>& simulation = trial.simulation;
+  SimulationOptions& simulation = trial.simulation;
   for (ObjectDescription& object : simulation.description.objects)
     object.mass *= random.between(0.8, 1.2);
   simulation.description.contact.tip_friction = random.between(least_friction, 1.0);
@@ -263,12 +262,14 @@ SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
                             const std::vector<std::string>& robot_settings,
                             const std::vector<std::string>& skill_settings) {
   RobotConfig config = load_robot_config(robot, robot_settings);
-  auto* const simulation = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
-  if (simulation == nullptr) throw InvalidArgument("'" + robot + "' has not three fingers");
+  const SimulationOptions& simulation = config.simulation;
+  if (description_of(config).arrangement != Arrangement::kTriFinger) {
+    throw InvalidArgument("'" + robot + "' has not three fingers");
+  }
   SkillTrial trial{.skill = skill,
                    .settings = skill_settings,
-                   .simulation = *simulation,
-                   .believed = simulation->description};
+                   .simulation = simulation,
+                   .believed = simulation.description};
   if (config.boards)
     trial.boards = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
   if (config.tracks_objects) trial.sight = SkillTrial::Sight{.config = std::move(config)};
@@ -300,7 +301,7 @@ double together(std::span<const Report> reports, std::string_view figure) {
 SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   if (trial.real_time) return run_in_real_time(trial);
   if (trial.boards) return run_on_boards(trial);
-  const Simulation<TriFinger> simulation = simulation_of(trial);
+  const Simulation simulation = simulation_of(trial);
   const auto skill = make(trial);
   Witness witness(trial, simulation.robot(), std::string(skill->object()));
   SkillTrialResult result;

@@ -27,14 +27,13 @@ struct SkillTrial {
   std::string skill;
   std::vector<std::string> settings{};  // Of the skill's configuration.
   bool is_taught{false};                // Plays what was taught instead of controlling.
-  SimulationOptions<TriFinger> simulation;
+  SimulationOptions simulation;
   RobotDescription believed;
   // How the back-end keeps time; nothing if time stands still while the skill computes.
   std::optional<BackendOptions> real_time{};
   control::Seconds after{1.0};  // Time to watch when the skill has ended: the robot holds its pose.
   // Does something to the simulation after step `t`, such as setting the object in motion.
-  std::function<void(SimulatedRobot<TriFinger>& robot, TimeIndex t,
-                     const manipulation::SkillState& state)>
+  std::function<void(SimulatedRobot& robot, TimeIndex t, const manipulation::SkillState& state)>
       interfere{};
   // The robot has emulated motor boards, which drive the simulation. Of what is true, only poses
   // of the object are known, until the skill's end.

@@ -31,7 +31,7 @@ TipPositions forces_of(const JointMatrix& jacobians, const JointValues& torques)
 
 std::vector<HandsAt> shown(const SkillTrial& trial, const manipulation::SkillContext& context,
                            const Hands& hands) {
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   auto robot = simulation.connect();
   const auto skill = manipulation::make_skill(trial.skill, context, {}, trial.settings);
   Kinematics kinematics(trial.simulation.description);
@@ -63,7 +63,7 @@ manipulation::TaughtMotion taught(const SkillTrial& trial, const Hands& hands,
       .period = trial.simulation.period};
   const std::vector<HandsAt> way = shown(trial, context, hands);
 
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   auto robot = simulation.connect();
   Kinematics kinematics(trial.simulation.description);
   const auto every =

@@ -11,7 +11,7 @@
 
 int main(int argument_count, char** arguments) {
   // The history is short here, to show what happens at its end. The default is 16384 steps.
-  const trifinger::Simulation<trifinger::TriFinger> simulation({}, {.history = 256});
+  const trifinger::Simulation simulation({}, {.history = 256});
   // A robot of the name that this program is given has its own.
   const bool is_named = argument_count > 1;
   auto robot =

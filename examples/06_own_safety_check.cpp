@@ -29,7 +29,7 @@ struct Result {
 };
 
 // Swings joint 0 of the first finger to the side, as fast as allowed.
-Result swing(const trifinger::Simulation<trifinger::TriFinger>& simulation) {
+Result swing(const trifinger::Simulation& simulation) {
   auto robot = simulation.connect();
   auto action = trifinger::hold_position(robot.latest_observation());
   action.position[0] += 0.3;
@@ -49,10 +49,10 @@ Result swing(const trifinger::Simulation<trifinger::TriFinger>& simulation) {
 }  // namespace
 
 int main() {
-  const trifinger::Simulation<trifinger::TriFinger> simulation;
+  const trifinger::Simulation simulation;
   const Result without = swing(simulation);
 
-  simulation.robot().safety().add_check(slow_down);  // only between sessions
+  simulation.robot().add_check<trifinger::TriFinger>(slow_down);  // only between sessions
   const Result with = swing(simulation);
 
   std::cout << "fastest without the check: " << without.max_speed << " rad/s\n"

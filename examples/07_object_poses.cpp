@@ -8,8 +8,7 @@
 
 int main(int argument_count, char** arguments) {
   // The poses are like those of a camera at 100 Hz that needs 25 ms to see the object.
-  const trifinger::Simulation<trifinger::TriFinger> simulation(
-      {.object_period = 10, .object_delay = 25});
+  const trifinger::Simulation simulation({.object_period = 10, .object_delay = 25});
   simulation.robot().place_object("cube", {.position = {0.0, 0.0, 0.1}});  // it will fall
   // A robot of the name that this program is given has a cube on its table.
   const bool is_named = argument_count > 1;

@@ -32,7 +32,7 @@ bool is_same(const Observations& a, const Observations& b) {
 }  // namespace
 
 int main() {
-  const trifinger::Simulation<trifinger::TriFinger> simulation;
+  const trifinger::Simulation simulation;
   trifinger::SimulationState saved;
   Observations first;
   {

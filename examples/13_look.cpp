@@ -29,7 +29,7 @@ std::vector<double> mean_colour(const trifinger::camera::ImageFormat& format,
 
 int main(int argument_count, char** arguments) {
   // Simulated cameras at 20 Hz, whose images are 20 ms old when they arrive.
-  const auto simulation = trifinger::rendering::make_simulation<trifinger::TriFinger>(
+  const auto simulation = trifinger::rendering::make_simulation(
       trifinger::load_robot_config("sim_cameras", {"cameras.rate=20", "cameras.delay=0.02"}));
   auto robot = argument_count > 1 ? trifinger::connect<trifinger::TriFinger>(arguments[1])
                                   : simulation.connect();

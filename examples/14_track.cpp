@@ -16,7 +16,7 @@
 #include "trifinger/tracking/tracker.hpp"
 
 int main() {
-  const auto simulation = trifinger::rendering::make_simulation<trifinger::TriFinger>(
+  const auto simulation = trifinger::rendering::make_simulation(
       trifinger::load_robot_config("sim_cameras", {"cameras.rate=20"}));
   // A cube in a corner of the arena, turned about the vertical.
   const double half = 0.3;

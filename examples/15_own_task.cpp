@@ -57,7 +57,7 @@ int main() {
             }});
 
   constexpr int kSimulations = 16;
-  trifinger::SimulationOptions<trifinger::TriFinger> simulation;
+  trifinger::SimulationOptions simulation;
   simulation.description.objects.clear();
   EnvironmentBatch batch("middle", options, simulation, kSimulations);
   for (std::size_t i = 0; i < batch.size(); ++i) batch.seed(i, 1 + i);

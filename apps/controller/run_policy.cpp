@@ -127,10 +127,7 @@ class Reporter {
   std::jthread thread_;  // Last member, because the thread uses the others.
 };
 
-Variant variant_of(const RobotConfig& config) {
-  return std::visit([](const auto& simulation) { return simulation.description.variant; },
-                    config.simulation);
-}
+Variant variant_of(const RobotConfig& config) { return description_of(config).variant; }
 
 // Returns the configuration that the policy was trained with, if its file has one. Files of older
 // versions only have its name.
@@ -188,14 +185,12 @@ template <class R>
 int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) {
   const config::File described = config_file_of(robot.session());
   const RobotConfig config = read_robot_config(described);
-  const auto* const simulation = std::get_if<SimulationOptions<R>>(&config.simulation);
-  if (simulation == nullptr) throw InvalidArgument("the robot is not what its configuration says");
   const std::string task = metadata_of(policy, "task", options.policy);
   check_robot(policy, options.policy, described);
   auto trained = learning::read_options(metadata_of(policy, "options", options.policy));
   // Real measurements have their own noise, so none is added.
   trained.position_noise = trained.velocity_noise = 0.0;
-  const learning::Environment environment(task, trained, simulation->description,
+  const learning::Environment environment(task, trained, description_of(config),
                                           robot.session().info().period);
 
   warn_of_differences(policy, options, described);

@@ -8,7 +8,7 @@
 #include "commands.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -21,7 +21,7 @@ struct ConfigOptions {
 int print_config(const ConfigOptions& options) {
   const config::File file = load_config_file(options.robot, options.overrides);
   // Who reads it knows what is allowed.
-  static_cast<void>(read_any_robot_config(file));
+  static_cast<void>(read_robot_config(file));
   const std::vector<config::File::Key> keys = file.keys();
   std::size_t key_width = 0;
   std::size_t value_width = 0;

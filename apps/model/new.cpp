@@ -20,8 +20,8 @@
 #include "trifinger/joint/read_limits.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/model/model_file.hpp"
-#include "trifinger/sim/file_robot.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
 namespace {

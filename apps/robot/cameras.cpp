@@ -52,7 +52,7 @@ struct CamerasOptions {
 // The cameras of a robot, and for whom they are.
 struct Cameras {
   std::string robot;
-  RobotDescription description;
+  SimulationOptions simulation;
   camera::CameraOptions options;
   std::vector<camera::Camera> cameras;
 };
@@ -75,10 +75,6 @@ log::LoggedSession log_session(const log::Log& log, const std::string& robot) {
   return log.session();
 }
 
-RobotDescription description_of(const RobotConfig& config) {
-  return std::visit([](const auto& options) { return options.description; }, config.simulation);
-}
-
 // Takes what the robot's session says if it runs, so that both agree; otherwise its configuration.
 Cameras cameras_of(const CamerasOptions& options) {
   if (options.overrides.empty()) {
@@ -89,7 +85,7 @@ Cameras cameras_of(const CamerasOptions& options) {
         const RobotConfig config = robot_config_of(session);
         const std::vector<camera::Camera> cameras = camera::calibration_of(session).cameras;
         return {.robot = name,
-                .description = description_of(config),
+                .simulation = config.simulation,
                 .options = config.cameras.value(),
                 .cameras = cameras};
       }
@@ -103,7 +99,7 @@ Cameras cameras_of(const CamerasOptions& options) {
   const std::string name = options.name.value_or(config.name);
   const camera::Calibration calibration = camera_calibration(config, name);
   return {.robot = name,
-          .description = description_of(config),
+          .simulation = config.simulation,
           .options = *config.cameras,
           .cameras = calibration.cameras};
 }
@@ -143,7 +139,7 @@ std::unique_ptr<camera::Source> open_source(const Cameras& cameras,
     Random random{.seed = look.seed};
     look = rendering::varied(look, random);
   }
-  return std::make_unique<rendering::SimulatedCameras>(cameras.robot, cameras.description,
+  return std::make_unique<rendering::SimulatedCameras>(cameras.robot, cameras.simulation,
                                                        cameras.cameras, options.period, look);
 }
 

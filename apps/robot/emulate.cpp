@@ -25,7 +25,6 @@
 #include "trifinger/can/interface_state.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_plant.hpp"
@@ -88,9 +87,9 @@ class Faults {
 // Runs the boards until a signal comes.
 template <class R>
 void run_boards(const std::string& name, const RobotConfig& config,
-                const SimulationOptions<R>& simulation, const std::vector<std::string>& texts,
+                const boards::BoardRobotOptions<R>& options, const std::vector<std::string>& texts,
                 const Signals& signals) {
-  const auto& options = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
+  const SimulationOptions& simulation = config.simulation;
   Clock& clock = MonotonicClock::instance();
   SimulatedPlant<R> plant(simulation);
   boards::Emulator<R> emulator(options, boards::open_buses(config.boards->bus, options.names, name),
@@ -157,20 +156,16 @@ int emulate(const EmulateOptions& options) {
   // The boards must not stop because nobody reads their messages or because they are sent to the
   // background.
   for (const int signal : {SIGPIPE, SIGTTIN}) std::signal(signal, SIG_IGN);
-  AnyRobotConfig any = load_any_robot_config(options.robot, options.overrides);
-  const auto require_hardware = [&options](bool has_hardware) {
-    if (has_hardware) return;
-    throw InvalidArgument("'" + options.robot +
-                          "' is not on motor boards or Dynamixel motors: its driver is simulation");
-  };
-  if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
-    require_hardware(from_file->servos.has_value());
-    from_file->name = options.name.value_or(from_file->name);
-    emulate_motors(*from_file, options.faults, options.realtime);
+  RobotConfig config = load_robot_config(options.robot, options.overrides);
+  config.name = options.name.value_or(config.name);
+  if (config.servos) {
+    emulate_motors(config, options.faults, options.realtime);
     return kDone;
   }
-  const RobotConfig config = std::get<RobotConfig>(std::move(any));
-  require_hardware(config.boards.has_value());
+  if (!config.boards) {
+    throw InvalidArgument("'" + options.robot +
+                          "' is not on motor boards or Dynamixel motors: its driver is simulation");
+  }
   for (const std::string& text : options.faults) static_cast<void>(boards::parse_fault(text));
   if (config.boards->bus == boards::BusKind::kSocketCan) {
     std::visit([](const auto& boards) { require_virtual(boards.names); }, config.boards->options);
@@ -180,10 +175,8 @@ int emulate(const EmulateOptions& options) {
     print_safely(stderr, "{}: {}\n", config.name, lack);
   }
   std::visit(
-      [&](const auto& simulation) {
-        run_boards(options.name.value_or(config.name), config, simulation, options.faults, signals);
-      },
-      config.simulation);
+      [&](const auto& boards) { run_boards(config.name, config, boards, options.faults, signals); },
+      config.boards->options);
   return kDone;
 }
 

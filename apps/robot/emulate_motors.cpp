@@ -19,7 +19,7 @@
 #include "trifinger/dynamixel/emulator.hpp"
 #include "trifinger/dynamixel/status.hpp"
 #include "trifinger/servos/read_options.hpp"
-#include "trifinger/sim/file_plant.hpp"
+#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -190,7 +190,7 @@ std::string_view motor_fault_texts() {
          "line delays P [at T s] [for T s]\n";
 }
 
-void emulate_motors(const FileRobotConfig& config, const std::vector<std::string>& faults,
+void emulate_motors(const RobotConfig& config, const std::vector<std::string>& faults,
                     const RealtimeOptions& realtime) {
   std::vector<MotorFault> given;
   given.reserve(faults.size());
@@ -201,7 +201,7 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
                           "; --set dynamixel.port=emulated emulates them");
   }
   const Signals signals;
-  FilePlant plant(config.robot, servos);
+  ServoPlant plant(config.simulation, servos);
   // The emulator's thread takes over what this one has been granted.
   for (const std::string& lack : enter_realtime(realtime)) {
     print_safely(stderr, "{}: {}\n", config.name, lack);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
 
@@ -15,7 +15,7 @@ namespace trifinger::apps {
 
 // Is the Dynamixel motors of this robot, until a signal comes. Throws InvalidArgument for a fault
 // that makes no sense, SystemError.
-void emulate_motors(const FileRobotConfig& config, const std::vector<std::string>& faults,
+void emulate_motors(const RobotConfig& config, const std::vector<std::string>& faults,
                     const RealtimeOptions& realtime);
 
 }  // namespace trifinger::apps

@@ -28,8 +28,6 @@
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/servos/read_options.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_robot.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -138,8 +136,7 @@ std::vector<std::vector<std::string>> programs_for(const RunnableRobot& robot,
 }
 
 // Begins a simulation in the state of this file.
-template <class Simulated>
-void begin_in(Simulated& simulated, const std::filesystem::path& state) {
+void begin_in(SimulatedRobot& simulated, const std::filesystem::path& state) {
   try {
     simulated.restore(read_state(state));
   } catch (const InvalidArgument& error) {
@@ -148,30 +145,27 @@ void begin_in(Simulated& simulated, const std::filesystem::path& state) {
 }
 
 // Returns the state before a simulation diverged, for `RunnableRobot::state_before`.
-template <class Simulated>
-std::function<SimulationState(const Fault& fault)> state_before(const Simulated* simulated) {
+std::function<SimulationState(const Fault& fault)> state_before(const SimulatedRobot* simulated) {
   return [simulated](const Fault& fault) {
     const bool has_diverged =
-        fault.code == Fault::Code::kDriver && fault.detail == Simulated::kDiverged;
+        fault.code == Fault::Code::kDriver && fault.detail == SimulatedRobot::kDiverged;
     return has_diverged ? simulated->state_before_divergence() : SimulationState();
   };
 }
 
-template <class R>
-void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const RobotConfig& config,
+void add_simulation(RunnableRobot& robot, const RobotConfig& config,
                     const std::optional<std::filesystem::path>& state) {
-  std::ranges::move(model_documents(options.description),
-                    std::back_inserter(robot.session.documents));
+  SimulationOptions options = config.simulation;
   const bool is_real_time = robot.backend.mode == BackendOptions::Mode::kRealTime;
   std::vector<CompanionDescription> sensors;
   if (is_real_time && config.tracks_objects) {
     options.exact_poses = false;
-    if (auto objects = object_companion(options.description)) {
+    if (auto objects = object_companion(objects_of(options))) {
       sensors.push_back(std::move(*objects));
     }
   }
   options.has_hand = true;
-  auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
+  auto driver = std::make_unique<SimulatedRobot>(std::move(options));
   driver->listen_to_hand(robot.name);
   robot.news = [simulation = driver.get()] { return simulation->take_hand_news(); };
   if (state) begin_in(*driver, *state);
@@ -190,31 +184,11 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
   add_sensors(robot, std::move(sensors), config);
 }
 
-RunnableRobot make_file_robot(FileRobotConfig config, const RobotChoice& choice) {
-  RunnableRobot robot;
-  robot.name = choice.name.value_or(config.name);
-  robot.backend = config.backend;
-  robot.session = std::move(config.session);
-  std::ranges::move(model_documents(*config.robot.model),
-                    std::back_inserter(robot.session.documents));
-  if (config.servos) {
-    if (choice.state) {
-      throw UsageError("--state is for simulations; a robot on motors begins where it is");
-    }
-    robot.needs_real_time = true;
-    config.servos->loop.realtime = {.demand = Demand::kTry};
-    servos::ConnectedRobot connected = servos::connect(*config.servos, robot.name);
-    robot.news = [lacks = std::move(connected.lacks)]() mutable {
-      return std::exchange(lacks, {});
-    };
-    robot.driver = std::move(connected.robot);
-    return robot;
-  }
-  auto driver = std::make_unique<FileRobot>(std::move(config.robot));
-  if (choice.state) begin_in(*driver, *choice.state);
-  robot.state_before = state_before(driver.get());
-  robot.driver = std::move(driver);
-  return robot;
+void add_servos(RunnableRobot& robot, servos::ServoConfig config) {
+  config.loop.realtime = {.demand = Demand::kTry};
+  servos::ConnectedRobot connected = servos::connect(config, robot.name);
+  robot.news = [lacks = std::move(connected.lacks)]() mutable { return std::exchange(lacks, {}); };
+  robot.driver = std::move(connected.robot);
 }
 
 // The torques that carry the weight of the fingers, from their model.
@@ -256,11 +230,9 @@ void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions<R>& options
 }
 
 template <class R>
-void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
+void add_boards(RunnableRobot& robot, boards::BoardRobotOptions<R> options,
                 const RobotConfig& config, bool is_calibrated) {
-  std::ranges::move(model_documents(simulation.description),
-                    std::back_inserter(robot.session.documents));
-  auto options = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
+  const SimulationOptions& simulation = config.simulation;
   if (is_calibrated) add_calibration(robot, options);
   options.weight = weight_of<R>(simulation.description);
   auto buses = boards::open_buses(config.boards->bus, options.names, robot.name);
@@ -271,11 +243,11 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
   robot.driver = std::move(boards);
   std::vector<CompanionDescription> sensors;
   // Cameras, or the emulator, say where the objects are.
-  if (auto objects = object_companion(simulation.description)) {
+  if (auto objects = object_companion(simulation.description.objects)) {
     sensors.push_back(std::move(*objects));
   }
   // The emulator says what simulated cameras see.
-  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(simulation.description));
+  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(*make_model(simulation)));
   add_sensors(robot, std::move(sensors), config);
 }
 
@@ -292,25 +264,26 @@ RunnableRobot make_robot(const RobotChoice& choice) {
     return as_chosen(make_replay(robot, overrides, choice.name), choice);
   }
 
-  AnyRobotConfig any = load_any_robot_config(robot, overrides);
-  if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
-    return as_chosen(make_file_robot(std::move(*from_file), choice), choice);
-  }
-  RobotConfig config = std::get<RobotConfig>(std::move(any));
+  RobotConfig config = load_robot_config(robot, overrides);
   RunnableRobot made;
   made.name = name.value_or(config.name);
   made.backend = config.backend;
   made.backend.mode = mode.value_or(config.backend.mode);
   made.session = std::move(config.session);
-  if (config.boards) {
-    if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
-    made.needs_real_time = true;
+  std::ranges::move(model_documents(config.simulation), std::back_inserter(made.session.documents));
+  made.needs_real_time = config.boards || config.servos;
+  if (state && made.needs_real_time) {
+    throw UsageError(std::string("--state is for simulations; a robot on ") +
+                     (config.boards ? "boards" : "motors") + " begins where it is");
+  }
+  if (config.servos) {
+    add_servos(made, *config.servos);
+  } else if (config.boards) {
     const bool counts = is_calibrated;
     std::visit([&](const auto& options) { add_boards(made, options, config, counts); },
-               config.simulation);
+               config.boards->options);
   } else {
-    std::visit([&](const auto& options) { add_simulation(made, options, config, choice.state); },
-               config.simulation);
+    add_simulation(made, config, state);
   }
   made.sensor_programs = programs_for(made, config);
   return made;

@@ -131,9 +131,8 @@ int track(const TrackOptions& options) {
   if (options.parent > 0) end_with_parent(options.parent);
   const Session session = Session::open(options.robot);
   const RobotConfig config = robot_config_of(session);
-  const RobotDescription description =
-      std::visit([](const auto& simulation) { return simulation.description; }, config.simulation);
-  const std::optional<CompanionDescription> companion = object_companion(description);
+  const std::vector<ObjectDescription>& objects = objects_of(config.simulation);
+  const std::optional<CompanionDescription> companion = object_companion(objects);
   if (!companion) {
     throw InvalidArgument("robot '" + options.robot +
                           "' has no objects; 'objects' in its configuration names them");
@@ -143,8 +142,8 @@ int track(const TrackOptions& options) {
                                             ? tracking::read_colour_model(*options.colours)
                                             : tracking::ColourModel::standard();
   std::vector<TrackedThing> things;
-  things.reserve(description.objects.size());
-  for (const ObjectDescription& object : description.objects) {
+  things.reserve(objects.size());
+  for (const ObjectDescription& object : objects) {
     const TrackedThing& thing = things.emplace_back(cameras, object, colours);
     if (const auto warning = thing.warning()) say(options.robot, *warning);
   }

@@ -184,7 +184,7 @@ PlanningModel model_of_file(nb::handle path, const std::vector<PlannedJoint>& jo
     if (site < 0) throw InvalidArgument("the model has no site '" + name + "'");
     sites.push_back(site);
   }
-  return {*file.mujoco(), joints, sites, file.free_bodies()};
+  return {*file.mujoco(), joints, sites, file.objects()};
 }
 
 void bind_hand_state(nb::module_& m) {

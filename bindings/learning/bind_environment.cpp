@@ -34,7 +34,7 @@
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
 #include "trifinger/realtime/processors.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -154,7 +154,7 @@ void bind_episodes(nb::module_& m) {
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
             new (self) Episodes(describe_task(task), read_options(options),
-                                load_any_config(config, overrides));
+                                load_config(config, overrides));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, config: str, "
@@ -245,10 +245,8 @@ the series of random numbers, and positions of the first hinges and slides of a 
       "bodies",
       [](const Episodes& self) {
         std::vector<std::string> names;
-        if (const auto* const file = std::get_if<FileRobotConfig>(&self.config)) {
-          for (const ObjectAddress& body : file->robot.model->free_bodies()) {
-            names.push_back(body.name);
-          }
+        if (const auto& file = self.config.simulation.file) {
+          for (const ObjectAddress& body : file->objects()) names.push_back(body.name);
         }
         return names;
       },
@@ -293,22 +291,13 @@ void bind_environments(nb::module_& m) {
           "__init__",
           [](EnvironmentBatch* self, const nb::object& named, const std::string& options, int size,
              int num_threads, const std::string& config, const nb::dict& overrides) {
-            const AnyRobotConfig any = load_any_config(config, overrides);
+            const RobotConfig robot = load_config(config, overrides);
             const EnvironmentOptions wanted = read_options(options);
             const TaskDescription task = describe_task(named);
-            if (const auto* const file = std::get_if<FileRobotConfig>(&any)) {
-              new (self) EnvironmentBatch(task, wanted, file->robot, size, num_threads);
-              return;
-            }
-            const auto& robot = std::get<RobotConfig>(any);
-            std::visit(
-                [&](const auto& simulation) {
-                  new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads,
-                                              wanted.needs_cameras() || robot.tracks_objects
-                                                  ? rendering::sight_options(robot, robot.name)
-                                                  : std::nullopt);
-                },
-                robot.simulation);
+            new (self) EnvironmentBatch(task, wanted, robot.simulation, size, num_threads,
+                                        wanted.needs_cameras() || robot.tracks_objects
+                                            ? rendering::sight_options(robot, robot.name)
+                                            : std::nullopt);
           },
           "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, size: int, "
@@ -469,17 +458,15 @@ void bind_environment(nb::module_& m) {
       "limits_of_file_robot",
       [](const std::string& config, const nb::dict& overrides) {
         nb::dict limits;
-        const AnyRobotConfig any = load_any_config(config, overrides);
-        const auto* const file = std::get_if<FileRobotConfig>(&any);
-        if (file == nullptr) return limits;
-        const FileRobotOptions& robot = file->robot;
-        for (std::size_t i = 0; i < robot.limits.size(); ++i) {
+        const SimulationOptions robot = load_config(config, overrides).simulation;
+        if (robot.file == nullptr) return limits;
+        for (std::size_t i = 0; i < robot.limits->size(); ++i) {
           nb::dict values;
           for (const JointLimitField& field : JointLimit::fields()) {
-            const double value = robot.limits[i].*field.value;
+            const double value = (*robot.limits)[i].*field.value;
             if (!std::isnan(value)) values[to_str(field.name)] = value;
           }
-          limits[to_str(robot.model->joints()[i].name)] = std::move(values);
+          limits[to_str(robot.file->joints()[i].name)] = std::move(values);
         }
         return limits;
       },
@@ -491,8 +478,7 @@ void bind_environment(nb::module_& m) {
   m.def(
       "robot_configuration",
       [](const std::string& config, const nb::dict& overrides) {
-        return std::visit([](const auto& robot) { return robot.session.documents.front().text; },
-                          load_any_config(config, overrides));
+        return load_config(config, overrides).session.documents.front().text;
       },
       "config"_a, "config_overrides"_a = nb::dict(),
       nb::sig("def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> "

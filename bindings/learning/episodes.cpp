@@ -7,7 +7,6 @@
 #include <optional>
 #include <string_view>
 #include <utility>
-#include <variant>
 
 #include "conversion/timeout.hpp"
 #include "trifinger/base/error.hpp"
@@ -18,37 +17,6 @@ namespace trifinger::bindings {
 namespace {
 
 using namespace learning;
-
-Nanoseconds period_of(const RobotConfig& config) {
-  return std::visit([](const auto& options) { return options.period; }, config.simulation);
-}
-
-Nanoseconds period_of(const AnyRobotConfig& config) {
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    return file->robot.model->period();
-  }
-  return period_of(std::get<RobotConfig>(config));
-}
-
-Environment make_environment(const TaskDescription& task, const EnvironmentOptions& options,
-                             const AnyRobotConfig& config) {
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    return {task, options, file->robot};
-  }
-  const auto& robot = std::get<RobotConfig>(config);
-  return {task, options, description_of(robot), period_of(robot)};
-}
-
-// Age of the newest pose just before the next one arrives; `is_elsewhere`: of a robot in another
-// process, whose poses may be a little late [steps].
-TimeIndex oldest_sure_age_of(const AnyRobotConfig& config, bool is_elsewhere) {
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    return (is_elsewhere ? 2 : 1) * file->robot.object_period - 1;
-  }
-  const auto& robot = std::get<RobotConfig>(config);
-  return is_elsewhere ? rendering::oldest_sure_age_elsewhere(robot)
-                      : rendering::oldest_sure_age(robot);
-}
 
 // What a configuration names as the files of its robot, none of which is opened.
 std::vector<std::string> files_of(const config::File& file) {
@@ -64,55 +32,43 @@ std::vector<std::string> files_of(const config::File& file) {
 
 // Reads the configuration of a robot that anybody may have started: only files that `expected`
 // names too are opened.
-AnyRobotConfig read_foreign_config(const std::string& text, const AnyRobotConfig& expected) {
+RobotConfig read_foreign_config(const std::string& text, const RobotConfig& expected) {
   const auto file = config::File::parse(text, "configuration.yml");
-  const auto& session = std::visit(
-      [](const auto& robot) -> const SessionOptions& { return robot.session; }, expected);
-  const auto own = config::File::parse(session.documents.at(0).text, "configuration.yml");
+  const auto own = config::File::parse(expected.session.documents.at(0).text, "configuration.yml");
   const std::vector<std::string> files = files_of(file);
   if (!files.empty() && files != files_of(own)) {
     throw InvalidArgument("the robot is a '" + file.root().required<std::string>("name") +
                           "' made of " + files[0] + files[1] +
                           ", which is not the file that `config` names");
   }
-  return read_any_robot_config(file);
+  return read_robot_config(file);
 }
 
 // Throws InvalidArgument if `actual` is another robot than `expected`.
-void check_same_robot(const AnyRobotConfig& actual, const AnyRobotConfig& expected) {
+void check_same_robot(const RobotConfig& actual, const RobotConfig& expected) {
+  const SimulationOptions& robot = actual.simulation;
+  const SimulationOptions& wanted = expected.simulation;
   const auto is_same = [&] {
-    if (actual.index() != expected.index()) return false;
-    if (const auto* const file = std::get_if<FileRobotConfig>(&actual)) {
-      const auto names_of = [](const FileRobotConfig& config) {
-        std::vector<std::string> names;
-        for (const FileJoint& joint : config.robot.model->joints()) names.push_back(joint.name);
-        return names;
-      };
-      return names_of(*file) == names_of(std::get<FileRobotConfig>(expected));
+    if (robot.file != nullptr && wanted.file != nullptr) {
+      return robot.file->joint_names() == wanted.file->joint_names();
     }
-    const RobotDescription description = description_of(std::get<RobotConfig>(actual));
-    const RobotDescription wanted = description_of(std::get<RobotConfig>(expected));
-    return description.variant == wanted.variant && description.arrangement == wanted.arrangement;
+    return robot.file == wanted.file && robot.description.variant == wanted.description.variant &&
+           robot.description.arrangement == wanted.description.arrangement;
   };
   if (!is_same()) {
-    throw InvalidArgument("the robot is a '" +
-                          std::visit([](const auto& robot) { return robot.name; }, actual) +
-                          "', which is not what `config` says");
+    throw InvalidArgument("the robot is a '" + actual.name + "', which is not what `config` says");
   }
-  if (period_of(actual) != period_of(expected)) {
-    throw InvalidArgument("the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
-                          " s, `config` says " + std::to_string(to_seconds(period_of(expected))) +
-                          " s");
+  if (robot.period != wanted.period) {
+    throw InvalidArgument("the robot's period is " + std::to_string(to_seconds(robot.period)) +
+                          " s, `config` says " + std::to_string(to_seconds(wanted.period)) + " s");
   }
 }
 
 // The cameras that an environment with these options observes.
 std::vector<camera::Camera> observed_cameras(const EnvironmentOptions& options,
-                                             const AnyRobotConfig& config) {
+                                             const RobotConfig& config) {
   if (options.layout != Layout::kImages) return {};
-  const auto* const robot = std::get_if<RobotConfig>(&config);
-  if (robot == nullptr) return {};  // The environment refuses the layout.
-  return camera_calibration(*robot, robot->name).cameras;
+  return camera_calibration(config, config.name).cameras;
 }
 
 // The field `name` of an element, which has so many numbers.
@@ -144,10 +100,10 @@ ObjectPose read_pose(const ElementDescription& type, std::span<const std::byte> 
 }  // namespace
 
 Episodes::Episodes(const TaskDescription& task, const EnvironmentOptions& options,
-                   AnyRobotConfig its_config)
-    : environment(make_environment(task, options, its_config)),
+                   RobotConfig its_config)
+    : environment(task, options, its_config.simulation),
       config(std::move(its_config)),
-      oldest_sure_age(oldest_sure_age_of(config, /*is_elsewhere=*/false)),
+      oldest_sure_age(rendering::oldest_sure_age(config)),
       cameras(observed_cameras(options, config)),
       observation(environment.observation_size()),
       achieved(environment.goal_size()),
@@ -159,18 +115,17 @@ void Episodes::begin(std::uint64_t seed, std::uint64_t number) {
 }
 
 std::vector<double> Episodes::model_positions() const {
-  const auto* const file = std::get_if<FileRobotConfig>(&config);
-  if (file == nullptr) return {};
-  const std::size_t joints =
-      std::min(file->robot.model->model_joints().size(), start.model_position.size());
+  const ModelFile* const model = config.simulation.file.get();
+  if (model == nullptr) return {};
+  const std::size_t joints = std::min(model->model_joints().size(), start.model_position.size());
   return {start.model_position.begin(),
           start.model_position.begin() + static_cast<std::ptrdiff_t>(joints)};
 }
 
 void Episodes::check_robot(const std::optional<std::string>& actual) {
-  const AnyRobotConfig robot = actual ? read_foreign_config(*actual, config) : config;
+  const RobotConfig robot = actual ? read_foreign_config(*actual, config) : config;
   check_same_robot(robot, config);
-  oldest_sure_age = oldest_sure_age_of(robot, /*is_elsewhere=*/true);
+  oldest_sure_age = rendering::oldest_sure_age_elsewhere(robot);
 }
 
 Episodes::Seen Episodes::step(PythonFrontend& robot, std::span<const float> numbers,
@@ -260,10 +215,10 @@ Episodes::Seen Episodes::judge(const ElementDescription& type, std::span<const s
     }
   }
   std::vector<ObjectPose> bodies;
-  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
-    const ModelFile& model = *file->robot.model;
-    read(type, element, "torque", torque, joints);
-    measurement.torque = std::span(torque).first(joints);
+  read(type, element, "torque", torque, joints);
+  measurement.torque = std::span(torque).first(joints);
+  if (config.simulation.file != nullptr) {
+    const ModelFile& model = *config.simulation.file;
     if (!model.drives_all()) {
       const std::size_t count = model.model_joints().size();
       read(type, element, "joint_position", model_position, count);
@@ -271,7 +226,7 @@ Episodes::Seen Episodes::judge(const ElementDescription& type, std::span<const s
       measurement.model_position = std::span(model_position).first(count);
       measurement.model_velocity = std::span(model_velocity).first(count);
     }
-    for (const ObjectAddress& body : model.free_bodies()) {
+    for (const ObjectAddress& body : model.objects()) {
       if (objects.empty()) throw InvalidArgument("nobody has said where the " + body.name + " is");
       bodies.push_back(read_pose(*objects_type, objects, body.name));
     }

@@ -12,7 +12,7 @@
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/task.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::bindings {
 
@@ -20,7 +20,7 @@ namespace trifinger::bindings {
 class Episodes {
  public:
   Episodes(const learning::TaskDescription& task, const learning::EnvironmentOptions& options,
-           AnyRobotConfig config);
+           RobotConfig config);
 
   /// What is known after an action.
   struct Seen {
@@ -44,7 +44,7 @@ class Episodes {
   void check_robot(const std::optional<std::string>& actual);
 
   learning::Environment environment;
-  AnyRobotConfig config;
+  RobotConfig config;
   TimeIndex oldest_sure_age;            // of a pose [steps]
   std::vector<camera::Camera> cameras;  // that are observed
   learning::Start start;

@@ -103,10 +103,9 @@ camera::Calibration read_calibration_text(const std::string& text) {
 // A renderer with the calibration that it was made for.
 class PythonRenderer {
  public:
-  PythonRenderer(const RobotDescription& description, camera::Calibration calibration,
+  PythonRenderer(const SimulationOptions& robot, camera::Calibration calibration,
                  const RenderingOptions& options)
-      : calibration_(std::move(calibration)),
-        renderer_(description, calibration_.cameras, options) {}
+      : calibration_(std::move(calibration)), renderer_(robot, calibration_.cameras, options) {}
 
   [[nodiscard]] std::string calibration() const { return calibration_.text(); }
   [[nodiscard]] std::string true_calibration() const {
@@ -149,14 +148,15 @@ class PythonRenderer {
 void make(PythonRenderer* self, const std::string& config, const nb::dict& overrides,
           const std::optional<std::string>& calibration, int reduction, const std::string& pixels,
           const nb::kwargs& options) {
-  const RobotDescription description = description_of(load_config(config, overrides));
-  camera::Calibration cameras =
-      calibration ? read_calibration_text(*calibration) : calibration_of_figures(description);
+  const SimulationOptions robot = load_config(config, overrides).simulation;
+  camera::Calibration cameras = calibration             ? read_calibration_text(*calibration)
+                                : robot.file != nullptr ? calibration_of_file(*robot.file)
+                                                        : calibration_of_figures(robot.description);
   for (Camera& camera : cameras.cameras) {
     camera = camera.reduced(reduction);
     camera.format.pixels = pixel_format(pixels);
   }
-  new (self) PythonRenderer(description, std::move(cameras), changed({}, options));
+  new (self) PythonRenderer(robot, std::move(cameras), changed({}, options));
 }
 
 }  // namespace

@@ -26,20 +26,17 @@ RobotConfig parse(const std::string& text) {
 
 // All limits of the section `safety`: by the names of its keys, a number for each joint.
 nb::dict limits_of(const RobotConfig& config) {
-  return std::visit(
-      []<class R>(const SimulationOptions<R>& options) {
-        const JointLimits<R::kJoints> limits =
-            options.limits.value_or(default_limits<R>(options.description));
-        nb::dict values;
-        for (const JointLimitField& field : JointLimit::fields()) {
-          const JointVector<R::kJoints> of_joints = values_of(limits, field.value);
-          const std::string_view name = field.name.substr(field.name.find('.') + 1);
-          values[nb::str(name.data(), name.size())] = nb::cast(Array<Eigen::VectorXd>{
-              Eigen::Map<const Eigen::VectorXd>(of_joints.data(), R::kJoints)});
-        }
-        return values;
-      },
-      config.simulation);
+  const SimulationOptions& options = config.simulation;
+  const std::vector<JointLimit> limits =
+      options.limits.value_or(default_limits(options.description));
+  nb::dict values;
+  for (const JointLimitField& field : JointLimit::fields()) {
+    Array<Eigen::VectorXd> of_joints{Eigen::VectorXd(std::ssize(limits))};
+    std::ranges::transform(limits, of_joints.value.begin(), field.value);
+    const std::string_view name = field.name.substr(field.name.find('.') + 1);
+    values[nb::str(name.data(), name.size())] = nb::cast(of_joints);
+  }
+  return values;
 }
 
 nb::object facts_of(const std::string& text) {

@@ -150,7 +150,7 @@ void bind_simulation(nb::module_& m) {
       .def(
           "__init__",
           [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
-            new (self) PythonSimulation(load_any_config(config, overrides));
+            new (self) PythonSimulation(load_config(config, overrides));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
           nb::sig(
@@ -269,7 +269,7 @@ the spring is fixed, from the centre of the tip or object, in the axes of its bo
       "simulate",
       [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record,
          const nb::iterable& checks) {
-        PythonSimulation simulation(load_any_config(config, overrides));
+        PythonSimulation simulation(load_config(config, overrides));
         for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
         if (!record.is_none())
           static_cast<void>(simulation.record(to_path(record), "double", "jpeg"));
@@ -289,11 +289,7 @@ Simulation.add_check().)")
   m.def(
       "export_mjcf",
       [](const std::string& config, const nb::dict& overrides) {
-        const AnyRobotConfig any = load_any_config(config, overrides);
-        if (const auto* const file = std::get_if<FileRobotConfig>(&any)) {
-          return file->robot.model->mjcf();
-        }
-        return export_mjcf(description_of(std::get<RobotConfig>(any)));
+        return make_model(load_config(config, overrides).simulation)->mjcf();
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),

@@ -14,8 +14,6 @@
 #include "conversion/array.hpp"
 #include "log/recorder.hpp"
 #include "session/frontend.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_simulation.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -24,21 +22,15 @@ namespace trifinger::bindings {
 /// The configuration `name`, with the value of each entry of a dict {"a.b": value}.
 [[nodiscard]] RobotConfig load_config(const std::string& name, const nanobind::dict& overrides);
 
-/// The configuration `name` of any robot, likewise.
-[[nodiscard]] AnyRobotConfig load_any_config(const std::string& name,
-                                             const nanobind::dict& overrides);
-
 /// Whether the configuration `name` is that of a robot from a file.
 [[nodiscard]] bool is_robot_from_file(const std::string& name, const nanobind::dict& overrides);
-
-[[nodiscard]] RobotDescription description_of(const RobotConfig& config);
 
 [[nodiscard]] Pull to_pull(const Vector3& target, const Vector3& point, double stiffness);
 
 /// A simulated robot in this process, whatever it is.
 class PythonSimulation {
  public:
-  explicit PythonSimulation(const AnyRobotConfig& config);
+  explicit PythonSimulation(const RobotConfig& config);
 
   /// Name of the robot in the configuration.
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -77,13 +69,11 @@ class PythonSimulation {
   void clear() noexcept { checks_.reset(); }
 
  private:
-  using AnySimulation = std::variant<Simulation<TriFinger>, Simulation<Finger>, FileSimulation>;
-
-  [[nodiscard]] static AnySimulation make(const AnyRobotConfig& config);
+  [[nodiscard]] SimulatedRobot& robot() const noexcept { return simulation_.robot(); }
 
   std::string name_;
   nanobind::object checks_;  // Checks
-  AnySimulation simulation_;
+  Simulation simulation_;
 };
 
 }  // namespace trifinger::bindings

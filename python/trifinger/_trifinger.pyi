@@ -674,9 +674,9 @@ class Simulation:
 
     def connect(self, *, strict: bool = ...) -> Frontend:
         """
-        Controls the robot in a new session.
+        Controls the robot, of type R, in a new session.
 
-        Raises ControlHeld while another front-end controls it.
+        Raises ControlHeld while another front-end controls it, Error if its type is another.
         """
 
     def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ..., joints: Sequence[float] | None = ...) -> None:
@@ -2266,7 +2266,7 @@ class PlannedJoint:
         """Largest torque of a plan [Nm]."""
 
 class ObjectAddress:
-    """The place of one loose object in the state of a `RobotModel`."""
+    """The place of one loose object in the state of a `SceneModel`."""
 
     @property
     def name(self) -> str: ...

@@ -301,18 +301,23 @@ DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
   receive(clock_.now());
   observe();
   Action action;
+  Joints target;
   const bool has_begun = phase_ >= Phase::kMoving;
-  if (!has_begun || !stop_.next(step, observation_, action)) {
+  const OrderlyStop::Phase next =
+      has_begun ? stop_.next(step, observation_.position, target) : OrderlyStop::Phase::kOver;
+  if (next == OrderlyStop::Phase::kOver) {
     release();
     return DriverReport::ready();
   }
+  bool moves = next == OrderlyStop::Phase::kMove;
   const bool has_trouble = fault_of_boards().state != DriverReport::State::kReady;
   if (has_trouble || (step == 0 && has_fault_)) {
     stop_.give_up(step);
-    action = {};
+    moves = false;
   }
-  if (options_.weight && !std::isnan(action.position[0])) {
-    action.torque = options_.weight(observation_.position);
+  if (moves) {
+    action.position = target;
+    if (options_.weight) action.torque = options_.weight(observation_.position);
   }
   AppliedAction applied;
   const SafetyReport report = safety_.apply(action, observation_, options_.period, state_, applied);

@@ -292,8 +292,8 @@ struct GraspPlanner::State {
   ObjectDescription object;
   RigidBody body;
   ForceOptimizer optimizer;
-  RobotModel::Compiled model;
-  RobotModel::Data data;
+  SceneModel::Compiled model;
+  SceneModel::Data data;
   std::vector<int> finger_of_geom;
 };
 

@@ -122,7 +122,7 @@ PlanningModel::PlanningModel(const RobotDescription& description,
   tip_sites_ = robot.tip_sites();
   objects_ = robot.objects();
   // MuJoCo also keeps per body what its geoms touch.
-  const RobotModel::Data data = robot.make_data();
+  const SceneModel::Data data = robot.make_data();
   mj_setConst(model_.get(), data.get());
   if (is_lightly_damped(*model_)) option.disableflags |= mjDSBL_EULERDAMP;
 }
@@ -157,8 +157,8 @@ PlanningModel::PlanningModel(const mjModel_& model, std::span<const PlannedJoint
   model_->opt.disableflags |= mjDSBL_AUTORESET;
 }
 
-RobotModel::Compiled PlanningModel::copy() const {
-  RobotModel::Compiled copied(mj_copyModel(nullptr, model_.get()));
+SceneModel::Compiled PlanningModel::copy() const {
+  SceneModel::Compiled copied(mj_copyModel(nullptr, model_.get()));
   if (copied == nullptr) throw Error("MuJoCo has no memory for the model");
   return copied;
 }

@@ -662,7 +662,7 @@ class PredictivePlanner::Implementation {
   std::uint64_t round_{0};
   PlanningState start_;
 
-  RobotModel::Compiled single_;
+  SceneModel::Compiled single_;
   const KnotSpline* single_commands_{nullptr};
   int single_steps_{0};
   double single_cost_{0.0};

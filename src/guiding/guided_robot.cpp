@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <variant>
+#include <span>
 
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation_options.hpp"
@@ -11,11 +11,11 @@
 namespace trifinger::guiding {
 namespace {
 
-template <std::size_t N>
-GuidedRobot make(const RobotDescription& description, const JointLimits<N>& limits) {
-  GuidedRobot robot{.description = description, .home = JointValues(static_cast<int>(N))};
+GuidedRobot make(const RobotDescription& description, std::span<const JointLimit> limits) {
+  GuidedRobot robot{.description = description,
+                    .home = JointValues(static_cast<int>(limits.size()))};
   const VariantFigures& variant = figures(description);
-  for (std::size_t i = 0; i < N; ++i) {
+  for (std::size_t i = 0; i < limits.size(); ++i) {
     robot.limits[i] = limits[i];
     robot.home[static_cast<int>(i)] = std::clamp(variant.initial_position[i % kJointsPerFinger],
                                                  limits[i].soft_lower, limits[i].soft_upper);
@@ -25,22 +25,14 @@ GuidedRobot make(const RobotDescription& description, const JointLimits<N>& limi
 
 }  // namespace
 
-template <class R>
 GuidedRobot guided_robot(const RobotDescription& description) {
-  return make(description, default_limits<R>(description));
+  return make(description, default_limits(description));
 }
-
-template GuidedRobot guided_robot<TriFinger>(const RobotDescription&);
-template GuidedRobot guided_robot<Finger>(const RobotDescription&);
 
 GuidedRobot guided_robot(const Session& session) {
   const RobotConfig config = robot_config_of(session);
-  return std::visit(
-      []<class R>(const SimulationOptions<R>& options) {
-        return make(options.description,
-                    options.limits.value_or(default_limits<R>(options.description)));
-      },
-      config.simulation);
+  const RobotDescription& description = description_of(config);
+  return make(description, config.simulation.limits.value_or(default_limits(description)));
 }
 
 }  // namespace trifinger::guiding

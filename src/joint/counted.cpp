@@ -109,17 +109,19 @@ void write_element(const CountedAction& action, void* element) noexcept {
 }
 
 void write_element(const CountedObservation& observation, void* element) noexcept {
-  write_element(observation, {}, {}, element);
+  write_element(observation, {}, {}, {}, element);
 }
 
 void write_element(const CountedObservation& observation, std::span<const double> joint_position,
-                   std::span<const double> joint_velocity, void* element) noexcept {
+                   std::span<const double> joint_velocity, std::span<const double> tip_force,
+                   void* element) noexcept {
   Writer writer(element);
   writer.write(observation.position);
   writer.write(observation.velocity);
   writer.write(observation.torque);
   writer.write(joint_position);
   writer.write(joint_velocity);
+  writer.write(tip_force);
 }
 
 void write_element(const CountedAppliedAction& applied, void* element) noexcept {

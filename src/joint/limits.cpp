@@ -94,6 +94,11 @@ std::optional<JointLimitProblem> find_problem_of_joint(const JointLimit& limit) 
 
 }  // namespace
 
+void detail::require_count(std::size_t found, std::size_t expected) {
+  require(found == expected, "there are limits for " + std::to_string(found) +
+                                 " joints, the robot has " + std::to_string(expected));
+}
+
 std::optional<JointLimitProblem> find_problem(std::span<const JointLimit> limits) {
   for (std::size_t joint = 0; joint < limits.size(); ++joint) {
     auto problem = find_problem_of_joint(limits[joint]);

@@ -67,24 +67,26 @@ void read_repeated(const config::Node& node, const config::Range& range, std::sp
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
 }
 
+}  // namespace trifinger::detail
+
+namespace trifinger {
+
 void read_joint_limits(const config::Node& section, std::span<JointLimit> limits) {
   // All keys are looked up first, so that a missing key is not reported as a misspelling of its
   // neighbour.
-  for (const JointLimitField& field : JointLimit::fields()) announce(section, field.name);
+  for (const JointLimitField& field : JointLimit::fields()) detail::announce(section, field.name);
   std::vector<double> values(limits.size());
   for (const JointLimitField& field : JointLimit::fields()) {
-    read_repeated(node_of(section, field.name, field.unit), range_of(field), values);
+    detail::read_repeated(detail::node_of(section, field.name, field.unit), detail::range_of(field),
+                          values);
     for (std::size_t i = 0; i < limits.size(); ++i) limits[i].*field.value = values[i];
   }
   if (const auto problem = find_problem(limits)) {
-    node_of(section, problem->field, "")
+    detail::node_of(section, problem->field, "")
         .fail("of joint " + std::to_string(problem->joint) + " " + problem->text);
   }
 }
 
-}  // namespace trifinger::detail
-
-namespace trifinger {
 namespace {
 
 using config::Node;

@@ -216,11 +216,6 @@ void check_for_file(const EnvironmentOptions& options, const TaskDescription& ta
         text_of("the task '", task.name, "' is for a TriFinger, this robot is from a file"));
   }
   refuse(options.per_finger, "per_finger", "frames of a robot from a file are not alike");
-  refuse(options.needs_cameras(), "observation 'images' or object_poses 'tracked'",
-         "a robot from a file has no cameras");
-  refuse(options.object_delay != 0.0 || options.object_loss != 0.0 ||
-             options.object_position_noise != 0.0 || options.object_orientation_noise != 0.0,
-         "delay, noise or loss of object poses", "those of a robot from a file are exact");
   const EnvironmentOptions usual;
   refuse(options.stop_margin.low != usual.stop_margin.low ||
              options.stop_margin.high != usual.stop_margin.high,
@@ -260,7 +255,7 @@ struct Environment::Implementation {
   }
 
   Implementation(const TaskDescription& its_task, const EnvironmentOptions& wanted,
-                 const FileRobotOptions& robot)
+                 const SimulationOptions& robot)
       : options((wanted.validate(), check_for_file(wanted, its_task), wanted)),
         file(std::make_unique<const FileBody>(robot, wanted.frames)),
         joints(figures_of(*file)),
@@ -270,13 +265,10 @@ struct Environment::Implementation {
         of_many(dynamic_cast<const TaskOfMany*>(task.get())),
         goal(task->goal()),
         num_points(file->num_frames()) {
-    set_up(its_task, robot.model->period());
+    set_up(its_task, robot.period);
     if (of_many != nullptr && !task->object_name().empty()) {
-      const auto data = robot.model->make_data();
-      robot.put_at_start(*data);
-      object_pose =
-          pose_in(data->qpos, *std::ranges::find(robot.model->free_bodies(), task->object_name(),
-                                                 &ObjectAddress::name));
+      object_pose = pose_in(file->initial_configuration().data(),
+                            file->model().object(std::string(task->object_name())));
     }
   }
 
@@ -640,10 +632,13 @@ Environment::Environment(std::string_view task, const EnvironmentOptions& option
                          const RobotDescription& description, Nanoseconds period)
     : Environment(find_task(task), options, description, period) {}
 Environment::Environment(const TaskDescription& task, const EnvironmentOptions& options,
-                         const FileRobotOptions& robot)
-    : implementation_(std::make_unique<const Implementation>(task, options, robot)) {}
+                         const SimulationOptions& robot)
+    : implementation_(robot.file != nullptr
+                          ? std::make_unique<const Implementation>(task, options, robot)
+                          : std::make_unique<const Implementation>(task, options, robot.description,
+                                                                   robot.period)) {}
 Environment::Environment(std::string_view task, const EnvironmentOptions& options,
-                         const FileRobotOptions& robot)
+                         const SimulationOptions& robot)
     : Environment(find_task(task), options, robot) {}
 Environment::Environment(Environment&&) noexcept = default;
 Environment& Environment::operator=(Environment&&) noexcept = default;

@@ -161,28 +161,22 @@ class EnvironmentBatch::Implementation {
   std::span<const float> actions;
 };
 
-// `Physics` is the `Simulator` of a TriFinger, or `FileSimulator`.
-template <class Physics>
-class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
+class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementation {
  public:
-  Typed(Environment its_environment, Physics physics, std::size_t count, int num_threads,
-        const std::optional<rendering::SightOptions>& sight)
+  Simulations(Environment its_environment, const SimulationOptions& options, std::size_t count,
+              int num_threads, const std::optional<rendering::SightOptions>& sight)
       : Implementation(std::move(its_environment), count, sight),
-        simulator_(std::move(physics)),
+        simulator_(options),
         simulations_(count),
         is_of_many_(environment.is_of_many()) {
-    if constexpr (kIsFromFile) {
-      oldest_sure_age = simulator_.options().object_period - 1;
-    } else {
-      oldest_sure_age = sight && sight->finds_objects
-                            ? rendering::oldest_sure_age(sight->capture)
-                            : rendering::oldest_sure_age(simulator_.options());
-    }
+    oldest_sure_age = sight && sight->finds_objects ? rendering::oldest_sure_age(sight->capture)
+                                                    : rendering::oldest_sure_age(options);
     require(num_threads >= 0,
             "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
     for (Simulation& one : simulations_) {
       one.state = simulator_.make_state();
       one.action = hold_position(one.state.observation);
+      one.objects.resize(objects().size());
     }
     const auto& model = simulator_.model();
     if (const std::string name(environment.object_name()); !name.empty()) {
@@ -197,10 +191,10 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
                                static_cast<int>(sizeof(error))));
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
-    if constexpr (!kIsFromFile) open_eyes(sight);
+    open_eyes(sight);
     if (environment.options().varies()) {
       std::vector<const mjModel*> models;
-      const RobotModel::Compiled varied = make_varied_model();
+      const SceneModel::Compiled varied = make_varied_model();
       for (Simulation& one : simulations_) {
         one.varied.reset(mj_copyModel(nullptr, varied.get()));
         if (one.varied == nullptr) throw Error("MuJoCo has no memory for the models");
@@ -232,9 +226,6 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
  private:
-  using Action = typename Physics::Action;
-  static constexpr bool kIsFromFile = std::is_same_v<Physics, FileSimulator>;
-
   // A task of many is asked before and after the physics.
   void run_for_many(std::span<const int> which) {
     due_.clear();
@@ -310,7 +301,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       if (status[i] == 0) continue;
       // A simulation in which MuJoCo has failed has ended, just like one that has diverged.
       const auto index = static_cast<std::size_t>(i);
-      end_with_fault(index, Physics::kDiverged);
+      end_with_fault(index, Simulator::kDiverged);
       keep_final(index);
       given_up_.push_back(i);
     }
@@ -324,11 +315,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
   [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept {
-    if constexpr (kIsFromFile) {
-      return simulator_.objects();
-    } else {
-      return simulator_.model().objects();
-    }
+    return simulator_.model().objects();
   }
 
   void open_eyes(const std::optional<rendering::SightOptions>& sight) {
@@ -340,35 +327,32 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     }
     const std::size_t num_eyes = std::min(static_cast<std::size_t>(num_threads()), size);
     for (std::size_t i = 0; i < num_eyes; ++i) {
-      eyes_.add(rendering::make_eyes(simulator_.options().description, *sight));
+      eyes_.add(rendering::make_eyes(simulator_.options(), *sight));
     }
   }
 
   // Makes a model that contains all pairs of surfaces whose friction any episode may set.
-  [[nodiscard]] RobotModel::Compiled make_varied_model() const {
-    if constexpr (kIsFromFile) {
-      return simulator_.make_varied_model();
-    } else {
-      Variation variation;
-      for (const SurfacePair pair : all_surface_pairs()) {
-        const auto& range = environment.options().pair_friction[pair];
-        if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;
-      }
-      return simulator_.make_varied_model(variation);
+  [[nodiscard]] SceneModel::Compiled make_varied_model() const {
+    Variation variation;
+    for (const SurfacePair pair : all_surface_pairs()) {
+      const auto& range = environment.options().pair_friction[pair];
+      if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;
     }
+    return simulator_.make_varied_model(variation);
   }
 
   void apply(std::span<const int> which) {
-    mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Typed::run_one, this,
+    mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Simulations::run_one,
+              this,
               /*save=*/1);
   }
 
   struct Simulation {
-    typename Physics::State state{};
-    RobotModel::Compiled varied{};
-    ObjectPose object{};  // Newest pose seen.
+    Simulator::State state{};
+    SceneModel::Compiled varied{};
+    std::vector<ObjectPose> objects{};  // Newest poses seen.
     TimeIndex object_step{kNeverSeen};
-    Action action{};  // The action in effect.
+    CountedAction action{};  // The action in effect.
     std::optional<rendering::Sight> sight{};
     bool is_blind{false};  // Drawing or reading an image has failed.
     // For tasks of many: where the next episode begins, what was measured in this call, and whether
@@ -382,7 +366,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   // While MuJoCo's physics run, no object in here may have a destructor, because MuJoCo leaves them
   // by longjmp.
   static void run_one(const mjModel* model, mjData* data, int index, void* self) {
-    static_cast<Typed*>(self)->run_one(*model, *data, static_cast<std::size_t>(index));
+    static_cast<Simulations*>(self)->run_one(*model, *data, static_cast<std::size_t>(index));
   }
 
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
@@ -439,38 +423,23 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         is_of_many_ ? one.start : environment.begin(seeds[i], run.next_episode++, run.episode);
     run.must_reset = false;
     if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
-    one.state.memory.variation = start.variation;
-    put_at(start, model, data, one.state);
-    one.object = {};
+    one.state.memory.counters.variation = start.variation;
+    put_at(start, data, one.state);
+    std::ranges::fill(one.objects, ObjectPose{});
     one.object_step = kNeverSeen;
-    if (one.sight) one.sight->begin(one.state.memory.random);
+    if (one.sight) one.sight->begin(one.state.memory.counters.random);
     see(-1, model, data, one);
     see(0, model, data, one);
     one.action = hold_position(one.state.observation);
     (void)observe(i);
   }
 
-  [[nodiscard]] typename Physics::AppliedAction make_applied() const noexcept {
-    if constexpr (kIsFromFile) {
-      return typename Physics::AppliedAction(simulator_.num_joints());
-    } else {
-      return {};
-    }
-  }
-
-  void put_at(const Start& start, const mjModel& model, mjData& data,
-              typename Physics::State& state) noexcept {
-    if constexpr (kIsFromFile) {
-      const std::size_t joints = std::min(state.model_position.size(), start.model_position.size());
-      simulator_.reset(start.position, model, data, state,
-                       std::span(start.model_position).first(joints));
-      if (has_object_) simulator_.place(objects()[object_], start.object, data);
-    } else {
-      typename Physics::Joints position{};
-      std::copy_n(start.position.begin(), position.size(), position.begin());
-      simulator_.reset(position, start.random, model, data, state);
-      if (has_object_) simulator_.place(objects()[object_], start.object, data, state);
-    }
+  void put_at(const Start& start, mjData& data, Simulator::State& state) noexcept {
+    const std::size_t joints = simulator_.num_joints();
+    const std::size_t others = std::min(state.model_position.size(), start.model_position.size());
+    simulator_.reset(std::span(start.position).first(joints), start.random, data, state,
+                     std::span(start.model_position).first(others));
+    if (has_object_) simulator_.place(objects()[object_], start.object, data, state);
     if (!has_object_) return;
     simulator_.set_velocity(objects()[object_], start.object_velocity, data);
     simulator_.observe(data, state);
@@ -481,11 +450,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     const int steps = environment.options().steps_per_action;
     // Number of steps for which the previous action continues: docs/learning.md.
     const int lag = environment.options().mapping == Mapping::kApproximation ? 1 : steps;
-    Action next = one.action;
+    CountedAction next = one.action;
     if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
       return;  // Never: the actions were checked before.
     }
-    typename Physics::AppliedAction applied = make_applied();
+    CountedAppliedAction applied(simulator_.num_joints());
     for (int k = 0; k < steps; ++k) {
       if (k == lag) one.action = next;
       const DriverReport report = simulator_.step(one.action, model, data, one.state, applied);
@@ -494,9 +463,9 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         return;
       }
       simulator_.observe(data, one.state);
-      see(one.state.memory.step, model, data, one);
+      see(one.state.memory.counters.step, model, data, one);
     }
-    one.action = next;
+    one.action = std::move(next);
     results.terminated[i] = 0;
     results.truncated[i] = 0;
     results.fault[i] = 0;
@@ -516,18 +485,17 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       configuration.insert(configuration.end(), data.qvel, data.qvel + model.nv);
       one.sight->capture(step, std::move(configuration));
     }
-    // A task sees all free bodies of a robot from a file.
-    if ((!has_object_ && !kIsFromFile) || is_tracked_) return;
+    if (one.objects.empty() || is_tracked_) return;
     const auto* const received = simulator_.receive_poses(step, data, one.state);
-    if (received == nullptr || !has_object_) return;
-    one.object = received->objects[object_];
+    if (received == nullptr) return;
+    std::ranges::copy(received->objects, one.objects.begin());
     one.object_step = received->capture_index;
   }
 
   // Looks at the images that have arrived. An exception is thrown later, outside of MuJoCo.
   void look(std::size_t i) noexcept {
     Simulation& one = simulations_[i];
-    const TimeIndex now = one.state.memory.step;
+    const TimeIndex now = one.state.memory.counters.step;
     try {
       const SharedEyes::Use eyes(eyes_);
       if (one.sight->look(now, *eyes)) {
@@ -537,8 +505,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         }
       }
       while (const auto poses = one.sight->take_poses(now)) {
-        if (!is_tracked_ || !has_object_) continue;
-        one.object = poses->objects[object_];
+        if (!is_tracked_) continue;
+        std::ranges::copy(poses->objects, one.objects.begin());
         one.object_step = poses->capture_index;
       }
     } catch (...) {
@@ -552,7 +520,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   std::optional<Outcome> observe(std::size_t i) noexcept {
     Simulation& one = simulations_[i];
     Observations& seen = results.seen;
-    const TimeIndex now = one.state.memory.step;
+    const TimeIndex now = one.state.memory.counters.step;
     if (one.sight) {
       look(i);
       const TimeIndex age = std::min(now - one.sight->images().capture_index, kOldestImage);
@@ -560,16 +528,12 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     }
     Measurement measurement{.position = one.state.observation.position,
                             .velocity = one.state.observation.velocity};
-    if constexpr (kIsFromFile) {
-      measurement.torque = one.state.observation.torque;
-      measurement.bodies = one.state.capture.objects;
-      if (!simulator_.model().drives_all()) {
-        measurement.model_position = one.state.model_position;
-        measurement.model_velocity = one.state.model_velocity;
-      }
-    }
+    measurement.torque = one.state.observation.torque;
+    if (simulator_.options().file != nullptr) measurement.bodies = one.objects;
+    measurement.model_position = one.state.model_position;
+    measurement.model_velocity = one.state.model_velocity;
     if (has_object_) {
-      measurement.object = &one.object;
+      measurement.object = &one.objects[object_];
       if (environment.judges_by_truth()) measurement.true_object = &one.state.objects[object_];
       seen.object_age[i] = one.object_step == kNeverSeen ? -1 : now - one.object_step;
     }
@@ -613,7 +577,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     return actions.subspan(i * width, width);
   }
 
-  Physics simulator_;
+  Simulator simulator_;
   std::vector<Simulation> simulations_;
   const bool is_of_many_;      // The task is.
   std::vector<int> due_;       // Simulations in which an episode begins in this call.
@@ -627,19 +591,12 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   std::unique_ptr<mjBatch, DeleteBatch> batch_;
 };
 
-template <class R>
 EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
-                                   const SimulationOptions<R>& simulation, int size,
-                                   int num_threads,
+                                   const SimulationOptions& simulation, int size, int num_threads,
                                    const std::optional<rendering::SightOptions>& sight)
-    : implementation_(std::make_unique<Typed<Simulator<R>>>(
-          Environment(task, options, simulation.description, simulation.period),
-          Simulator<R>(simulation), checked_size(size), num_threads, sight)) {}
-EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
-                                   const FileRobotOptions& robot, int size, int num_threads)
-    : implementation_(std::make_unique<Typed<FileSimulator>>(
-          Environment(task, options, robot), FileSimulator(robot), checked_size(size), num_threads,
-          std::nullopt)) {}
+    : implementation_(std::make_unique<Simulations>(Environment(task, options, simulation),
+                                                    simulation, checked_size(size), num_threads,
+                                                    sight)) {}
 EnvironmentBatch::~EnvironmentBatch() = default;
 
 const Environment& EnvironmentBatch::environment() const noexcept {
@@ -700,12 +657,5 @@ void EnvironmentBatch::step(std::span<const float> actions, Autoreset autoreset)
   self.autoreset = autoreset;
   self.run(self.selected);
 }
-
-template EnvironmentBatch::EnvironmentBatch(const TaskDescription&, const EnvironmentOptions&,
-                                            const SimulationOptions<TriFinger>&, int, int,
-                                            const std::optional<rendering::SightOptions>&);
-template EnvironmentBatch::EnvironmentBatch(const TaskDescription&, const EnvironmentOptions&,
-                                            const SimulationOptions<Finger>&, int, int,
-                                            const std::optional<rendering::SightOptions>&);
 
 }  // namespace trifinger::learning

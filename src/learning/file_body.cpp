@@ -32,10 +32,10 @@ std::size_t place_of(std::string_view name, const Joints& joints) {
 
 }  // namespace
 
-FileBody::FileBody(const FileRobotOptions& robot, std::span<const std::string> frames)
+FileBody::FileBody(const SimulationOptions& robot, std::span<const std::string> frames)
     : simulator_(robot),
-      frames_(robot.model, frames),
-      contacts_(robot.model, simulator_.initial_configuration()) {
+      frames_(robot.file, frames),
+      contacts_(robot.file, simulator_.initial_configuration()) {
   require(frames.size() <= kMaxFrames,
           text_of("there are ", frames.size(), " frames, allowed are ", kMaxFrames));
   const std::size_t size = simulator_.initial_configuration().size();
@@ -66,7 +66,7 @@ void FileBody::find_frames(std::span<const double> position, std::span<const dou
     model().set_position(i, position[i], configuration);
   }
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    double* const values = configuration.data() + model().free_bodies()[i].position;
+    double* const values = configuration.data() + model().objects()[i].position;
     std::ranges::copy(bodies[i].orientation, std::ranges::copy(bodies[i].position, values).out);
   }
   frames_.positions(configuration, points);

@@ -90,9 +90,15 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
   };
   if (is_from_file) {
     // The usual period need not fit the steps of this robot.
-    if (options.object_period != EnvironmentOptions{}.object_period) {
-      add("simulation.object_period", options.object_period);
-    }
+    const auto add_if_unusual = [&](const char* name, double EnvironmentOptions::* value) {
+      if (options.*value != EnvironmentOptions{}.*value) add(name, options.*value);
+    };
+    add_if_unusual("simulation.object_period", &EnvironmentOptions::object_period);
+    add_if_unusual("simulation.object_delay", &EnvironmentOptions::object_delay);
+    add_if_unusual("simulation.object_position_noise", &EnvironmentOptions::object_position_noise);
+    add_if_unusual("simulation.object_orientation_noise",
+                   &EnvironmentOptions::object_orientation_noise);
+    add_if_unusual("simulation.object_loss", &EnvironmentOptions::object_loss);
     return overrides;
   }
   const bool is_tracked = options.object_poses == ObjectPoses::kTracked;
@@ -128,7 +134,7 @@ std::unique_ptr<const AnyTask> make_task(const TaskDescription& description, Wor
   const bool has_object =
       object.empty() ||
       (robot.file != nullptr
-           ? std::ranges::any_of(robot.file->model().free_bodies(), is_object)
+           ? std::ranges::any_of(robot.file->model().objects(), is_object)
            : std::ranges::any_of(robot.kinematics->description().objects, is_object));
   if (!has_object) {
     throw InvalidArgument(text_of("the task '", description.name, "' needs an object called '",

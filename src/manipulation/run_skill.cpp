@@ -90,9 +90,9 @@ void plan(BackgroundPlanner& planner, bool is_real_time) {
 
 }  // namespace
 
-control::SafetyLimits safety_limits_of(const SimulationOptions<TriFinger>& options) {
-  const JointLimits<TriFinger::kJoints> limits =
-      options.limits.value_or(default_limits<TriFinger>(options.description));
+control::SafetyLimits safety_limits_of(const SimulationOptions& options) {
+  const auto limits =
+      limits_of<TriFinger::kJoints>(options.limits.value_or(default_limits(options.description)));
   return {.max_torque = values_of(limits, &JointLimit::max_torque),
           .safety_kd = values_of(limits, &JointLimit::safety_kd),
           .soft_lower = values_of(limits, &JointLimit::soft_lower),
@@ -100,12 +100,13 @@ control::SafetyLimits safety_limits_of(const SimulationOptions<TriFinger>& optio
 }
 
 SkillContext context_of(const Session& session) {
-  RobotConfig config = robot_config_of(session);
-  auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
-  if (options == nullptr) throw InvalidArgument("the robot has not three fingers");
+  const SimulationOptions options = robot_config_of(session).simulation;
+  if (robot_types_of(options).type != TriFinger::kType) {
+    throw InvalidArgument("the robot has not three fingers");
+  }
   const SessionInfo info = session.info();
-  return {.description = options->description,
-          .limits = safety_limits_of(*options),
+  return {.description = options.description,
+          .limits = safety_limits_of(options),
           .period = info.period,
           .is_real_time = info.is_real_time};
 }

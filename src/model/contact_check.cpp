@@ -17,7 +17,7 @@ std::pair<int, int> parts_of(const mjContact& contact) {
 
 }  // namespace
 
-ContactCheck::ContactCheck(std::shared_ptr<const ModelFile> model, std::span<const double> usual)
+ContactCheck::ContactCheck(std::shared_ptr<const SceneModel> model, std::span<const double> usual)
     : model_(std::move(model)), data_(model_->make_data()) {
   find_contacts(usual);
   for (int i = 0; i < data_->ncon; ++i) {

@@ -87,7 +87,7 @@ std::string names_of(const mjModel& model, mjtObj type, int count) {
 
 }  // namespace
 
-Frames::Frames(std::shared_ptr<const ModelFile> model, std::span<const std::string> names)
+Frames::Frames(std::shared_ptr<const SceneModel> model, std::span<const std::string> names)
     : model_(std::move(model)) {
   const mjModel& mujoco = *model_->mujoco();
   for (const std::string& name : names) {

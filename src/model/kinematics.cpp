@@ -137,7 +137,7 @@ struct Kinematics::State {
 
   RobotDescription description;
   RobotModel model;
-  RobotModel::Data data;
+  SceneModel::Data data;
   ClosedForm form;
   Eigen::Vector3d initial, lower, upper;
   std::array<Eigen::Isometry3d, kMaxFingers> finger_from_world;

@@ -121,7 +121,7 @@ std::optional<double> joint_limit(const mjModel& model, int joint) {
 }
 
 // Adds to `joint` what the actuator says about it.
-void describe_actuator(const mjModel& model, int actuator, FileJoint& joint) {
+void describe_actuator(const mjModel& model, int actuator, DrivenJoint& joint) {
   const double gear = model.actuator_gear[6 * model.actuator_outadr[actuator]];
   const double* const gain = model.actuator_gainprm + mjNGAIN * actuator;
   const double* const bias = model.actuator_biasprm + mjNBIAS * actuator;
@@ -191,24 +191,14 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   set_step();
   compile();
   for (Motor& motor : motors_) motor.ctrl = model_->actuator_ctrladr[motor.actuator];
-  options_.armature = nullptr;  // It may refer to what lives no longer than this call.
   const std::string name = mjs_getString(spec_->modelname);
   // "MuJoCo Model" is what MuJoCo calls a model without a name.
   name_ = name.empty() || name == "MuJoCo Model" ? options_.path.stem().string() : name;
-
-  for (int joint = 0; joint < static_cast<int>(model_->njnt); ++joint) {
-    if (model_->jnt_type[joint] != mjJNT_FREE) continue;
-    const int body = model_->jnt_bodyid[joint];
-    std::string body_name = name_of(*model_, mjOBJ_BODY, body);
-    if (body_name.empty()) body_name = "body" + std::to_string(body);
-    // Names of fields begin with it.
-    std::ranges::replace_if(
-        body_name, [](char letter) { return letter == ' ' || letter == '\n'; }, '_');
-    free_bodies_.push_back({.name = std::move(body_name),
-                            .body = body,
-                            .position = model_->jnt_qposadr[joint],
-                            .velocity = model_->jnt_dofadr[joint]});
-  }
+  find_objects();
+  find_start();
+  // They may refer to what lives no longer than this call.
+  options_.armature = nullptr;
+  options_.initial_position = nullptr;
 }
 
 ModelFile::ModelFile(ModelFile&&) noexcept = default;
@@ -288,7 +278,7 @@ void ModelFile::find_joints() {
   }
 
   for (const auto& [type, id] : targets) {
-    FileJoint joint;
+    DrivenJoint joint;
     Motor motor;
     joint.name = name_of(model, type, id);
     if (type == mjOBJ_JOINT) {
@@ -418,65 +408,62 @@ void ModelFile::set_step() {
   spec_->option.timestep = period / substeps_;
 }
 
-RobotModel::Data ModelFile::make_data() const {
-  RobotModel::Data data(mj_makeData(model_.get()));
-  if (data == nullptr) throw Error("MuJoCo has no memory for the scene");
-  return data;
+// Finds the bodies that float freely.
+void ModelFile::find_objects() {
+  for (int joint = 0; joint < static_cast<int>(model_->njnt); ++joint) {
+    if (model_->jnt_type[joint] != mjJNT_FREE) continue;
+    const int body = model_->jnt_bodyid[joint];
+    std::string body_name = name_of(*model_, mjOBJ_BODY, body);
+    if (body_name.empty()) body_name = "body" + std::to_string(body);
+    // Names of fields begin with it.
+    std::ranges::replace_if(
+        body_name, [](char letter) { return letter == ' ' || letter == '\n'; }, '_');
+    objects_.push_back({.name = std::move(body_name),
+                        .body = body,
+                        .position = model_->jnt_qposadr[joint],
+                        .velocity = model_->jnt_dofadr[joint]});
+  }
 }
 
-double ModelFile::position(std::size_t joint, const mjData_& data) const noexcept {
-  double position = 0.0;
-  for (const Part& part : motors_[joint].parts) position += part.share * data.qpos[part.position];
-  return position;
-}
-
-double ModelFile::velocity(std::size_t joint, const mjData_& data) const noexcept {
-  double velocity = 0.0;
-  for (const Part& part : motors_[joint].parts) velocity += part.share * data.qvel[part.velocity];
-  return velocity;
-}
-
-void ModelFile::set_position(std::size_t joint, double position, mjData_& data) const noexcept {
-  set_position(joint, position, std::span(data.qpos, static_cast<std::size_t>(model_->nq)));
-}
-
-void ModelFile::set_position(std::size_t joint, double position,
-                             std::span<double> configuration) const noexcept {
-  const auto at = [&](const Part& part) -> double& {
-    return configuration[static_cast<std::size_t>(part.position)];
+// Finds out where sessions begin.
+void ModelFile::find_start() {
+  key_ = model_->nkey > 0 ? 0 : -1;
+  if (options_.keyframe) {
+    key_ = mj_name2id(model_.get(), mjOBJ_KEY, options_.keyframe->c_str());
+    require(key_ >= 0, "the model has no key frame '" + *options_.keyframe + "'");
+  }
+  if (!options_.initial_position) return;
+  const auto begin_at = [this](const ModelJoint& joint, std::size_t index, auto& positions) {
+    const auto position = options_.initial_position(joint);
+    if (!position) return;
+    require(std::isfinite(*position),
+            "the initial position of joint '" + joint.name + "' is not finite");
+    positions.emplace_back(index, *position);
   };
-  double present = 0.0;
-  for (const Part& part : motors_[joint].parts) present += part.share * at(part);
-  const double way = (position - present) / motors_[joint].sum_of_squares;
-  for (const Part& part : motors_[joint].parts) at(part) += part.share * way;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    begin_at({.name = joints_[i].name, .is_slide = joints_[i].is_slide}, i, initial_position_);
+  }
+  for (std::size_t i = 0; i < model_joints_.size(); ++i) {
+    const bool is_driven =
+        std::ranges::find(joints_, model_joints_[i].name, &DrivenJoint::name) != joints_.end();
+    if (!is_driven) begin_at(model_joints_[i], i, initial_model_position_);
+  }
 }
 
-void ModelFile::set_torque(std::size_t joint, double torque, mjData_& data) const noexcept {
-  data.ctrl[motors_[joint].ctrl] = torque;
-}
-
-double ModelFile::torque_of(std::size_t joint, const double* force) const noexcept {
-  double torque = 0.0;
-  for (const Part& part : motors_[joint].parts) torque += part.share * force[part.velocity];
-  return torque / motors_[joint].sum_of_squares;
-}
-
-double ModelFile::model_position(std::size_t joint, const mjData_& data) const noexcept {
-  return data.qpos[model_parts_[joint].position];
-}
-
-double ModelFile::model_velocity(std::size_t joint, const mjData_& data) const noexcept {
-  return data.qvel[model_parts_[joint].velocity];
-}
-
-void ModelFile::set_model_position(std::size_t joint, double position,
-                                   mjData_& data) const noexcept {
-  data.qpos[model_parts_[joint].position] = position;
-}
-
-void ModelFile::set_model_position(std::size_t joint, double position,
-                                   std::span<double> configuration) const noexcept {
-  configuration[static_cast<std::size_t>(model_parts_[joint].position)] = position;
+void ModelFile::reset(mjData_& data) const noexcept {
+  if (key_ >= 0) {
+    mj_resetDataKeyframe(model_.get(), &data, key_);
+  } else {
+    mj_resetData(model_.get(), &data);
+  }
+  for (const ObjectDescription& object : options_.objects) {
+    const auto body = std::ranges::find(objects_, object.name, &ObjectAddress::name);
+    set_velocity(*body, object.velocity, object.angular_velocity, data);
+  }
+  for (const auto& [joint, position] : initial_model_position_) {
+    set_model_position(joint, position, data);
+  }
+  for (const auto& [joint, position] : initial_position_) set_position(joint, position, data);
 }
 
 std::string ModelFile::mjcf() const { return detail::self_contained_mjcf(*spec_, *model_); }

@@ -10,9 +10,6 @@
 
 namespace trifinger {
 
-void RobotModel::Delete::operator()(mjModel_* model) const noexcept { mj_deleteModel(model); }
-void RobotModel::Delete::operator()(mjData_* data) const noexcept { mj_deleteData(data); }
-
 RobotModel::RobotModel(RobotDescription description, Detail detail)
     : description_(std::move(description)), detail_(detail) {
   const detail::Spec spec = detail::make_spec(description_, detail_);
@@ -26,6 +23,17 @@ RobotModel::RobotModel(RobotDescription description, Detail detail)
   for (int geom = 0; geom < static_cast<int>(compiled->ngeom); ++geom)
     surfaces_.push_back(
         detail::surface_of(compiled->geom_contype[geom], compiled->geom_priority[geom]));
+  for (std::string& name : trifinger::joint_names(description_)) {
+    const int joint = mj_name2id(compiled, mjOBJ_JOINT, name.c_str());
+    const Part part{.position = compiled->jnt_qposadr[joint],
+                    .velocity = compiled->jnt_dofadr[joint],
+                    .share = 1.0};
+    const int index = static_cast<int>(joints_.size());
+    model_joints_.push_back({.name = name});
+    model_parts_.push_back(part);
+    motors_.push_back({.actuator = index, .ctrl = index, .parts = {part}});
+    joints_.push_back({.name = std::move(name)});
+  }
   initial_position_.assign(compiled->key_qpos, compiled->key_qpos + num_joints());
   for (const ObjectDescription& object : description_.objects) {
     const int joint = mj_name2id(compiled, mjOBJ_JOINT, object.name.c_str());
@@ -36,30 +44,11 @@ RobotModel::RobotModel(RobotDescription description, Detail detail)
   }
 }
 
-RobotModel::RobotModel(RobotModel&&) noexcept = default;
-RobotModel& RobotModel::operator=(RobotModel&&) noexcept = default;
-RobotModel::~RobotModel() = default;
-
-RobotModel::Compiled RobotModel::copy() const {
-  Compiled copied(mj_copyModel(nullptr, model_.get()));
-  if (copied == nullptr) throw Error("MuJoCo has no memory for the model");
-  return copied;
+void RobotModel::reset(mjData_& data) const noexcept {
+  mj_resetDataKeyframe(model_.get(), &data, 0);
 }
 
-RobotModel::Data RobotModel::make_data() const {
-  Data data(mj_makeData(model_.get()));
-  if (data == nullptr) throw Error("MuJoCo has no memory for the scene");
-  return data;
-}
-
-const ObjectAddress& RobotModel::object(const std::string& name) const {
-  const auto found = std::ranges::find(objects_, name, &ObjectAddress::name);
-  if (found != objects_.end()) return *found;
-  std::string known;
-  for (const ObjectAddress& object : objects_) known += (known.empty() ? "" : ", ") + object.name;
-  throw InvalidArgument("There is no object '" + name + "'; " +
-                        (known.empty() ? "the scene has none." : "the scene has " + known + "."));
-}
+std::string RobotModel::mjcf() const { return export_mjcf(description_); }
 
 std::vector<std::string> RobotModel::camera_names() const {
   std::vector<std::string> names;

@@ -256,7 +256,7 @@ std::string self_contained_mjcf(const mjSpec& spec, const mjModel& model) {
     copy->compiler.saveinertial = true;
     mjs_setString(copy->compiler.meshdir, "");
     mjs_setString(copy->compiler.texturedir, "");
-    const RobotModel::Compiled compiled(mj_compile(copy.get(), nullptr));
+    const SceneModel::Compiled compiled(mj_compile(copy.get(), nullptr));
     if (compiled != nullptr) return saved(copy.get());
     problem = mjs_getError(copy.get());
   }

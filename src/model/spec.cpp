@@ -151,9 +151,9 @@ Spec make_spec(const RobotDescription& description, Detail detail) {
   return SpecBuilder(description, detail).take();
 }
 
-RobotModel::Compiled compile(mjSpec* spec) {
+SceneModel::Compiled compile(mjSpec* spec) {
   silence_mujoco();
-  RobotModel::Compiled model(mj_compile(spec, nullptr));
+  SceneModel::Compiled model(mj_compile(spec, nullptr));
   if (!model) throw Error("MuJoCo refuses the model: " + std::string(mjs_getError(spec)));
   return model;
 }

@@ -23,6 +23,6 @@ using Spec = std::unique_ptr<mjSpec, DeleteSpec>;
 [[nodiscard]] std::optional<Surface> surface_of(int contype, int priority) noexcept;
 
 // Throws Error with MuJoCo's own words. After `validate`, a refusal is a bug of ours.
-[[nodiscard]] RobotModel::Compiled compile(mjSpec* spec);
+[[nodiscard]] SceneModel::Compiled compile(mjSpec* spec);
 
 }  // namespace trifinger::detail

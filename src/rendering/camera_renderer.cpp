@@ -15,7 +15,6 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/moved.hpp"
 #include "trifinger/base/text_of.hpp"
-#include "trifinger/model/robot_model.hpp"
 #include "trifinger/rendering/context.hpp"
 #include "view.hpp"
 
@@ -30,8 +29,9 @@ constexpr int kLargestPicture = 16384;  // of Mesa and of all drivers since 2010
 constexpr double kLeastBlur = 0.3;  // Less displacement during the exposure shows no blur [pixel].
 
 // The wall of the open hardware is made of clear polycarbonate.
-bool has_clear_wall(const RobotDescription& description) {
-  return description.variant == Variant::kEdu && description.arrangement == Arrangement::kTriFinger;
+bool has_clear_wall(const SimulationOptions& robot) {
+  return robot.file == nullptr && robot.description.variant == Variant::kEdu &&
+         robot.description.arrangement == Arrangement::kTriFinger;
 }
 
 double seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
@@ -40,13 +40,13 @@ double seconds(Nanoseconds time) { return std::chrono::duration<double>(time).co
 
 class CameraRenderer::Implementation {
  public:
-  Implementation(const RobotDescription& description, std::vector<camera::Camera> cameras,
+  Implementation(const SimulationOptions& robot, std::vector<camera::Camera> cameras,
                  const RenderingOptions& options)
-      : model_(description, Detail::kPictures),
-        drawn_(model_.copy()),
-        data_(model_.make_data()),
-        later_(model_.make_data()),
-        scene_(*drawn_, initial_data(), has_clear_wall(description)),
+      : model_(make_model(robot, Detail::kPictures)),
+        drawn_(model_->copy()),
+        data_(model_->make_data()),
+        later_(model_->make_data()),
+        scene_(*drawn_, initial_data(), has_clear_wall(robot)),
         cameras_(std::move(cameras)) {
     require(!cameras_.empty(), "a renderer needs a camera");
     for (const camera::Camera& camera : cameras_) {
@@ -104,6 +104,7 @@ class CameraRenderer::Implementation {
     }
   }
 
+  [[nodiscard]] const SceneModel& model() const noexcept { return *model_; }
   [[nodiscard]] const std::vector<camera::Camera>& cameras() const noexcept { return cameras_; }
   [[nodiscard]] const std::vector<camera::Camera>& true_cameras() const noexcept {
     return true_cameras_;
@@ -115,7 +116,7 @@ class CameraRenderer::Implementation {
   [[nodiscard]] std::size_t num_velocities() const { return static_cast<std::size_t>(drawn_->nv); }
 
   mjData& initial_data() {
-    mj_resetDataKeyframe(drawn_.get(), data_.get(), 0);
+    model_->reset(*data_);
     mj_forward(drawn_.get(), data_.get());
     return *data_;
   }
@@ -231,10 +232,10 @@ class CameraRenderer::Implementation {
     for (std::size_t i = 0; i < views_.size(); ++i) views_[i].sample(pixels_.data(), sums_[i]);
   }
 
-  RobotModel model_;
-  RobotModel::Compiled drawn_;
-  RobotModel::Data data_;
-  RobotModel::Data later_;
+  std::shared_ptr<const SceneModel> model_;
+  SceneModel::Compiled drawn_;
+  SceneModel::Data data_;
+  SceneModel::Data later_;
   detail::Scene scene_;
   std::vector<camera::Camera> cameras_;
   std::vector<camera::Camera> true_cameras_;
@@ -249,13 +250,16 @@ class CameraRenderer::Implementation {
   int width_{0}, height_{0};  // of all pictures together
 };
 
-CameraRenderer::CameraRenderer(const RobotDescription& description,
-                               std::vector<camera::Camera> cameras, const RenderingOptions& options)
-    : implementation_(std::make_unique<Implementation>(description, std::move(cameras), options)) {}
+CameraRenderer::CameraRenderer(const SimulationOptions& robot, std::vector<camera::Camera> cameras,
+                               const RenderingOptions& options)
+    : implementation_(std::make_unique<Implementation>(robot, std::move(cameras), options)) {}
 CameraRenderer::CameraRenderer(CameraRenderer&&) noexcept = default;
 CameraRenderer& CameraRenderer::operator=(CameraRenderer&&) noexcept = default;
 CameraRenderer::~CameraRenderer() = default;
 
+const SceneModel& CameraRenderer::model() const noexcept {
+  return checked(implementation_)->model();
+}
 const std::vector<camera::Camera>& CameraRenderer::cameras() const noexcept {
   return checked(implementation_)->cameras();
 }

@@ -13,14 +13,13 @@ using camera::Frame;
 
 }  // namespace
 
-template <class R>
-DriverWithCameras<R>::DriverWithCameras(SimulatedRobot<R>& robot,
-                                        const std::vector<camera::Camera>& cameras,
-                                        const CaptureOptions& capture,
-                                        const RenderingOptions& rendering,
-                                        std::unique_ptr<ObjectFinder> finder, bool varies)
+DriverWithCameras::DriverWithCameras(SimulatedRobot& robot,
+                                     const std::vector<camera::Camera>& cameras,
+                                     const CaptureOptions& capture,
+                                     const RenderingOptions& rendering,
+                                     std::unique_ptr<ObjectFinder> finder, bool varies)
     : robot_(robot),
-      eyes_(robot.options().description, cameras, rendering, std::move(finder)),
+      eyes_(robot.options(), cameras, rendering, std::move(finder)),
       sight_(capture, robot.model().objects().size()),
       companions_(robot.companions().begin(), robot.companions().end()),
       writer_(camera::ImageWriter::anonymous(cameras)),
@@ -29,23 +28,17 @@ DriverWithCameras<R>::DriverWithCameras(SimulatedRobot<R>& robot,
   if (varies) sight_.vary(rendering);
 }
 
-template <class R>
-void DriverWithCameras<R>::share_images(const std::string& robot) {
+void DriverWithCameras::share_images(const std::string& robot) {
   writer_ = camera::ImageWriter(robot, renderer().cameras());
 }
 
-template <class R>
-const RobotTypes& DriverWithCameras<R>::description() const noexcept {
-  return robot_.description();
-}
+const RobotTypes& DriverWithCameras::description() const noexcept { return robot_.description(); }
 
-template <class R>
-std::span<const CompanionDescription> DriverWithCameras<R>::companions() const noexcept {
+std::span<const CompanionDescription> DriverWithCameras::companions() const noexcept {
   return companions_;
 }
 
-template <class R>
-DriverReport DriverWithCameras<R>::prepare(TimeIndex step) noexcept {
+DriverReport DriverWithCameras::prepare(TimeIndex step) noexcept {
   const DriverReport report = robot_.prepare(step);
   if (step == 0) {
     // The session begins in a state with random numbers of its own.
@@ -56,41 +49,31 @@ DriverReport DriverWithCameras<R>::prepare(TimeIndex step) noexcept {
   return report;
 }
 
-template <class R>
-DriverReport DriverWithCameras<R>::get_latest_observation(void* observation) noexcept {
-  const DriverReport report =
-      static_cast<UntypedDriver&>(robot_).get_latest_observation(observation);
+DriverReport DriverWithCameras::get_latest_observation(void* observation) noexcept {
+  const DriverReport report = robot_.get_latest_observation(observation);
   return has_failed_ ? DriverReport::fault(kBlind) : report;
 }
 
-template <class R>
-DriverReport DriverWithCameras<R>::apply_action(const void* desired, void* applied) noexcept {
-  return static_cast<UntypedDriver&>(robot_).apply_action(desired, applied);
+DriverReport DriverWithCameras::apply_action(const void* desired, void* applied) noexcept {
+  return robot_.apply_action(desired, applied);
 }
 
-template <class R>
-DriverReport DriverWithCameras<R>::hold(const void* observation, void* action) noexcept {
-  return static_cast<UntypedDriver&>(robot_).hold(observation, action);
+DriverReport DriverWithCameras::hold(const void* observation, void* action) noexcept {
+  return robot_.hold(observation, action);
 }
 
-template <class R>
-DriverReport DriverWithCameras<R>::stop(TimeIndex step) noexcept {
-  return robot_.stop(step);
-}
+DriverReport DriverWithCameras::stop(TimeIndex step) noexcept { return robot_.stop(step); }
 
-template <class R>
-std::string_view DriverWithCameras<R>::fault_text(std::int32_t fault_code) const noexcept {
+std::string_view DriverWithCameras::fault_text(std::int32_t fault_code) const noexcept {
   return fault_code == kBlind ? failure_.view() : robot_.fault_text(fault_code);
 }
 
-template <class R>
-std::string_view DriverWithCameras<R>::rejection_text() const noexcept {
+std::string_view DriverWithCameras::rejection_text() const noexcept {
   return robot_.rejection_text();
 }
 
-template <class R>
-bool DriverWithCameras<R>::get_companion_element(std::size_t index, TimeIndex time_index,
-                                                 void* element) noexcept {
+bool DriverWithCameras::get_companion_element(std::size_t index, TimeIndex time_index,
+                                              void* element) noexcept {
   auto* const bytes = static_cast<std::byte*>(element);
   const CompanionDescription& companion = companions_[index];
   const bool is_images = index + 1 == companions_.size();
@@ -111,14 +94,12 @@ bool DriverWithCameras<R>::get_companion_element(std::size_t index, TimeIndex ti
 
 // Captures what is due at this step and draws what arrives: at most one set of images. The
 // companions ask one after the other, so all but the first call of a step have nothing to do.
-template <class R>
-void DriverWithCameras<R>::advance(TimeIndex time_index) {
+void DriverWithCameras::advance(TimeIndex time_index) {
   if (sight_.is_due(time_index)) sight_.capture(time_index, robot_.configuration());
   if (sight_.look(time_index, eyes_)) has_new_images_ = true;
 }
 
-template <class R>
-bool DriverWithCameras<R>::get_images(std::span<std::byte> element) {
+bool DriverWithCameras::get_images(std::span<std::byte> element) {
   if (!std::exchange(has_new_images_, false)) return false;
   const std::span<const std::span<std::byte>> targets = writer_.begin();
   for (std::size_t i = 0; i < targets.size(); ++i) {
@@ -137,16 +118,12 @@ bool DriverWithCameras<R>::get_images(std::span<std::byte> element) {
   return true;
 }
 
-template <class R>
-bool DriverWithCameras<R>::get_poses(TimeIndex time_index, std::byte* element) {
+bool DriverWithCameras::get_poses(TimeIndex time_index, std::byte* element) {
   const std::optional<Sight::Poses> poses = sight_.take_poses(time_index);
   if (!poses) return false;
   const Stamp stamp{.arrival_index = poses->arrival_index, .capture_index = poses->capture_index};
   write_objects(stamp, poses->objects, element);
   return true;
 }
-
-template class DriverWithCameras<TriFinger>;
-template class DriverWithCameras<Finger>;
 
 }  // namespace trifinger::rendering

@@ -30,10 +30,10 @@ void CaptureOptions::validate() const {
                   ", that is delay, to ", kMostSteps));
 }
 
-Eyes::Eyes(const RobotDescription& description, const std::vector<camera::Camera>& cameras,
+Eyes::Eyes(const SimulationOptions& robot, const std::vector<camera::Camera>& cameras,
            const RenderingOptions& rendering, std::unique_ptr<ObjectFinder> finder)
-    : renderer_(description, cameras, rendering), finder_(std::move(finder)) {
-  require(finder_ == nullptr || !description.objects.empty(),
+    : renderer_(robot, cameras, rendering), finder_(std::move(finder)) {
+  require(finder_ == nullptr || !objects_of(robot).empty(),
           "there are no objects to find in images");
   for (const camera::Camera& camera : cameras) pixels_.emplace_back(camera.format.size());
   for (std::vector<std::byte>& pixels : pixels_) places_.emplace_back(pixels);

@@ -23,13 +23,13 @@ constexpr Nanoseconds kSlice = 100ms;  // of a longer wait
 
 }  // namespace
 
-SimulatedCameras::SimulatedCameras(std::string robot, const RobotDescription& description,
+SimulatedCameras::SimulatedCameras(std::string robot, const SimulationOptions& simulation,
                                    std::vector<camera::Camera> cameras, Nanoseconds period,
                                    const RenderingOptions& options)
     : robot_(std::move(robot)),
-      renderer_(description, std::move(cameras), options),
+      renderer_(simulation, std::move(cameras), options),
       period_(period),
-      scene_element_(scene_companion(description).element),
+      scene_element_(scene_companion(renderer_.model()).element),
       element_(scene_element_.size()) {
   trifinger::detail::require(period > Nanoseconds::zero(),
                              "the period of simulated cameras must be above 0");
@@ -37,7 +37,7 @@ SimulatedCameras::SimulatedCameras(std::string robot, const RobotDescription& de
     names_.push_back(camera.name);
     formats_.push_back(camera.format);
   }
-  scene_.configuration.resize(configuration_size(description));
+  scene_.configuration.resize(configuration_size(renderer_.model()));
 }
 
 bool SimulatedCameras::grab(std::span<const std::span<std::byte>> images,

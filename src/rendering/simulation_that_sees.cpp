@@ -8,7 +8,6 @@
 #include <optional>
 #include <span>
 #include <utility>
-#include <variant>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
@@ -33,9 +32,8 @@ Eigen::Isometry3d transform_of(const ObjectPose& pose) {
   return transform;
 }
 
-template <class R>
 CaptureOptions capture_options(const camera::CameraOptions& cameras,
-                               const SimulationOptions<R>& simulation) {
+                               const SimulationOptions& simulation) {
   const TimeIndex delay = cameras.simulated.delay / simulation.period;
   return {.period = std::max<TimeIndex>(cameras.period / simulation.period, 1),
           .delay = delay,
@@ -44,9 +42,9 @@ CaptureOptions capture_options(const camera::CameraOptions& cameras,
 
 class TrackerOfObjects final : public ObjectFinder {
  public:
-  TrackerOfObjects(const RobotDescription& description,
+  TrackerOfObjects(std::span<const ObjectDescription> objects,
                    const std::vector<camera::Camera>& cameras) {
-    for (const ObjectDescription& object : description.objects) {
+    for (const ObjectDescription& object : objects) {
       tracking::TrackedObject tracked = tracking::tracked_object(object);
       if (const auto warning = tracking::look_alike_warning(tracked))
         throw InvalidArgument(*warning);
@@ -79,92 +77,64 @@ RenderingOptions rendering_options(const camera::CameraOptions& cameras,
   return rendering;
 }
 
-std::unique_ptr<ObjectFinder> make_object_finder(const RobotDescription& description,
+std::unique_ptr<ObjectFinder> make_object_finder(std::span<const ObjectDescription> objects,
                                                  const std::vector<camera::Camera>& cameras) {
-  return std::make_unique<TrackerOfObjects>(description, cameras);
+  return std::make_unique<TrackerOfObjects>(objects, cameras);
 }
 
 std::optional<SightOptions> sight_options(const RobotConfig& config, const std::string& name,
                                           const std::optional<RenderingOptions>& look) {
   if (!has_simulated_cameras(config)) return std::nullopt;
-  return std::visit(
-      [&](const auto& simulation) {
-        SightOptions options{
-            .cameras = camera_calibration(config, name).cameras,
-            .capture = capture_options(*config.cameras, simulation),
-            .rendering = rendering_options(*config.cameras, look),
-            .varies = config.cameras->simulated.varies,
-            .finds_objects = config.tracks_objects && !simulation.description.objects.empty()};
-        options.rendering.seed += simulation.seed;
-        options.rendering.calibration_seed += simulation.seed;
-        return options;
-      },
-      config.simulation);
+  const SimulationOptions& simulation = config.simulation;
+  SightOptions options{.cameras = camera_calibration(config, name).cameras,
+                       .capture = capture_options(*config.cameras, simulation),
+                       .rendering = rendering_options(*config.cameras, look),
+                       .varies = config.cameras->simulated.varies,
+                       .finds_objects = config.tracks_objects && !objects_of(simulation).empty()};
+  options.rendering.seed += simulation.seed;
+  options.rendering.calibration_seed += simulation.seed;
+  return options;
 }
 
 TimeIndex oldest_sure_age(const RobotConfig& config) {
-  return std::visit(
-      [&config](const auto& simulation) {
-        return config.tracks_objects ? oldest_sure_age(capture_options(*config.cameras, simulation))
-                                     : oldest_sure_age(simulation);
-      },
-      config.simulation);
+  const SimulationOptions& simulation = config.simulation;
+  return config.tracks_objects ? oldest_sure_age(capture_options(*config.cameras, simulation))
+                               : oldest_sure_age(simulation);
 }
 
 TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config) {
-  return std::visit(
-      [&config](const auto& simulation) {
-        if (!has_tracked_objects(config)) {
-          return oldest_sure_age(simulation) + simulation.object_period;
-        }
-        const CaptureOptions capture = capture_options(*config.cameras, simulation);
-        return oldest_sure_age(capture) + capture.period;
-      },
-      config.simulation);
+  const SimulationOptions& simulation = config.simulation;
+  if (!has_tracked_objects(config)) return oldest_sure_age(simulation) + simulation.object_period;
+  const CaptureOptions capture = capture_options(*config.cameras, simulation);
+  return oldest_sure_age(capture) + capture.period;
 }
 
-Eyes make_eyes(const RobotDescription& description, const SightOptions& options) {
-  return {description, options.cameras, options.rendering,
-          options.finds_objects ? make_object_finder(description, options.cameras) : nullptr};
+Eyes make_eyes(const SimulationOptions& robot, const SightOptions& options) {
+  return {robot, options.cameras, options.rendering,
+          options.finds_objects ? make_object_finder(objects_of(robot), options.cameras) : nullptr};
 }
 
-template <class R>
-std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
-    SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
+std::unique_ptr<DriverWithCameras> make_driver_with_cameras(
+    SimulatedRobot& robot, const RobotConfig& config, const std::string& name,
     const std::optional<RenderingOptions>& look) {
   const std::optional<SightOptions> sight = sight_options(config, name, look);
   if (!sight) return nullptr;
-  const RobotDescription& description = robot.options().description;
-  return std::make_unique<DriverWithCameras<R>>(
+  return std::make_unique<DriverWithCameras>(
       robot, sight->cameras, sight->capture, sight->rendering,
-      sight->finds_objects ? make_object_finder(description, sight->cameras) : nullptr,
+      sight->finds_objects ? make_object_finder(objects_of(robot.options()), sight->cameras)
+                           : nullptr,
       sight->varies);
 }
 
-template <class R>
-Simulation<R> make_simulation(const RobotConfig& config,
-                              const std::optional<RenderingOptions>& look) {
+Simulation make_simulation(const RobotConfig& config, const std::optional<RenderingOptions>& look) {
   SessionOptions session = config.session;
   if (has_simulated_cameras(config)) {
     session.documents.push_back(camera_document(camera_calibration(config, config.name)));
   }
-  return Simulation<R>(
-      std::get<SimulationOptions<R>>(config.simulation),
-      [&](SimulatedRobot<R>& robot) {
-        return make_driver_with_cameras(robot, config, config.name, look);
-      },
-      std::move(session), config.backend, config.name);
+  return Simulation(config.simulation, std::move(session), config.backend, config.name,
+                    [&](SimulatedRobot& robot) {
+                      return make_driver_with_cameras(robot, config, config.name, look);
+                    });
 }
-
-template std::unique_ptr<DriverWithCameras<TriFinger>> make_driver_with_cameras(
-    SimulatedRobot<TriFinger>&, const RobotConfig&, const std::string&,
-    const std::optional<RenderingOptions>&);
-template std::unique_ptr<DriverWithCameras<Finger>> make_driver_with_cameras(
-    SimulatedRobot<Finger>&, const RobotConfig&, const std::string&,
-    const std::optional<RenderingOptions>&);
-template Simulation<TriFinger> make_simulation(const RobotConfig&,
-                                               const std::optional<RenderingOptions>&);
-template Simulation<Finger> make_simulation(const RobotConfig&,
-                                            const std::optional<RenderingOptions>&);
 
 }  // namespace trifinger::rendering

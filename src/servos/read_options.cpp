@@ -133,9 +133,6 @@ ServoConfig read_servo_config(const Node& root, const std::vector<std::string>& 
   if (const auto reset = section.optional_section("reset")) {
     robot.reset = read_reset(*reset, joints);
   }
-  if (const auto stop = root.optional_section("stop")) {
-    robot.damping_time = read_time(*stop, "damping_time", robot.damping_time, 2.0);
-  }
   dynamixel::MotorGroupOptions& group = config.group;
   group.is_fast = section.optional<bool>("fast_sync_read", group.is_fast);
   group.return_delay =

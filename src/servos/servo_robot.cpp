@@ -128,9 +128,10 @@ void ServoRobotOptions::validate() const {
           text_of("reset.tolerance is ", reset.tolerance, ", must be above 0"));
   require(reset.attempts >= 0, "reset.attempts is negative");
   for (const Nanoseconds time :
-       {reset.first_time, reset.move_time, reset.settle_time, reset.release_time, damping_time}) {
-    require(time >= Nanoseconds::zero(), "a time of the reset or the stop is negative");
+       {reset.first_time, reset.move_time, reset.settle_time, reset.release_time}) {
+    require(time >= Nanoseconds::zero(), "a time of the reset is negative");
   }
+  stop.validate(limits);
   require(period > Nanoseconds::zero(), "period must be above 0");
 }
 
@@ -151,12 +152,14 @@ ServoRobot::ServoRobot(Options options, std::unique_ptr<dynamixel::MotorLink> mo
     : options_((options.validate(), std::move(options))),
       chain_(options_.types, options_.names, limits_of(options_)),
       link_(std::move(motors)),
+      stop_(options_.stop, options_.period),
       begin_(num_joints(), 0.0),
       target_(num_joints(), kNan),
       goals_(num_joints(), 0.0),
       torques_(num_joints(), 0.0),
       all_positions_(options_.all_joints.size(), kNan),
       all_velocities_(options_.all_joints.size(), kNan),
+      tip_force_(options_.num_tips, kNan),
       observation_(num_joints()),
       desired_(num_joints()),
       held_(num_joints()) {
@@ -205,7 +208,7 @@ bool ServoRobot::refresh(std::int32_t& code) noexcept {
 }
 
 void ServoRobot::write_observation(void* element) const noexcept {
-  write_element(observation_, all_positions_, all_velocities_, element);
+  write_element(observation_, all_positions_, all_velocities_, tip_force_, element);
 }
 
 // How far a joint is from its initial position.
@@ -332,6 +335,7 @@ DriverReport ServoRobot::move() noexcept {
 }
 
 DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
+  has_fault_ = false;
   if (step == 0) {
     phase_ = Phase::kStarting;
     attempts_ = 0;
@@ -417,6 +421,7 @@ DriverReport ServoRobot::apply_action(const void* desired, void* applied) noexce
   FixedText refusal;
   const bool has_refused = refuse_torques(refusal);
   const DriverReport report = chain_.apply(desired_, observation_, options_.period);
+  has_fault_ = report.state != DriverReport::State::kReady;
   if (has_refused) chain_.set_rejection_text(refusal);
   send();
   write_element(chain_.applied(), applied);
@@ -465,9 +470,20 @@ DriverReport ServoRobot::stop(TimeIndex step) noexcept {
   std::int32_t code = 0;
   // What has happened is told already; the motors are without torque then.
   const bool is_fine = is_running_ && refresh(code) && snapshot_.phase == MotorPhase::kRunning;
-  if (is_fine && step * options_.period < options_.damping_time) {
+  OrderlyStop::Phase next =
+      is_fine ? stop_.next(step, observation_.position, target_) : OrderlyStop::Phase::kOver;
+  if (next != OrderlyStop::Phase::kOver) {
+    if (step == 0 && has_fault_) {
+      stop_.give_up(step);
+      next = OrderlyStop::Phase::kDamp;
+    }
     desired_ = CountedAction(num_joints());
-    static_cast<void>(chain_.apply(desired_, observation_, options_.period));
+    if (next == OrderlyStop::Phase::kMove) {
+      add_weight(desired_);
+      desired_.position = target_;
+    }
+    const DriverReport report = chain_.apply(desired_, observation_, options_.period);
+    if (report.state != DriverReport::State::kReady) stop_.give_up(step);
     send();
     return DriverReport::busy();
   }

@@ -53,9 +53,7 @@ std::vector<std::string> bodies_of(const std::string& robot) {
               session.companion_names().end(),
           "robot '" + robot +
               "' cannot be pulled: only a simulation that 'trifinger run' runs has a hand");
-  const RobotConfig config = robot_config_of(session);
-  return std::visit([](const auto& simulation) { return pullable_bodies(simulation.description); },
-                    config.simulation);
+  return pullable_bodies(*make_model(robot_config_of(session).simulation));
 }
 
 }  // namespace
@@ -82,14 +80,13 @@ CompanionDescription hand_companion() {
       .name = kHandCompanion, .type = "hand_observation", .element = describe<HandObservation>()};
 }
 
-std::vector<std::string> pullable_bodies(const RobotDescription& description) {
+std::vector<std::string> pullable_bodies(const SceneModel& model) {
   std::vector<std::string> names;
-  const std::size_t num_fingers = joint_names(description).size() / kJointsPerFinger;
-  names.reserve(num_fingers + description.objects.size());
-  for (std::size_t finger = 0; finger < num_fingers; ++finger) {
-    names.push_back("tip_" + std::to_string(finger));
+  names.reserve(model.tip_geoms().size() + model.objects().size());
+  for (std::size_t tip = 0; tip < model.tip_geoms().size(); ++tip) {
+    names.push_back("tip_" + std::to_string(tip));
   }
-  for (const ObjectDescription& object : description.objects) names.push_back(object.name);
+  for (const ObjectAddress& object : model.objects()) names.push_back(object.name);
   return names;
 }
 

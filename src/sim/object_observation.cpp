@@ -8,15 +8,15 @@
 
 namespace trifinger {
 
-std::optional<CompanionDescription> object_companion(const RobotDescription& description) {
+std::optional<CompanionDescription> object_companion(std::span<const ObjectDescription> objects) {
   std::vector<std::string> names;
-  names.reserve(description.objects.size());
-  for (const ObjectDescription& object : description.objects) names.push_back(object.name);
+  names.reserve(objects.size());
+  for (const ObjectDescription& object : objects) names.push_back(object.name);
   return object_companion(names);
 }
 
-std::optional<CompanionDescription> object_companion(std::span<const std::string> objects) {
-  if (objects.empty()) return std::nullopt;
+std::optional<CompanionDescription> object_companion(std::span<const std::string> names) {
+  if (names.empty()) return std::nullopt;
   std::vector<FieldDescription> fields;
   std::size_t offset = 0;
   const auto append = [&](const std::string& prefix, const ElementDescription& element) {
@@ -28,7 +28,7 @@ std::optional<CompanionDescription> object_companion(std::span<const std::string
     offset += element.size();
   };
   append("stamp.", describe<Stamp>());
-  for (const std::string& object : objects) append(object + ".", describe<ObjectPose>());
+  for (const std::string& name : names) append(name + ".", describe<ObjectPose>());
   return CompanionDescription{.name = kObjectCompanion,
                               .type = "object_observation",
                               .element = ElementDescription(std::move(fields))};

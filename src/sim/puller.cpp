@@ -40,7 +40,7 @@ Vector3d force_of(double stiffness, const Vector3d& stretch, const Vector3d& vel
 
 }  // namespace
 
-Puller::Puller(const RobotModel& model)
+Puller::Puller(const SceneModel& model)
     : jacobian_(3 * static_cast<std::size_t>(model.mujoco()->nv)), solved_(jacobian_.size()) {
   const mjModel& compiled = *model.mujoco();
   for (const int geom : model.tip_geoms()) {

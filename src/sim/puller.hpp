@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "trifinger/model/robot_model.hpp"
+#include "trifinger/model/scene_model.hpp"
 #include "trifinger/realtime/annotations.hpp"
 #include "trifinger/sim/hand.hpp"
 
@@ -14,7 +14,7 @@ namespace trifinger::detail {
 // Moves the physics while a hand pulls. It has its own memory, so it allocates nothing then.
 class Puller {
  public:
-  explicit Puller(const RobotModel& model);
+  explicit Puller(const SceneModel& model);
 
   [[nodiscard]] std::int64_t num_bodies() const noexcept { return std::ssize(bodies_); }
 

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/sim/robot_cameras.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <Eigen/Geometry>
+#include <cmath>
+#include <cstddef>
 #include <numbers>
-#include <variant>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/images.hpp"
@@ -38,21 +42,54 @@ camera::Calibration calibration_of_figures(const RobotDescription& description) 
   return calibration;
 }
 
+camera::Calibration calibration_of_file(const ModelFile& model) {
+  const mjModel& mujoco = *model.mujoco();
+  const SceneModel::Data data = model.make_data();
+  model.reset(*data);
+  mj_kinematics(&mujoco, data.get());
+  mj_camlight(&mujoco, data.get());
+  camera::Calibration calibration{.date = "the robot's file", .residual = 0, .cameras = {}};
+  for (int i = 0; i < static_cast<int>(mujoco.ncam); ++i) {
+    const bool stands =
+        mujoco.body_weldid[mujoco.cam_bodyid[i]] == 0 && mujoco.cam_mode[i] == mjCAMLIGHT_FIXED;
+    const char* const name = mj_id2name(&mujoco, mjOBJ_CAMERA, i);
+    if (!stands || name == nullptr) continue;
+    camera::Camera camera;
+    camera.name = name;
+    const int* const resolution = mujoco.cam_resolution + std::ptrdiff_t{2} * i;
+    const bool has_resolution = resolution[0] > 1 && resolution[1] > 1;
+    camera.format = {.width = has_resolution ? resolution[0] : kCameraImageSize,
+                     .height = has_resolution ? resolution[1] : kCameraImageSize};
+    const double half_view = mujoco.cam_fovy[i] * std::numbers::pi / 360;
+    const double focal = 0.5 * camera.format.height / std::tan(half_view);
+    camera.lens = {.fx = focal,
+                   .fy = focal,
+                   .cx = 0.5 * (camera.format.width - 1),
+                   .cy = 0.5 * (camera.format.height - 1)};
+    // MuJoCo's cameras look along -z, with y up.
+    camera.pose.linear() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(
+                               data->cam_xmat + std::ptrdiff_t{9} * i) *
+                           Eigen::DiagonalMatrix<double, 3>(1, -1, -1);
+    camera.pose.translation() = Eigen::Vector3d::Map(data->cam_xpos + std::ptrdiff_t{3} * i);
+    calibration.cameras.push_back(std::move(camera));
+  }
+  return calibration;
+}
+
 camera::Calibration camera_calibration(const RobotConfig& config, const std::string& robot) {
   if (!config.cameras) {
     throw InvalidArgument("robot '" + robot +
                           "' has no cameras; its configuration needs a section 'cameras'");
   }
   return camera::resolve_calibration(*config.cameras, robot, [&config] {
-    return std::visit(
-        [](const auto& simulation) { return calibration_of_figures(simulation.description); },
-        config.simulation);
+    const SimulationOptions& simulation = config.simulation;
+    return simulation.file != nullptr ? calibration_of_file(*simulation.file)
+                                      : calibration_of_figures(simulation.description);
   });
 }
 
 bool has_tracked_objects(const RobotConfig& config) noexcept {
-  const bool has_objects = std::visit(
-      [](const auto& options) { return !options.description.objects.empty(); }, config.simulation);
+  const bool has_objects = !objects_of(config.simulation).empty();
   // Nobody else knows where objects are beside boards of metal.
   const bool is_hardware = config.boards && config.boards->bus == boards::BusKind::kSocketCan;
   return has_objects && config.cameras && (config.tracks_objects || is_hardware);

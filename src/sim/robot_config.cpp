@@ -3,15 +3,18 @@
 
 #include <dlfcn.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <map>
 #include <set>
 #include <utility>
 
-#include "from_file.hpp"
 #include "in_seconds.hpp"
+#include "read_file_robot.hpp"
 #include "read_object.hpp"
+#include "read_servos.hpp"
+#include "read_simulation.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_backend.hpp"
@@ -22,7 +25,6 @@ namespace {
 
 using config::Node;
 using config::Range;
-using detail::in_seconds;
 using detail::text_of;
 
 constexpr std::string_view kSuffix = ".yml";
@@ -98,134 +100,46 @@ RobotDescription read_description(const Node& root) {
   return description;
 }
 
-// Reads a time that must be a whole number of steps.
-TimeIndex read_steps(const Node& section, std::string_view key, Nanoseconds period,
-                     const Range& range) {
-  const Node node = section.at(key, range.unit);
-  const auto seconds = node.as<double>(range);
-  const double steps = seconds / in_seconds(period);
-  const double rounded = std::round(steps);
-  constexpr double kTolerance = 1e-6;
-  if (std::abs(steps - rounded) > kTolerance) {
-    node.fail("is " + text_of(seconds) + " s, must be a whole number of steps of " +
-              text_of(in_seconds(period)) + " s");
-  }
-  return static_cast<TimeIndex>(rounded);
-}
-
-// Reads angles within the soft limits: three for every finger, or one for each joint.
-template <std::size_t N>
-JointVector<N> read_pose(const Node& section, std::string_view key, const JointLimits<N>& limits) {
-  const Node position = section.at(key, "rad");
-  const auto angles = position.as<std::vector<double>>({.unit = "rad"});
-  if (angles.empty() || N % angles.size() != 0) {
-    position.fail("has " + std::to_string(angles.size()) + " angles, must have " +
-                  std::to_string(kJointsPerFinger) + " or " + std::to_string(N));
-  }
-  JointVector<N> pose{};
-  for (std::size_t i = 0; i < N; ++i) {
-    pose[i] = angles[i % angles.size()];
-    if (pose[i] < limits[i].soft_lower || pose[i] > limits[i].soft_upper) {
-      position.fail("has " + text_of(pose[i]) + " rad for joint " + std::to_string(i) +
-                    ", must be within its soft limits, " + text_of(limits[i].soft_lower) + " to " +
-                    text_of(limits[i].soft_upper) + " rad");
-    }
-  }
-  return pose;
-}
-
-Nanoseconds read_time(const Node& node, const Range& range) {
-  return std::chrono::round<Nanoseconds>(std::chrono::duration<double>(node.as<double>(range)));
-}
-
-template <std::size_t N>
-OrderlyStopOptions<N> read_stop(const Node& root, const JointLimits<N>& limits) {
-  OrderlyStopOptions<N> options;
-  const auto section = root.optional_section("stop");
-  if (!section) return options;
-  // If a motion is abandoned, the damping follows once more. Altogether 2 + 5.5 + 2 s stay below
-  // the back-end's limit for the whole stop.
-  options.damping_time =
-      read_time(section->at("damping_time", "s"), {.unit = "s", .min = 0, .max = 2});
-  // This key is read without a rest position, too, so that removing the position needs no other
-  // change.
-  const auto move_time = section->find("move_time");
-  const Range range{.unit = "s", .min = 0, .max = 5.5, .above_min = true};
-  if (move_time) options.move_time = read_time(*move_time, range);
-  if (!section->find("rest_position")) return options;
-  options.rest_position = read_pose(*section, "rest_position", limits);
-  const Node required = section->at("move_time", "s");
-  if (const Nanoseconds shortest = options.shortest_move_time(limits);
-      options.move_time < shortest) {
-    required.fail("is " + text_of(in_seconds(options.move_time)) + " s, must be at least " +
-                  text_of(in_seconds(shortest)) + " s, or the joints cannot follow");
-  }
-  return options;
-}
-
-template <class R>
-SimulationOptions<R> read_simulation(const Node& root, RobotDescription description,
-                                     Nanoseconds period) {
-  SimulationOptions<R> options;
+SimulationOptions simulation_of(const Node& root, RobotDescription description,
+                                Nanoseconds period) {
+  SimulationOptions options;
   options.description = std::move(description);
-  options.limits = read_joint_limits<R::kJoints>(root.section("safety"));
+  options.limits.emplace(static_cast<std::size_t>(num_joints(options.description)));
+  read_joint_limits(root.section("safety"), *options.limits);
   options.period = period;
 
   options.initial_position =
-      read_pose(root.section("fingers"), "initial_position", *options.limits);
-  options.stop = read_stop(root, *options.limits);
+      detail::read_pose(root.section("fingers"), "initial_position", options);
+  options.stop = detail::read_stop(root, options);
 
-  const Node section = root.section("simulation");
-  options.seed = section.required<std::uint64_t>("seed", {.min = 0});
-  options.object_period =
-      read_steps(section, "object_period", period, {.unit = "s", .min = 0.001, .max = 1});
-  options.object_delay =
-      read_steps(section, "object_delay", period, {.unit = "s", .min = 0, .max = 1});
-  options.object_position_noise =
-      section.required<double>("object_position_noise", {.unit = "m", .min = 0, .max = 0.1});
-  options.object_orientation_noise =
-      section.required<double>("object_orientation_noise", {.unit = "rad", .min = 0, .max = 1});
-  // Files of older versions do not have this key.
-  options.object_loss = section.optional<double>("object_loss", 0.0, {.min = 0, .max = 1});
-  options.has_hand = section.optional<bool>("hand", false);
+  detail::read_simulation(root.section("simulation"), detail::Missing::kRefused, options);
   return options;
 }
 
-// Reads how a simulated robot knows its objects, and what its simulated cameras need.
-void read_sight(const Node& simulation, RobotConfig& config) {
-  const auto poses = simulation.find("object_poses");
-  config.tracks_objects = poses && poses->as_choice<bool>({{"exact", false}, {"tracked", true}});
-  if (config.tracks_objects && !config.cameras) {
-    poses->fail("is tracked, but the robot has no cameras: a section 'cameras' is missing");
+// The limits, poses and the stop of the simulated robot are those of the one on boards, too.
+template <class R>
+boards::BoardRobotOptions<R> read_board_robot(const Node& section,
+                                              const SimulationOptions& simulation) {
+  boards::BoardRobotOptions<R> options =
+      boards::read_board_options<R>(section, limits_of<R::kJoints>(simulation.limits.value()));
+  std::ranges::copy(simulation.initial_position.value(), options.initial_position.begin());
+  options.stop = simulation.stop;
+  options.period = simulation.period;
+  try {
+    options.validate();
+  } catch (const InvalidArgument& error) {
+    section.fail(std::string("makes no sense: ") + error.what());
   }
-  if (!config.cameras || config.cameras->source != camera::SourceKind::kSimulated) return;
-  std::visit(
-      [&config](auto& options) {
-        options.scene_period = std::max<TimeIndex>(config.cameras->period / options.period, 1);
-      },
-      config.simulation);
+  return options;
 }
 
-// The limits, poses and the stop of the simulated robot are those of the one on boards, too.
-BoardsConfig read_boards(
-    const Node& section,
-    const std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>>& simulation) {
+BoardsConfig read_boards(const Node& section, const SimulationOptions& simulation) {
   BoardsConfig config{.bus = boards::read_bus_kind(section), .options = {}};
-  std::visit(
-      [&]<class R>(const SimulationOptions<R>& robot) {
-        boards::BoardRobotOptions<R> options =
-            boards::read_board_options<R>(section, robot.limits.value());
-        options.initial_position = robot.initial_position.value();
-        options.stop = robot.stop;
-        options.period = robot.period;
-        try {
-          options.validate();
-        } catch (const InvalidArgument& error) {
-          section.fail(std::string("makes no sense: ") + error.what());
-        }
-        config.options = std::move(options);
-      },
-      simulation);
+  if (simulation.description.arrangement == Arrangement::kTriFinger) {
+    config.options = read_board_robot<TriFinger>(section, simulation);
+  } else {
+    config.options = read_board_robot<Finger>(section, simulation);
+  }
   return config;
 }
 
@@ -313,38 +227,52 @@ std::filesystem::path find_config(const std::string& name, const std::string& fo
                         ", or give the path of a file");
 }
 
+config::File load_config_file(const std::string& name, const std::vector<std::string>& overrides) {
+  config::File file = config::File::load(find_config(name), overrides, config_folders());
+  if (!detail::is_from_file(file.root())) return file;
+  const Node node = detail::file_node(file.root());
+  std::filesystem::path model = node.as<std::string>();
+  // An override counts from the working directory.
+  const bool is_override = node.location().line == 0;
+  const std::filesystem::path folder =
+      is_override ? "" : std::filesystem::path(node.location().source).parent_path();
+  model = std::filesystem::absolute(folder / model).lexically_normal();
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(model, ignored)) {
+    node.fail("is " + model.string() + ": there is no such file");
+  }
+  file.replace(node, model.string());
+  return file;
+}
+
+bool is_from_file(const config::File& file) { return detail::is_from_file(file.root()); }
+
 RobotConfig load_robot_config(const std::string& name, const std::vector<std::string>& overrides) {
-  return read_robot_config(config::File::load(find_config(name), overrides, config_folders()));
+  return read_robot_config(load_config_file(name, overrides));
 }
 
 RobotConfig read_robot_config(const config::File& file) {
   const Node root = file.root();
-  if (detail::is_from_file(root)) {
-    root.section("robot").fail(
-        "is from a file; this is for a TriFinger or one of its fingers, with a variant and an "
-        "arrangement");
-  }
+  if (detail::is_from_file(root)) return detail::read_file_robot(file);
   RobotConfig config;
   config.name = root.required<std::string>("name");
-  const bool is_on_boards =
-      root.required_choice<bool>("driver", {{"simulation", false}, {"boards", true}});
+  enum class DriverKind : std::uint8_t { kSimulation, kBoards, kServos };
+  const auto driver =
+      root.required_choice<DriverKind>("driver", {{"simulation", DriverKind::kSimulation},
+                                                  {"boards", DriverKind::kBoards},
+                                                  {"dynamixel", DriverKind::kServos}});
   RobotDescription description = read_description(root);
   config.backend = read_backend(root.section("backend"), config.session, kPhysicsStep);
-  if (description.arrangement == Arrangement::kTriFinger) {
-    config.simulation =
-        read_simulation<TriFinger>(root, std::move(description), config.backend.period);
-  } else {
-    config.simulation =
-        read_simulation<Finger>(root, std::move(description), config.backend.period);
+  config.simulation = simulation_of(root, std::move(description), config.backend.period);
+  if (driver == DriverKind::kBoards) {
+    config.boards = read_boards(root.section("boards"), config.simulation);
+  } else if (driver == DriverKind::kServos) {
+    config.servos = detail::read_servos(root, config.simulation);
   }
-  if (is_on_boards) config.boards = read_boards(root.section("boards"), config.simulation);
-  if (const auto cameras = root.optional_section("cameras")) {
-    config.cameras = camera::read_camera_options(*cameras);
-  }
-  read_sight(root.section("simulation"), config);
+  detail::read_sight(root, config);
   file.reject_unknown_keys();
   try {
-    std::visit([](const auto& options) { options.validate(); }, config.simulation);
+    config.simulation.validate();
   } catch (const InvalidArgument& error) {
     // Single values were checked when they were read, so this error is about how objects fit
     // together.
@@ -352,6 +280,14 @@ RobotConfig read_robot_config(const config::File& file) {
   }
   config.session.documents = {{std::string(kDocument), "application/yaml", file.text()}};
   return config;
+}
+
+const RobotDescription& description_of(const RobotConfig& config) {
+  if (config.simulation.file != nullptr) {
+    throw InvalidArgument("robot '" + config.name +
+                          "' is from a file; this is for a TriFinger or one of its fingers");
+  }
+  return config.simulation.description;
 }
 
 std::vector<ConfigDifference> differences(const config::File& robot, const config::File& other) {

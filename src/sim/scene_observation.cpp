@@ -1,47 +1,37 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/sim/scene_observation.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <cstring>
 #include <utility>
 #include <vector>
 
 namespace trifinger {
-namespace {
-
-// A free body has three coordinates and a quaternion, but six velocities.
-std::size_t num_positions(const RobotDescription& description) noexcept {
-  return static_cast<std::size_t>(num_joints(description)) + 7 * description.objects.size();
-}
-std::size_t num_velocities(const RobotDescription& description) noexcept {
-  return static_cast<std::size_t>(num_joints(description)) + 6 * description.objects.size();
-}
-
-}  // namespace
-
-CompanionDescription scene_companion(const RobotDescription& description) {
+CompanionDescription scene_companion(const SceneModel& model) {
   std::vector<FieldDescription> fields;
   for (FieldDescription field : describe<Stamp>().fields()) {
     field.name = "stamp." + field.name;
     fields.push_back(std::move(field));
   }
   std::size_t offset = sizeof(Stamp);
-  const auto append = [&](const char* name, std::size_t count) {
+  const auto append = [&](const char* name, auto count) {
     fields.push_back({.name = name,
                       .type = ScalarType::kFloat64,
-                      .shape = {count},
+                      .shape = {static_cast<std::size_t>(count)},
                       .unit = "",
                       .offset = offset});
-    offset += count * sizeof(double);
+    offset += static_cast<std::size_t>(count) * sizeof(double);
   };
-  append("position", num_positions(description));
-  append("velocity", num_velocities(description));
+  append("position", model.mujoco()->nq);
+  append("velocity", model.mujoco()->nv);
   return {.name = kSceneCompanion,
           .type = "scene_observation",
           .element = ElementDescription(std::move(fields))};
 }
 
-std::size_t configuration_size(const RobotDescription& description) noexcept {
-  return num_positions(description) + num_velocities(description);
+std::size_t configuration_size(const SceneModel& model) noexcept {
+  return static_cast<std::size_t>(model.mujoco()->nq + model.mujoco()->nv);
 }
 
 void write_scene(const Stamp& stamp, std::span<const double> position,

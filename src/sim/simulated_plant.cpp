@@ -12,8 +12,7 @@ namespace trifinger {
 namespace {
 
 // Boards live in milliseconds, whatever the period of the robot.
-template <class R>
-SimulationOptions<R> in_milliseconds(SimulationOptions<R> options) {
+SimulationOptions in_milliseconds(SimulationOptions options) {
   const TimeIndex steps = options.period / kPhysicsStep;
   options.object_period *= steps;
   options.object_delay *= steps;
@@ -22,7 +21,7 @@ SimulationOptions<R> in_milliseconds(SimulationOptions<R> options) {
 }
 
 ElementDescription element_of(const RobotDescription& description) {
-  const auto companion = object_companion(description);
+  const auto companion = object_companion(description.objects);
   detail::require(companion.has_value(), "there are no objects to track");
   return companion->element;
 }
@@ -30,12 +29,12 @@ ElementDescription element_of(const RobotDescription& description) {
 }  // namespace
 
 template <class R>
-SimulatedPlant<R>::SimulatedPlant(SimulationOptions<R> options)
+SimulatedPlant<R>::SimulatedPlant(SimulationOptions options)
     : simulator_(in_milliseconds(std::move(options))),
       data_(simulator_.model().make_data()),
       state_(simulator_.make_state()) {
-  simulator_.reset(simulator_.initial_position(), Random{.seed = simulator_.options().seed},
-                   *simulator_.model().mujoco(), *data_, state_);
+  simulator_.reset(simulator_.initial_position(), Random{.seed = simulator_.options().seed}, *data_,
+                   state_);
   simulator_.observe(*data_, state_);
   for (const ObjectAddress& object : simulator_.model().objects()) {
     initial_poses_.push_back(simulator_.object_pose(object, *data_));
@@ -43,7 +42,7 @@ SimulatedPlant<R>::SimulatedPlant(SimulationOptions<R> options)
 }
 
 template <class R>
-const typename Simulator<R>::Capture* SimulatedPlant<R>::receive_poses() noexcept {
+const Simulator::Capture* SimulatedPlant<R>::receive_poses() noexcept {
   if (initial_poses_.empty()) return nullptr;
   return simulator_.receive_poses(step_count(), *data_, state_);
 }
@@ -63,7 +62,8 @@ void SimulatedPlant<R>::reset_objects() noexcept {
 template <class R>
 void SimulatedPlant<R>::step(const Joints& torque) noexcept {
   if (has_diverged_) return;
-  has_diverged_ = !simulator_.move(torque, *simulator_.model().mujoco(), *data_, state_);
+  has_diverged_ = !simulator_.move(PerJoint<double>(std::span(torque)),
+                                   *simulator_.model().mujoco(), *data_, state_);
   if (!has_diverged_) simulator_.observe(*data_, state_);
 }
 
@@ -101,8 +101,8 @@ SimulatedScene<R>::SimulatedScene(const std::string& robot, const SimulatedPlant
                                   Nanoseconds period)
     : plant_(plant),
       period_(period / kPhysicsStep),
-      element_(scene_companion(plant.options().description).element.size()),
-      writer_(robot, kSceneCompanion, scene_companion(plant.options().description).element) {
+      element_(scene_companion(plant.model()).element.size()),
+      writer_(robot, kSceneCompanion, scene_companion(plant.model()).element) {
   detail::require(period_ >= 1, "the period of a scene must be at least a millisecond");
 }
 

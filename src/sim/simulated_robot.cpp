@@ -16,7 +16,7 @@
 
 #include "puller.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/model/export.hpp"
+#include "trifinger/base/text_of.hpp"
 #include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulator.hpp"
 
@@ -24,9 +24,10 @@ namespace trifinger {
 namespace {
 
 using detail::require;
+using detail::text_of;
 
 // Every saved state begins with this number, so that states of other versions are recognised.
-constexpr std::uint64_t kSimulatedStateMagic = 0x34534d4953465254;  // "TRFSIMS4"
+constexpr std::uint64_t kSimulatedStateMagic = 0x35534d4953465254;  // "TRFSIMS5"
 
 // Every saved state begins with this header.
 struct SimulatedStateHeader {
@@ -42,7 +43,7 @@ constexpr int kChangedByStep = mjSTATE_FULLPHYSICS | mjSTATE_WARMSTART | mjSTATE
 // start.
 constexpr int kWholeState = mjSTATE_INTEGRATION;
 
-std::size_t state_size_of(const RobotModel& model, int components) {
+std::size_t state_size_of(const SceneModel& model, int components) {
   return static_cast<std::size_t>(mj_stateSize(model.mujoco(), components));
 }
 
@@ -50,35 +51,38 @@ Pull pull_of(const HandObservation& hand) noexcept {
   return {.target = hand.target, .point = hand.point, .stiffness = hand.stiffness};
 }
 
-}  // namespace
-
-std::vector<Document> model_documents(const RobotDescription& description) {
-  ViewerScene scene =
-      export_scene(description, {.joint_field = "position", .object_companion = kObjectCompanion});
-  return {{"model.xml", "application/xml", export_mjcf(description)},
-          {"robot.urdf", "application/xml", std::move(scene.urdf)},
-          {"frames.txt", "text/plain", std::move(scene.frames)}};
+// Calls `use` with each part of the memory that a saved state has.
+template <class Memory, class Use>
+void for_each_part(Memory& memory, Use use) {
+  use(std::span(&memory.counters, 1));
+  use(std::span(memory.torque));
+  use(std::span(memory.tip_force));
+  use(std::span(memory.sent));
 }
 
-template <class R>
-SimulatedRobot<R>::SimulatedRobot(Options options)
+}  // namespace
+
+SimulatedRobot::SimulatedRobot(SimulationOptions options)
     : simulator_(std::move(options)),
+      chain_(robot_types_of(this->options()), model().joint_names(), simulator_.limits()),
       data_(model().make_data()),
       state_(simulator_.make_state()),
+      desired_(num_joints()),
       stop_(this->options().stop, this->options().period),
-      joint_names_(joint_names(this->options().description)),
+      bodies_(pullable_bodies(model())),
       fingerprint_(fingerprint()),
+      memory_before_step_(state_.memory),
+      safety_before_step_(num_joints()),
       before_step_(state_size_of(model(), kChangedByStep)),
       changed_by_step_(parts_changed_by_step()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  if (auto objects = object_companion(this->options().description);
-      objects && this->options().exact_poses) {
-    companions_.push_back(std::move(*objects));
+  std::vector<std::string> objects;
+  for (const ObjectAddress& object : model().objects()) objects.push_back(object.name);
+  if (auto companion = object_companion(objects); companion && this->options().exact_poses) {
+    companions_.push_back(std::move(*companion));
   }
-  if (this->options().scene_period > 0) {
-    companions_.push_back(scene_companion(this->options().description));
-  }
+  if (this->options().scene_period > 0) companions_.push_back(scene_companion(model()));
   if (this->options().has_hand) companions_.push_back(hand_companion());
   puller_ = std::make_unique<detail::Puller>(model());
   begin_state_.resize(state_size());
@@ -86,11 +90,9 @@ SimulatedRobot<R>::SimulatedRobot(Options options)
   reset();
 }
 
-template <class R>
-SimulatedRobot<R>::~SimulatedRobot() = default;
+SimulatedRobot::~SimulatedRobot() = default;
 
-template <class R>
-DriverReport SimulatedRobot<R>::prepare(TimeIndex) noexcept {
+DriverReport SimulatedRobot::prepare(TimeIndex) noexcept {
   read_state(begin_state_);
   simulator_.begin(state_);
   has_safety_fault_ = false;
@@ -102,73 +104,74 @@ DriverReport SimulatedRobot<R>::prepare(TimeIndex) noexcept {
   return DriverReport::ready();
 }
 
-template <class R>
-DriverReport SimulatedRobot<R>::get_latest_observation(Observation& observation) noexcept {
+DriverReport SimulatedRobot::get_latest_observation(void* observation) noexcept {
   simulator_.observe(*data_, state_);
-  observation = state_.observation;
+  simulator_.write_observation(state_, observation);
   return DriverReport::ready();
 }
 
-template <class R>
-DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
-                                             AppliedAction& applied) noexcept {
-  memory_before_step_ = state_.memory;
+DriverReport SimulatedRobot::apply_action(const void* desired, void* applied) noexcept {
   keep_state_before_step();
   detail::Puller* const puller = next_pull();
-  const DriverReport report = simulator_.step(desired, mujoco(), *data_, state_, applied, puller);
+  read_element(desired, desired_);
+  const DriverReport report = chain_.apply(desired_, state_.observation, options().period);
+  write_element(chain_.applied(), applied);
+  has_safety_fault_ = report.fault_code != 0;
+  if (report.state != DriverReport::State::kReady) return report;
+  const bool is_finite = simulator_.move(chain_.applied().torque, mujoco(), *data_, state_, puller);
   if (puller != nullptr) acting_.force = puller->force();
-  const bool has_diverged = report.fault_code == kDiverged;
-  has_safety_fault_ = report.fault_code != 0 && !has_diverged;
-  if (has_diverged) keep_state_before_divergence();
-  if (report.action_rejected) {
-    const RejectedCommand rejected = simulator_.safety().find_rejected(desired, applied);
-    rejection_text_ = describe(rejected, joint_names_[rejected.joint],
-                               simulator_.safety().limits()[rejected.joint]);
-  }
-  return report;
+  if (is_finite) return report;
+  keep_state_before_divergence();
+  return DriverReport::fault(kDiverged);
 }
 
-template <class R>
-DriverReport SimulatedRobot<R>::hold(const Observation& observation, Action& action) noexcept {
-  action = hold_position(observation);
-  // Without these torques the fingers would sink until the position controller carries their
-  // weight.
-  simulator_.gravity_torques(mujoco(), *data_, action.torque);
+DriverReport SimulatedRobot::hold(const void* observation, void* action) noexcept {
+  CountedObservation measured(num_joints());
+  read_element(observation, measured);
+  CountedAction holding = hold_position(measured);
+  // Without these torques the robot would sink until the position controllers carry its weight.
+  model().compute_weight(mujoco(), *data_, holding.torque);
+  write_element(holding, action);
   return DriverReport::ready();
 }
 
 // The observation belongs to the previous period: it is the session's last one, or the newest that
 // the loop has measured since.
-template <class R>
-DriverReport SimulatedRobot<R>::stop(TimeIndex step) noexcept {
-  Action action;
-  if (!stop_.next(step, state_.observation, action)) return DriverReport::ready();
+DriverReport SimulatedRobot::stop(TimeIndex step) noexcept {
+  CountedAction action(num_joints());
+  PerJoint<double> target(num_joints(), kNotGiven);
+  OrderlyStop::Phase phase = stop_.next(step, state_.observation.position, target);
+  if (phase == OrderlyStop::Phase::kOver) return DriverReport::ready();
   if (step == 0 && has_safety_fault_) {
     // The fault that ended the session may not be detected again.
     stop_.give_up(step);
-    action = {};
+    phase = OrderlyStop::Phase::kDamp;
   }
-  // These torques carry the weight under which the fingers would sink, as in `hold`.
-  if (!std::isnan(action.position[0])) {
-    simulator_.gravity_torques(mujoco(), *data_, action.torque);
+  if (phase == OrderlyStop::Phase::kMove) {
+    action.position = target;
+    // These torques carry the weight under which the robot would sink, as in `hold`.
+    model().compute_weight(mujoco(), *data_, action.torque);
   }
-  AppliedAction applied;
-  const SafetyReport report = simulator_.safety().apply(
-      action, state_.observation, options().period, state_.memory.safety, applied);
-  if (report.fault != SafetyFault::kNone) stop_.give_up(step);
+  const DriverReport report = chain_.apply(action, state_.observation, options().period);
+  if (report.state != DriverReport::State::kReady) stop_.give_up(step);
   // A simulation that has diverged cannot come to rest.
-  return simulator_.move(applied.torque, mujoco(), *data_, state_) ? DriverReport::busy()
-                                                                   : DriverReport::ready();
+  return simulator_.move(chain_.applied().torque, mujoco(), *data_, state_) ? DriverReport::busy()
+                                                                            : DriverReport::ready();
 }
 
-template <class R>
-std::span<const CompanionDescription> SimulatedRobot<R>::companions() const noexcept {
-  return companions_;
+void SimulatedRobot::add_check(CountedChain::Check check) {
+  chain_.add_check(std::move(check),
+                   [this](void* element) { simulator_.write_observation(state_, element); });
 }
 
-template <class R>
-bool SimulatedRobot<R>::get_companion_element(std::size_t index, TimeIndex time_index,
-                                              void* element) noexcept {
+void SimulatedRobot::require_elements(const RobotTypes& types) const {
+  require(description().action == types.action && description().observation == types.observation,
+          "a check for robots of type '" + types.type + "' cannot check one of type '" +
+              description().type + "'");
+}
+
+bool SimulatedRobot::get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept {
   const std::string_view name = companions_[index].name;
   if (name == kSceneCompanion) return get_scene(time_index, element);
   if (name == kHandCompanion) return get_hand(time_index, element);
@@ -176,8 +179,7 @@ bool SimulatedRobot<R>::get_companion_element(std::size_t index, TimeIndex time_
 }
 
 // Finds out what is pulled in the next step, and what acts in it. Null if nothing is pulled.
-template <class R>
-detail::Puller* SimulatedRobot<R>::next_pull() noexcept {
+detail::Puller* SimulatedRobot::next_pull() noexcept {
   if (acting_.body >= 0) acting_ = {};
   // What another process wrote is copied once; this copy is checked and used.
   HandObservation pulled;
@@ -195,8 +197,7 @@ detail::Puller* SimulatedRobot<R>::next_pull() noexcept {
 }
 
 // The element says what acted in the step before, which is known now.
-template <class R>
-bool SimulatedRobot<R>::get_hand(TimeIndex time_index, void* element) noexcept {
+bool SimulatedRobot::get_hand(TimeIndex time_index, void* element) noexcept {
   if (time_index < next_hand_) return false;
   const bool is_acting = acting_.body >= 0;
   const bool is_first = next_hand_ < 0;
@@ -210,8 +211,7 @@ bool SimulatedRobot<R>::get_hand(TimeIndex time_index, void* element) noexcept {
   return true;
 }
 
-template <class R>
-bool SimulatedRobot<R>::get_poses(TimeIndex time_index, void* element) noexcept {
+bool SimulatedRobot::get_poses(TimeIndex time_index, void* element) noexcept {
   const auto* const received = simulator_.receive_poses(time_index, *data_, state_);
   if (received == nullptr) return false;
   const Stamp stamp{.arrival_index = time_index < 0 ? -1 : received->arrival_index,
@@ -220,8 +220,7 @@ bool SimulatedRobot<R>::get_poses(TimeIndex time_index, void* element) noexcept 
   return true;
 }
 
-template <class R>
-bool SimulatedRobot<R>::get_scene(TimeIndex time_index, void* element) noexcept {
+bool SimulatedRobot::get_scene(TimeIndex time_index, void* element) noexcept {
   if (time_index < next_scene_) return false;
   // The first one is that before step 0; the others count from there.
   next_scene_ = time_index < 0 ? 0 : time_index + options().scene_period;
@@ -232,43 +231,37 @@ bool SimulatedRobot<R>::get_scene(TimeIndex time_index, void* element) noexcept 
   return true;
 }
 
-template <class R>
-std::string_view SimulatedRobot<R>::fault_text(std::int32_t fault_code) const noexcept {
-  if (fault_code == kDiverged) return "the simulation diverged";
-  if (fault_code == fault_code_of({.fault = SafetyFault::kOwnCheck})) return state_.thrown.view();
-  return fault_text_of(fault_code);
+std::string_view SimulatedRobot::fault_text(std::int32_t fault_code) const noexcept {
+  return fault_code == kDiverged ? "the simulation diverged" : chain_.fault_text();
 }
 
-template <class R>
-std::string_view SimulatedRobot<R>::rejection_text() const noexcept {
-  return rejection_text_.view();
-}
+std::string_view SimulatedRobot::rejection_text() const noexcept { return chain_.rejection_text(); }
 
-template <class R>
-void SimulatedRobot<R>::reset() {
-  reset(initial_position(), Random{.seed = options().seed});
-}
+void SimulatedRobot::reset() { reset(initial_position(), Random{.seed = options().seed}); }
 
-template <class R>
-void SimulatedRobot<R>::reset(const Joints& position, const Random& random) {
+void SimulatedRobot::reset(std::span<const double> position, const Random& random,
+                           std::span<const double> model_position) {
   simulator_.check(position);
+  const std::size_t joints = model().model_joints().size();
+  require(model_position.size() <= joints,
+          text_of("there are positions for ", model_position.size(),
+                  " hinges and slides, the model has ", joints));
   let_go();
-  const TimeIndex now = state_.memory.step;
-  simulator_.reset(position, random, mujoco(), *data_, state_);
+  const TimeIndex now = state_.memory.counters.step;
+  simulator_.reset(position, random, *data_, state_, model_position);
+  chain_.forget();
   simulator_.move_to_step(now, state_);
   begin_here();
 }
 
-template <class R>
-void SimulatedRobot<R>::vary(const Variation& variation) {
-  variation.validate();
+void SimulatedRobot::vary(const Variation& variation) {
+  simulator_.check(variation);
   vary_model(variation);
-  state_.memory.variation = variation;
+  state_.memory.counters.variation = variation;
   begin_here();
 }
 
-template <class R>
-void SimulatedRobot<R>::place_object(const std::string& name, const ObjectPose& pose) {
+void SimulatedRobot::place_object(const std::string& name, const ObjectPose& pose) {
   const ObjectAddress& object = model().object(name);
   double square = 0.0;
   for (const double value : pose.orientation) square += value * value;
@@ -281,8 +274,7 @@ void SimulatedRobot<R>::place_object(const std::string& name, const ObjectPose& 
   begin_here();
 }
 
-template <class R>
-void SimulatedRobot<R>::push_object(const std::string& name, const std::array<double, 3>& force) {
+void SimulatedRobot::push_object(const std::string& name, const std::array<double, 3>& force) {
   const ObjectAddress& object = model().object(name);
   for (const double value : force) {
     require(std::isfinite(value), "the force on object '" + name + "' is not finite");
@@ -291,38 +283,29 @@ void SimulatedRobot<R>::push_object(const std::string& name, const std::array<do
   std::ranges::copy(force, data_->xfrc_applied + kWrench * object.body);
 }
 
-template <class R>
-void SimulatedRobot<R>::pull(const std::string& body, const Pull& pull) {
-  this->pull(find_body(pullable_bodies(options().description), body), pull);
+void SimulatedRobot::pull(const std::string& body, const Pull& pull) {
+  this->pull(find_body(bodies_, body), pull);
 }
 
-template <class R>
-void SimulatedRobot<R>::pull(std::int64_t body, const Pull& pull) {
-  require_body(pullable_bodies(options().description), body);
+void SimulatedRobot::pull(std::int64_t body, const Pull& pull) {
+  require_body(bodies_, body);
   pull.validate();
   own_pull_ = {
       .body = body, .point = pull.point, .target = pull.target, .stiffness = pull.stiffness};
 }
 
-template <class R>
-void SimulatedRobot<R>::let_go() noexcept {
-  own_pull_ = {};
-}
+void SimulatedRobot::let_go() noexcept { own_pull_ = {}; }
 
-template <class R>
-void SimulatedRobot<R>::listen_to_hand(const std::string& name) {
+void SimulatedRobot::listen_to_hand(const std::string& name) {
   hand_ = std::make_unique<LoopSensorReader>(name, kHandCompanion, describe<HandObservation>(),
                                              kHandPatience);
 }
 
-template <class R>
-std::vector<std::string> SimulatedRobot<R>::take_hand_news() {
+std::vector<std::string> SimulatedRobot::take_hand_news() {
   return hand_ != nullptr ? hand_->take_news() : std::vector<std::string>();
 }
 
-template <class R>
-void SimulatedRobot<R>::set_object_velocity(const std::string& name,
-                                            const ObjectVelocity& velocity) {
+void SimulatedRobot::set_object_velocity(const std::string& name, const ObjectVelocity& velocity) {
   const ObjectAddress& object = model().object(name);
   for (const auto& part : {velocity.linear, velocity.angular}) {
     for (const double value : part) {
@@ -333,31 +316,26 @@ void SimulatedRobot<R>::set_object_velocity(const std::string& name,
   begin_here();
 }
 
-template <class R>
-ObjectPose SimulatedRobot<R>::object_pose(const std::string& name) const {
+ObjectPose SimulatedRobot::object_pose(const std::string& name) const {
   return simulator_.object_pose(model().object(name), *data_);
 }
 
-template <class R>
-ObjectPose SimulatedRobot<R>::observed_object_pose(const std::string& name) const {
+ObjectPose SimulatedRobot::observed_object_pose(const std::string& name) const {
   const ObjectAddress* const first = model().objects().data();
   return state_.objects[static_cast<std::size_t>(&model().object(name) - first)];
 }
 
-template <class R>
-ObjectVelocity SimulatedRobot<R>::object_velocity(const std::string& name) const {
+ObjectVelocity SimulatedRobot::object_velocity(const std::string& name) const {
   return simulator_.object_velocity(model().object(name), *data_);
 }
 
-template <class R>
-SimulationState SimulatedRobot<R>::save() const {
+SimulationState SimulatedRobot::save() const {
   SimulationState state(state_size());
   write_state(state);
   return state;
 }
 
-template <class R>
-void SimulatedRobot<R>::restore(std::span<const std::byte> state) {
+void SimulatedRobot::restore(std::span<const std::byte> state) {
   SimulatedStateHeader header{.magic = 0};
   if (state.size() >= sizeof(header)) std::memcpy(&header, state.data(), sizeof(header));
   require(header.magic == kSimulatedStateMagic,
@@ -365,38 +343,35 @@ void SimulatedRobot<R>::restore(std::span<const std::byte> state) {
   require(header.model == fingerprint_ && state.size() == state_size(),
           "this state was saved from another model: another robot, other objects, or another "
           "object_period or object_delay");
-  Memory memory;
-  std::memcpy(&memory,
+  Memory::Counters counters;
+  std::memcpy(&counters,
               state.data() + sizeof(SimulatedStateHeader) + std::span(physics_).size_bytes(),
-              sizeof(memory));
-  memory.variation.validate();
-  vary_model(memory.variation);
+              sizeof(counters));
+  simulator_.check(counters.variation);
+  vary_model(counters.variation);
   let_go();
-  const TimeIndex now = state_.memory.step;
+  const TimeIndex now = state_.memory.counters.step;
   read_state(state);
   // A damaged state must not lead to an index outside the ring.
-  state_.memory.pending_count =
-      std::min<std::uint64_t>(state_.memory.pending_count, state_.captures.size());
+  std::uint64_t& pending = state_.memory.counters.pending_count;
+  pending = std::min<std::uint64_t>(pending, state_.captures.size());
   simulator_.move_to_step(now, state_);
   begin_here();
 }
 
-template <class R>
-std::vector<double> SimulatedRobot<R>::configuration() const {
+std::vector<double> SimulatedRobot::configuration() const {
   std::vector<double> values(data_->qpos, data_->qpos + mujoco().nq);
   values.insert(values.end(), data_->qvel, data_->qvel + mujoco().nv);
   return values;
 }
 
-template <class R>
-const mjModel& SimulatedRobot<R>::mujoco() const noexcept {
+const mjModel& SimulatedRobot::mujoco() const noexcept {
   return varied_ != nullptr ? *varied_ : *model().mujoco();
 }
 
 // Varies the model. The state of the physics does not change.
-template <class R>
-void SimulatedRobot<R>::vary_model(const Variation& variation) {
-  const Variation& now = state_.memory.variation;
+void SimulatedRobot::vary_model(const Variation& variation) {
+  const Variation& now = state_.memory.counters.variation;
   if (variation == now) return;
   mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
   if (varied_ == nullptr || !variation.varies_same_pairs_as(now)) {
@@ -408,16 +383,14 @@ void SimulatedRobot<R>::vary_model(const Variation& variation) {
 
 // Call this after the owner has moved the robot: the next session begins here. In a session that
 // continues, the next action must not be judged by an observation from before.
-template <class R>
-void SimulatedRobot<R>::begin_here() noexcept {
+void SimulatedRobot::begin_here() noexcept {
   simulator_.observe(*data_, state_);
   write_state(begin_state_);
 }
 
 // Returns a hash (FNV-1a) of the model and of the other options that set the layout of saved
 // states.
-template <class R>
-std::uint64_t SimulatedRobot<R>::fingerprint() const {
+std::uint64_t SimulatedRobot::fingerprint() const {
   std::uint64_t hash = 0xcbf29ce484222325;
   const auto add = [&hash](const auto* bytes, std::size_t size) {
     for (const std::byte byte : std::as_bytes(std::span(bytes, size))) {
@@ -433,62 +406,60 @@ std::uint64_t SimulatedRobot<R>::fingerprint() const {
   return hash;
 }
 
-// Returns the size of a saved state: header, physics, memory, poses under way.
-template <class R>
-std::size_t SimulatedRobot<R>::state_size() const noexcept {
-  return sizeof(SimulatedStateHeader) + std::span(physics_).size_bytes() + sizeof(Memory) +
-         state_.captures.size() *
-             (2 * sizeof(TimeIndex) + model().objects().size() * sizeof(ObjectPose));
+// Returns the size of a saved state: header, physics, memory, checks, poses under way.
+std::size_t SimulatedRobot::state_size() const noexcept {
+  std::size_t size = sizeof(SimulatedStateHeader) + std::span(physics_).size_bytes() +
+                     chain_.memory().size_bytes();
+  for_each_part(state_.memory, [&size](auto part) { size += part.size_bytes(); });
+  return size + state_.captures.size() *
+                    (2 * sizeof(TimeIndex) + model().objects().size() * sizeof(ObjectPose));
 }
 
-template <class R>
-void SimulatedRobot<R>::write_state(std::span<std::byte> state) const noexcept {
+void SimulatedRobot::write_state(std::span<std::byte> state) const noexcept {
   mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
-  write_state(state, physics_, state_.memory);
+  write_state(state, chain_.memory(), state_.memory);
 }
 
-template <class R>
-void SimulatedRobot<R>::write_state(std::span<std::byte> state, std::span<const double> physics,
-                                    const Memory& memory) const noexcept {
+// Writes `physics_` and the rest.
+void SimulatedRobot::write_state(std::span<std::byte> state, std::span<const JointMemory> safety,
+                                 const Memory& memory) const noexcept {
   std::byte* target = state.data();
-  const auto write = [&target](const void* source, std::size_t size) {
-    // Without objects there is nothing to copy, and the address may be null.
-    if (size > 0) std::memcpy(target, source, size);
-    target += size;
+  const auto write = [&target](auto part) {
+    target = std::ranges::copy(std::as_bytes(part), target).out;
   };
   const SimulatedStateHeader header{.model = fingerprint_};
-  write(&header, sizeof(header));
-  write(physics.data(), physics.size_bytes());
-  write(&memory, sizeof(memory));
+  write(std::span(&header, 1));
+  write(std::span(physics_));
+  for_each_part(memory, write);
+  write(safety);
   for (const auto& capture : state_.captures) {
-    write(&capture.capture_index, sizeof(TimeIndex));
-    write(&capture.arrival_index, sizeof(TimeIndex));
-    write(capture.objects.data(), capture.objects.size() * sizeof(ObjectPose));
+    write(std::span(&capture.capture_index, 1));
+    write(std::span(&capture.arrival_index, 1));
+    write(std::span(capture.objects));
   }
 }
 
-template <class R>
-void SimulatedRobot<R>::read_state(std::span<const std::byte> state) noexcept {
+void SimulatedRobot::read_state(std::span<const std::byte> state) noexcept {
   const std::byte* source = state.data() + sizeof(SimulatedStateHeader);
-  const auto read = [&source](void* target, std::size_t size) {
-    // Without objects there is nothing to copy, and the address may be null.
-    if (size > 0) std::memcpy(target, source, size);
-    source += size;
+  const auto read = [&source](auto part) {
+    const std::span target = std::as_writable_bytes(part);
+    std::copy_n(source, target.size(), target.begin());
+    source += target.size();
   };
-  read(physics_.data(), std::span(physics_).size_bytes());
+  read(std::span(physics_));
   mj_setState(&mujoco(), data_.get(), physics_.data(), kWholeState);
   data_->warning[mjWARN_BADQACC].number = 0;
-  read(&state_.memory, sizeof(Memory));
+  for_each_part(state_.memory, read);
+  read(chain_.memory());
   for (auto& capture : state_.captures) {
-    read(&capture.capture_index, sizeof(TimeIndex));
-    read(&capture.arrival_index, sizeof(TimeIndex));
-    read(capture.objects.data(), capture.objects.size() * sizeof(ObjectPose));
+    read(std::span(&capture.capture_index, 1));
+    read(std::span(&capture.arrival_index, 1));
+    read(std::span(capture.objects));
   }
 }
 
 // Returns where the components of kChangedByStep are, in their order.
-template <class R>
-std::vector<std::span<const double>> SimulatedRobot<R>::parts_changed_by_step() const {
+std::vector<std::span<const double>> SimulatedRobot::parts_changed_by_step() const {
   const mjModel& model = mujoco();
   const auto part = [](const double* values, auto count) {
     return std::span(values, static_cast<std::size_t>(count));
@@ -497,8 +468,11 @@ std::vector<std::span<const double>> SimulatedRobot<R>::parts_changed_by_step() 
                                              part(data_->qpos, model.nq),
                                              part(data_->qvel, model.nv),
                                              part(data_->act, model.na),
+                                             part(data_->history, model.nhistory),
                                              part(data_->qacc_warmstart, model.nv),
-                                             part(data_->ctrl, model.nu)};
+                                             part(data_->ctrl, model.nu),
+                                             part(data_->plugin_state, model.npluginstate),
+                                             part(data_->plastic, model.nplastic)};
   std::size_t size = 0;
   for (const auto& values : parts) size += values.size();
   if (size != before_step_.size()) {
@@ -509,26 +483,23 @@ std::vector<std::span<const double>> SimulatedRobot<R>::parts_changed_by_step() 
 
 // Does what mj_getState does, but 20 times faster: mj_getState checks every possible component in
 // every step.
-template <class R>
-void SimulatedRobot<R>::keep_state_before_step() noexcept {
+void SimulatedRobot::keep_state_before_step() noexcept {
+  memory_before_step_ = state_.memory;
+  std::ranges::copy(chain_.memory(), safety_before_step_.begin());
   double* target = before_step_.data();
   for (const std::span<const double> part : changed_by_step_) {
     target = std::ranges::copy(part, target).out;
   }
 }
 
-template <class R>
-void SimulatedRobot<R>::keep_state_before_divergence() noexcept {
+void SimulatedRobot::keep_state_before_divergence() noexcept {
   // The loop calls this, so it must not allocate.
   if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
   mj_getState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
   mj_setState(&mujoco(), data_.get(), before_step_.data(), kChangedByStep);
   mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
   mj_setState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
-  write_state(state_before_divergence_, physics_, memory_before_step_);
+  write_state(state_before_divergence_, safety_before_step_, memory_before_step_);
 }
-
-template class SimulatedRobot<TriFinger>;
-template class SimulatedRobot<Finger>;
 
 }  // namespace trifinger

@@ -9,6 +9,10 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/joint/counted.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/model/export.hpp"
+#include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger {
 namespace {
@@ -22,21 +26,57 @@ constexpr FingerJoints kMaxVelocity{5.0, 5.0, 8.0};
 // share of its maximum.
 constexpr double kStuckShare = 0.5;
 
-template <class R>
-void require_joints(const RobotDescription& description) {
-  require(num_joints(description) == static_cast<int>(R::kJoints),
-          text_of("a robot of type '", R::kType, "' has ", R::kJoints,
-                  " joints, this description has ", num_joints(description)));
+// Letters, digits and '_', for names of types.
+std::string plain_name(const std::string& name) {
+  std::string plain;
+  for (const char letter : name) {
+    const bool is_plain = (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+                          (letter >= '0' && letter <= '9') || letter == '_';
+    plain += is_plain ? letter : '_';
+  }
+  // Programs know robots of these types.
+  const bool is_taken = plain == TriFinger::kType || plain == Finger::kType || plain.empty();
+  return is_taken ? plain + "_file" : plain;
+}
+
+template <class Joints>
+std::vector<JointKind> kinds_of(const Joints& joints) {
+  std::vector<JointKind> kinds;
+  kinds.reserve(joints.size());
+  for (const auto& joint : joints) {
+    kinds.push_back(joint.is_slide ? JointKind::kSlide : JointKind::kHinge);
+  }
+  return kinds;
+}
+
+void validate_limits(const SimulationOptions& options) {
+  if (options.file == nullptr) {
+    const auto joints = static_cast<std::size_t>(num_joints(options.description));
+    const auto limits = options.limits ? *options.limits : default_limits(options.description);
+    require(limits.size() == joints,
+            text_of("there are limits for ", limits.size(), " joints, but the robot has ", joints));
+    validate(limits);
+    options.stop.validate(limits);
+    return;
+  }
+  const ModelFile& model = *options.file;
+  const std::size_t joints = model.joints().size();
+  require(joints <= kMaxCountedJoints,
+          text_of("the model has ", joints, " driven joints, a robot has at most ",
+                  kMaxCountedJoints, "; name those to be driven (robot.joints)"));
+  require(options.limits.has_value(), "a robot from a file needs limits");
+  require(options.limits->size() == joints, text_of("there are limits for ", options.limits->size(),
+                                                    " joints, but the model has ", joints));
+  validate(*options.limits);
+  options.stop.validate(*options.limits);
 }
 
 }  // namespace
 
-template <class R>
-JointLimits<R::kJoints> default_limits(const RobotDescription& description) {
-  require_joints<R>(description);
+std::vector<JointLimit> default_limits(const RobotDescription& description) {
   const VariantFigures& figures = trifinger::figures(description);
-  JointLimits<R::kJoints> limits;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  std::vector<JointLimit> limits(static_cast<std::size_t>(num_joints(description)));
+  for (std::size_t i = 0; i < limits.size(); ++i) {
     const std::size_t joint = i % kJointsPerFinger;
     JointLimit& limit = limits[i];
     for (const JointLimitField& field : JointLimit::fields()) limit.*field.value = field.usual;
@@ -57,25 +97,41 @@ JointLimits<R::kJoints> default_limits(const RobotDescription& description) {
   return limits;
 }
 
-template <class R>
-void SimulationOptions<R>::validate() const {
-  trifinger::validate(description);
+std::vector<NamedJoint> joints_of(const ModelFile& model) {
+  std::vector<NamedJoint> joints;
+  for (const DrivenJoint& joint : model.joints()) {
+    JointLimit known;
+    known.max_torque = joint.max_torque.value_or(kNotGiven);
+    known.default_kp = joint.kp.value_or(kNotGiven);
+    known.default_kd = joint.kd.value_or(kNotGiven);
+    // A joint without stops may be anywhere.
+    known.hard_lower = joint.range ? (*joint.range)[0] : -kLargestJointLimit;
+    known.hard_upper = joint.range ? (*joint.range)[1] : kLargestJointLimit;
+    joints.push_back({.name = joint.name,
+                      .kind = joint.is_slide ? JointKind::kSlide : JointKind::kHinge,
+                      .known = known});
+  }
+  return joints;
+}
+
+void SimulationOptions::validate() const {
+  if (file == nullptr) trifinger::validate(description);
   for (const ObjectDescription& object : description.objects) {
     // The names become names of fields in the session "object".
-    const bool is_name = std::all_of(object.name.begin(), object.name.end(), [](char letter) {
+    const bool is_name = std::ranges::all_of(object.name, [](char letter) {
       return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
     });
     require(is_name && object.name != "stamp",
             "an object cannot be called '" + object.name +
                 "': names are letters, digits and '_', and 'stamp' is taken");
   }
-  require_joints<R>(description);
-  const auto used = limits ? *limits : default_limits<R>(description);
-  trifinger::validate(used);
-  stop.validate(used);
-  require(period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero(),
-          "period is " + std::to_string(period.count()) +
-              " ns, must be a whole number of milliseconds");
+  validate_limits(*this);
+  require(file == nullptr || period == file->period(),
+          text_of("period is ", period.count(), " ns, must be that of the file"));
+  require(
+      file != nullptr || (period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero()),
+      "period is " + std::to_string(period.count()) +
+          " ns, must be a whole number of milliseconds");
   require(object_period >= 1,
           "object_period is " + std::to_string(object_period) + " steps, must be at least 1");
   constexpr TimeIndex kMaxDelay = 100000;
@@ -94,9 +150,56 @@ void SimulationOptions<R>::validate() const {
   }
 }
 
-template JointLimits<TriFinger::kJoints> default_limits<TriFinger>(const RobotDescription&);
-template JointLimits<Finger::kJoints> default_limits<Finger>(const RobotDescription&);
-template struct SimulationOptions<TriFinger>;
-template struct SimulationOptions<Finger>;
+const std::vector<ObjectDescription>& objects_of(const SimulationOptions& options) {
+  return options.file != nullptr ? options.file->options().objects : options.description.objects;
+}
+
+std::shared_ptr<const SceneModel> make_model(const SimulationOptions& options, Detail detail) {
+  if (options.file != nullptr) return options.file;
+  return std::make_shared<const RobotModel>(options.description, detail);
+}
+
+RobotTypes robot_types_of(const SimulationOptions& options) {
+  if (options.file != nullptr) return robot_types_of(*options.file);
+  return options.description.arrangement == Arrangement::kTriFinger ? describe_robot<TriFinger>()
+                                                                    : describe_robot<Finger>();
+}
+
+RobotTypes robot_types_of(const ModelFile& model) {
+  std::vector<FieldDescription> more;
+  if (!model.drives_all()) {
+    const std::vector<JointKind> kinds = kinds_of(model.model_joints());
+    const bool has_slide = std::ranges::find(kinds, JointKind::kSlide) != kinds.end();
+    const bool has_hinge = std::ranges::find(kinds, JointKind::kHinge) != kinds.end();
+    const std::string length = !has_slide ? "rad" : !has_hinge ? "m" : "rad or m";
+    const std::string rate = !has_slide ? "rad/s" : !has_hinge ? "m/s" : "rad/s or m/s";
+    const auto add = [&](const char* name, const std::string& unit) {
+      more.push_back({.name = name,
+                      .type = ScalarType::kFloat64,
+                      .shape = {kinds.size()},
+                      .unit = unit,
+                      .offset = 0});
+    };
+    add("joint_position", length);
+    add("joint_velocity", rate);
+  }
+  return describe_counted(plain_name(model.name()), kinds_of(model.joints()), more);
+}
+
+std::vector<Document> model_documents(const SimulationOptions& options) {
+  if (options.file != nullptr) return {{"model.xml", "application/xml", options.file->mjcf()}};
+  const RobotDescription& description = options.description;
+  ViewerScene scene =
+      export_scene(description, {.joint_field = "position", .object_companion = kObjectCompanion});
+  return {{"model.xml", "application/xml", export_mjcf(description)},
+          {"robot.urdf", "application/xml", std::move(scene.urdf)},
+          {"frames.txt", "text/plain", std::move(scene.frames)}};
+}
+
+std::string default_name(const SimulationOptions& options) {
+  const RobotTypes types = robot_types_of(options);
+  if (options.file != nullptr) return types.type;
+  return types.type + "-" + std::string(variant_figures(options.description.variant).name);
+}
 
 }  // namespace trifinger

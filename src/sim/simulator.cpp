@@ -16,6 +16,7 @@
 namespace trifinger {
 namespace {
 
+using detail::require;
 using detail::text_of;
 
 // Turns `orientation` by a small rotation vector [rad], in the world frame.
@@ -32,14 +33,6 @@ void rotate(std::array<double, 4>& orientation, const std::array<double, 3>& rot
                  a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
 }
 
-bool is_finite(const mjModel& model, const mjData& data) noexcept {
-  const auto all_finite = [](const double* values, auto count) {
-    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
-  };
-  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
-         data.warning[mjWARN_BADQACC].number == 0;
-}
-
 // Returns the time constant of the contact of two geoms, mixed like in MuJoCo.
 double mixed_time(const mjModel& model, int first, int second) noexcept {
   const double one = model.geom_solref[mjNREF * first];
@@ -48,125 +41,219 @@ double mixed_time(const mjModel& model, int first, int second) noexcept {
   return model.geom_priority[first] > model.geom_priority[second] ? one : other;
 }
 
+std::string_view unit_of(const DrivenJoint& joint) { return joint.is_slide ? " m" : " rad"; }
+
+// True if the time constant of a contact is the first number of its solref; else both numbers are
+// stiffness and damping.
+bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; }
+
 }  // namespace
 
-template <class R>
-Simulator<R>::Simulator(SimulationOptions<R> options)
+Simulator::Simulator(SimulationOptions options)
     : options_((options.validate(), std::move(options))),
-      actuator_(trifinger::actuator(options_.description)),
-      model_(options_.description),
-      safety_(options_.limits ? *options_.limits : default_limits<R>(options_.description)),
-      substeps_(static_cast<int>(options_.period / kPhysicsStep)) {
-  static_assert(std::is_trivially_copyable_v<Memory>);
-  static_assert(sizeof(Memory) == sizeof(Memory::safety) + sizeof(Memory::torque) +
-                                      sizeof(Memory::tip_force) + sizeof(Memory::sent) +
-                                      sizeof(Variation) + sizeof(Random) +
-                                      6 * sizeof(std::uint64_t));
-  std::copy_n(model_.initial_position().begin(), R::kJoints, initial_position_.begin());
+      model_(make_model(options_)),
+      described_(dynamic_cast<const RobotModel*>(model_.get())),
+      safety_(options_.limits ? *options_.limits : default_limits(options_.description)),
+      substeps_(options_.file != nullptr ? options_.file->substeps()
+                                         : static_cast<int>(options_.period / kPhysicsStep)) {
+  // Saved states have no padding, so equal states have equal bytes.
+  static_assert(std::is_trivially_copyable_v<Memory::Counters>);
+  static_assert(sizeof(Memory::Counters) ==
+                sizeof(Variation) + sizeof(Random) + 6 * sizeof(std::uint64_t));
+  if (described_ != nullptr) actuator_ = trifinger::actuator(options_.description);
+  const SceneModel::Data data = model_->make_data();
+  model_->reset(*data);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    initial_position_.push_back(model_->position(i, *data));
+  }
   if (options_.initial_position) initial_position_ = *options_.initial_position;
   check(initial_position_);
-}
-
-template <class R>
-void Simulator<R>::check(const Joints& position) const {
-  const auto& limits = safety_.limits();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    if (position[i] >= limits[i].hard_lower && position[i] <= limits[i].hard_upper) continue;
-    throw InvalidArgument("joint " + std::to_string(i) + " cannot begin at " +
-                          text_of(position[i]) + " rad, its hard limits are " +
-                          text_of(limits[i].hard_lower) + " and " + text_of(limits[i].hard_upper) +
-                          " rad");
+  if (described_ == nullptr) require_soft_limits();
+  put_at_start(*data);
+  const mjModel& mujoco = *model_->mujoco();
+  initial_configuration_.assign(data->qpos, data->qpos + mujoco.nq);
+  for (int body = 1; body < static_cast<int>(mujoco.nbody); ++body) {
+    const int root = mujoco.body_rootid[body];
+    if (std::ranges::find(model_->objects(), root, &ObjectAddress::body) !=
+        model_->objects().end()) {
+      loose_.push_back(body);
+    }
   }
 }
 
-template <class R>
-auto Simulator<R>::make_state() const -> State {
+// A file may begin anywhere, so it is said early where the limits do not fit.
+void Simulator::require_soft_limits() const {
+  std::string beyond;
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const JointLimit& limit = limits()[i];
+    const double position = initial_position_[i];
+    if (position >= limit.soft_lower && position <= limit.soft_upper) continue;
+    beyond += (beyond.empty() ? "" : "; ") + text_of(model_->joints()[i].name, " begins at ",
+                                                     position, ", its soft limits are ",
+                                                     limit.soft_lower, " and ", limit.soft_upper);
+  }
+  require(beyond.empty(),
+          "some joints begin beyond their soft limits: give them an initial position "
+          "within (robot.initial_position). " +
+              beyond);
+}
+
+void Simulator::put_at_start(mjData_& data) const noexcept {
+  model_->reset(data);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    model_->set_position(i, initial_position_[i], data);
+  }
+}
+
+void Simulator::check(std::span<const double> position) const {
+  require(position.size() == num_joints(),
+          text_of("position has ", position.size(), " numbers, must have ", num_joints()));
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const JointLimit& limit = limits()[i];
+    const DrivenJoint& joint = model_->joints()[i];
+    require(position[i] >= limit.hard_lower && position[i] <= limit.hard_upper,
+            text_of("joint ", i, " (", joint.name, ") cannot begin at ", position[i],
+                    unit_of(joint), ", its hard limits are ", limit.hard_lower, " and ",
+                    limit.hard_upper, unit_of(joint)));
+  }
+}
+
+auto Simulator::make_state() const -> State {
   State state;
-  Capture capture;
-  capture.objects.resize(model_.objects().size());
+  const std::size_t objects = model_->objects().size();
   const auto under_way =
       static_cast<std::size_t>(options_.object_delay / options_.object_period) + 2;
-  state.captures.assign(under_way, capture);
-  state.objects.resize(model_.objects().size());
+  state.captures.assign(under_way, Capture{.objects = std::vector<ObjectPose>(objects)});
+  state.objects.resize(objects);
+  state.safety.joints.resize(num_joints());
+  state.observation = Observation(num_joints());
+  if (!model_->drives_all()) {
+    state.model_position.resize(model_->model_joints().size());
+    state.model_velocity.resize(model_->model_joints().size());
+  }
+  state.tip_force.resize(model_->tip_geoms().size());
+  state.memory.torque = PerJoint<double>(num_joints(), 0.0);
+  state.memory.tip_force.resize(model_->tip_geoms().size());
+  state.memory.sent.resize(static_cast<std::size_t>(Variation::kMaxTorqueDelay) * num_joints());
   return state;
 }
 
-template <class R>
-void Simulator<R>::vary(const Variation& variation, mjModel_& varied,
-                        mjData_& data) const noexcept {
-  const mjModel& original = *model_.mujoco();
-  for (const ObjectAddress& object : model_.objects()) {
-    varied.body_mass[object.body] = variation.object_mass * original.body_mass[object.body];
-    for (int axis = 0; axis < 3; ++axis) {
-      const int i = 3 * object.body + axis;
+void Simulator::check(const Variation& variation) const {
+  variation.validate();
+  if (described_ != nullptr) return;
+  require(variation.pair_friction == Variation{}.pair_friction,
+          "pair_friction is for TriFingers: surfaces of a robot from a file have no names");
+  require(variation.stop_margin == 1.0,
+          "stop_margin is for TriFingers: stops of a robot from a file are where the file says");
+}
+
+void Simulator::vary(const Variation& variation, mjModel_& varied, mjData_& data) const noexcept {
+  const mjModel& original = *model_->mujoco();
+  for (const int body : loose_) {
+    varied.body_mass[body] = variation.object_mass * original.body_mass[body];
+    for (int i = 3 * body; i < 3 * body + 3; ++i) {
       varied.body_inertia[i] = variation.object_mass * original.body_inertia[i];
     }
   }
   for (int geom = 0; geom < static_cast<int>(original.ngeom); ++geom) {
-    // Sliding friction is the first of three numbers; the time constant is the first of two.
+    // Sliding friction is the first of three numbers.
     varied.geom_friction[3 * geom] = variation.friction * original.geom_friction[3 * geom];
-    varied.geom_solref[mjNREF * geom] =
-        variation.contact_time * original.geom_solref[mjNREF * geom];
+    const double* const solref = original.geom_solref + mjNREF * geom;
+    if (!has_time_constant(solref)) continue;
+    varied.geom_solref[mjNREF * geom] = variation.contact_time * solref[0];
   }
   vary_pairs(variation, varied);
-  for (int joint = 0; joint < static_cast<int>(R::kJoints); ++joint) {
-    varied.dof_armature[joint] = variation.rotor_inertia * original.dof_armature[joint];
-    varied.dof_damping[joint] = variation.joint_damping * original.dof_damping[joint];
-    varied.dof_frictionloss[joint] = original.dof_frictionloss[joint] + variation.joint_friction;
+  vary_joints(variation, varied);
+  mj_setConst(&varied, &data);
+}
+
+void Simulator::vary_joints(const Variation& variation, mjModel_& varied) const noexcept {
+  const mjModel& original = *model_->mujoco();
+  for (int joint = 0; joint < static_cast<int>(original.njnt); ++joint) {
+    const int type = original.jnt_type[joint];
+    if (type != mjJNT_HINGE && type != mjJNT_SLIDE) continue;
+    const int dof = original.jnt_dofadr[joint];
+    varied.dof_armature[dof] = variation.rotor_inertia * original.dof_armature[dof];
+    varied.dof_damping[dof] = variation.joint_damping * original.dof_damping[dof];
+    for (int i = mjNPOLY * dof; i < mjNPOLY * (dof + 1); ++i) {
+      varied.dof_dampingpoly[i] = variation.joint_damping * original.dof_dampingpoly[i];
+    }
+    varied.dof_frictionloss[dof] = original.dof_frictionloss[dof] + variation.joint_friction;
+    if (described_ == nullptr) continue;
     const double more = (variation.stop_margin - 1.0) * options_.description.stops.margin;
     varied.jnt_range[2 * joint] = original.jnt_range[2 * joint] - more;
     varied.jnt_range[2 * joint + 1] = original.jnt_range[2 * joint + 1] + more;
   }
-  mj_setConst(&varied, &data);
-}
-
-// The varied model may have pairs that the original lacks. The geoms are the same in both.
-template <class R>
-void Simulator<R>::vary_pairs(const Variation& variation, mjModel_& varied) const noexcept {
-  const ContactParameters& contact = options_.description.contact;
-  const mjModel& original = *model_.mujoco();
-  for (int i = 0; i < static_cast<int>(varied.npair); ++i) {
-    const auto surface_of = [this](int geom) {
-      return *model_.surfaces()[static_cast<std::size_t>(geom)];
-    };
-    const int first = varied.pair_geom1[i];
-    const int second = varied.pair_geom2[i];
-    const SurfacePair pair = pair_of(surface_of(first), surface_of(second));
-    // The first two of five numbers are the two directions of sliding.
-    const double friction =
-        variation.friction * variation.pair_friction[pair] * sliding_friction(contact, pair);
-    std::fill_n(varied.pair_friction + 5 * i, 2, friction);
-    varied.pair_solref[mjNREF * i] = variation.contact_time * mixed_time(original, first, second);
+  // A file may give rotor and damping of a joint to its actuator.
+  for (int motor = 0; motor < static_cast<int>(original.nactuator); ++motor) {
+    varied.actuator_armature[motor] = variation.rotor_inertia * original.actuator_armature[motor];
+    varied.actuator_damping[motor] = variation.joint_damping * original.actuator_damping[motor];
+    for (int i = mjNPOLY * motor; i < mjNPOLY * (motor + 1); ++i) {
+      varied.actuator_dampingpoly[i] = variation.joint_damping * original.actuator_dampingpoly[i];
+    }
   }
 }
 
-template <class R>
-RobotModel::Compiled Simulator<R>::make_varied_model(const Variation& variation) const {
+void Simulator::vary_pairs(const Variation& variation, mjModel_& varied) const noexcept {
+  const mjModel& original = *model_->mujoco();
+  for (int pair = 0; pair < static_cast<int>(varied.npair); ++pair) {
+    // The first two of five numbers are the two directions of sliding.
+    double* const friction = varied.pair_friction + 5 * pair;
+    double& time = varied.pair_solref[mjNREF * pair];
+    if (described_ != nullptr) {
+      // The varied model may have pairs that the original lacks. The geoms are the same in both.
+      const ContactParameters& contact = options_.description.contact;
+      const auto surface_of = [this](int geom) {
+        return *described_->surfaces()[static_cast<std::size_t>(geom)];
+      };
+      const int first = varied.pair_geom1[pair];
+      const int second = varied.pair_geom2[pair];
+      const SurfacePair surfaces = pair_of(surface_of(first), surface_of(second));
+      std::fill_n(friction, 2,
+                  variation.friction * variation.pair_friction[surfaces] *
+                      sliding_friction(contact, surfaces));
+      time = variation.contact_time * mixed_time(original, first, second);
+      continue;
+    }
+    for (int i = 0; i < 2; ++i) {
+      friction[i] = variation.friction * original.pair_friction[5 * pair + i];
+    }
+    const double* const solref = original.pair_solref + mjNREF * pair;
+    if (has_time_constant(solref)) time = variation.contact_time * solref[0];
+  }
+}
+
+SceneModel::Compiled Simulator::make_varied_model(const Variation& variation) const {
+  if (described_ == nullptr) return model_->copy();
   RobotDescription description = options_.description;
   auto& friction = description.contact.friction;
   for (const SurfacePair pair : all_surface_pairs()) {
     if (variation.varies(pair)) friction[pair] = sliding_friction(description.contact, pair);
   }
   const bool has_all = friction == options_.description.contact.friction;
-  return has_all ? model_.copy() : RobotModel(description).copy();
+  return has_all ? model_->copy() : RobotModel(description).copy();
 }
 
-template <class R>
-void Simulator<R>::reset(const Joints& position, const Random& random, const mjModel_& model,
-                         mjData_& data, State& state) const noexcept {
-  mj_resetDataKeyframe(&model, &data, 0);
-  std::ranges::copy(position, data.qpos);
-  const Variation variation = state.memory.variation;
-  state.memory = {};
-  state.memory.variation = variation;
-  state.memory.random = random;
+void Simulator::reset(std::span<const double> position, const Random& random, mjData_& data,
+                      State& state, std::span<const double> model_position) const noexcept {
+  put_at_start(data);
+  for (std::size_t i = 0; i < model_position.size(); ++i) {
+    if (!std::isnan(model_position[i])) model_->set_model_position(i, model_position[i], data);
+  }
+  for (std::size_t i = 0; i < num_joints(); ++i) model_->set_position(i, position[i], data);
+  Memory& memory = state.memory;
+  // After a reset, nothing of what happened before counts.
+  std::ranges::fill(state.safety.joints, JointMemory{});
+  std::ranges::fill(memory.torque, 0.0);
+  std::ranges::fill(memory.tip_force, 0.0);
+  std::ranges::fill(memory.sent, 0.0);
+  memory.counters = {.variation = memory.counters.variation, .random = random};
   begin(state);
   observe(data, state);
 }
 
-template <class R>
-void Simulator<R>::place(const ObjectAddress& object, const ObjectPose& pose, mjData_& data,
-                         State& state) const noexcept {
+void Simulator::place(const ObjectAddress& object, const ObjectPose& pose, mjData_& data,
+                      State& state) const noexcept {
   double* const values = data.qpos + object.position;
   std::ranges::copy(pose.position, values);
   double norm = 0.0;
@@ -176,25 +263,18 @@ void Simulator<R>::place(const ObjectAddress& object, const ObjectPose& pose, mj
                          [norm](double value) { return value / norm; });
   set_velocity(object, {}, data);
   // Poses under way show where the object was before, so they are dropped.
-  state.memory.pending_count = 0;
-  state.memory.has_delivered = 0;
-  state.memory.next_capture = state.memory.step;
+  state.memory.counters.pending_count = 0;
+  state.memory.counters.has_delivered = 0;
+  state.memory.counters.next_capture = state.memory.counters.step;
 }
 
-template <class R>
-void Simulator<R>::set_velocity(const ObjectAddress& object, const ObjectVelocity& velocity,
-                                mjData_& data) const noexcept {
-  double* const values = data.qvel + object.velocity;
-  std::ranges::copy(velocity.linear, values);
-  // MuJoCo expresses the rotation of a free body in the body's frame.
-  mjtNum inverse[4];
-  mju_negQuat(inverse, data.qpos + object.position + 3);
-  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse);
+void Simulator::set_velocity(const ObjectAddress& object, const ObjectVelocity& velocity,
+                             mjData_& data) const noexcept {
+  SceneModel::set_velocity(object, velocity.linear, velocity.angular, data);
 }
 
-template <class R>
-ObjectVelocity Simulator<R>::object_velocity(const ObjectAddress& object,
-                                             const mjData_& data) const noexcept {
+ObjectVelocity Simulator::object_velocity(const ObjectAddress& object,
+                                          const mjData_& data) const noexcept {
   const double* const values = data.qvel + object.velocity;
   ObjectVelocity velocity;
   std::copy_n(values, velocity.linear.size(), velocity.linear.begin());
@@ -202,62 +282,74 @@ ObjectVelocity Simulator<R>::object_velocity(const ObjectAddress& object,
   return velocity;
 }
 
-template <class R>
-void Simulator<R>::begin(State& state) const noexcept {
+void Simulator::begin(State& state) const noexcept {
   move_to_step(0, state);
   state.has_initial_pose = false;
 }
 
 // Shifts the indices in the memory, which count from the beginning of the session. A state that was
 // saved at step n then continues at `step`.
-template <class R>
-void Simulator<R>::move_to_step(TimeIndex step, State& state) const noexcept {
-  const TimeIndex offset = step - std::exchange(state.memory.step, step);
-  state.memory.next_capture += offset;
+void Simulator::move_to_step(TimeIndex step, State& state) const noexcept {
+  const TimeIndex offset = step - std::exchange(state.memory.counters.step, step);
+  state.memory.counters.next_capture += offset;
   for (Capture& capture : state.captures) {
     capture.capture_index += offset;
     capture.arrival_index += offset;
   }
 }
 
-template <class R>
-void Simulator<R>::observe(const mjData_& data, State& state) const noexcept {
-  std::copy_n(data.qpos, R::kJoints, state.observation.position.begin());
-  std::copy_n(data.qvel, R::kJoints, state.observation.velocity.begin());
+void Simulator::observe(const mjData_& data, State& state) const noexcept {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    state.observation.position[i] = model_->position(i, data);
+    state.observation.velocity[i] = model_->velocity(i, data);
+  }
   state.observation.torque = state.memory.torque;
-  state.observation.tip_force = state.memory.tip_force;
+  std::ranges::copy(state.memory.tip_force, state.tip_force.begin());
+  for (std::size_t i = 0; i < state.model_position.size(); ++i) {
+    state.model_position[i] = model_->model_position(i, data);
+    state.model_velocity[i] = model_->model_velocity(i, data);
+  }
   for (std::size_t i = 0; i < state.objects.size(); ++i) {
-    state.objects[i] = object_pose(model_.objects()[i], data);
+    state.objects[i] = object_pose(model_->objects()[i], data);
   }
 }
 
-template <class R>
-DriverReport Simulator<R>::step(const Action& desired, const mjModel_& model, mjData_& data,
-                                State& state, AppliedAction& applied,
-                                detail::Puller* puller) const noexcept {
-  const SafetyReport report = safety_.apply(desired, state.observation, options_.period,
-                                            state.memory.safety, applied, &state.thrown);
-  if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
+void Simulator::write_observation(const State& state, void* element) const noexcept {
+  write_element(state.observation, state.model_position, state.model_velocity, state.tip_force,
+                element);
+}
+
+DriverReport Simulator::step(const Action& desired, const mjModel_& model, mjData_& data,
+                             State& state, AppliedAction& applied) const noexcept {
+  const SafetyReport report =
+      safety_.apply(desired, state.observation, options_.period, state.safety, applied, nullptr);
   if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
-  if (!move(applied.torque, model, data, state, puller)) return DriverReport::fault(kDiverged);
+  if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
   return {.action_rejected = report.action_rejected};
 }
 
-template <class R>
-bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& data, State& state,
-                        detail::Puller* puller) const noexcept {
+bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjData_& data,
+                     State& state, detail::Puller* puller) const noexcept {
   Memory& memory = state.memory;
-  const Variation& variation = memory.variation;
-  ++memory.step;
-  Joints delivered = torque;
-  if (const auto delay = static_cast<std::uint64_t>(variation.torque_delay); delay > 0) {
+  Memory::Counters& counters = memory.counters;
+  ++counters.step;
+  memory.torque = torque;
+  if (const auto delay = static_cast<std::uint64_t>(counters.variation.torque_delay); delay > 0) {
+    const std::size_t n = num_joints();
+    const auto slot_of = [&](std::uint64_t i) {
+      return memory.sent.begin() + static_cast<std::ptrdiff_t>(i % delay * n);
+    };
     // At the beginning, the delayed torques are all equal to the first one.
-    if (memory.num_sent == 0) memory.sent.fill(torque);
-    delivered = std::exchange(memory.sent[memory.num_sent++ % delay], torque);
+    for (std::uint64_t i = 0; counters.num_sent == 0 && i < delay; ++i) {
+      std::ranges::copy(torque, slot_of(i));
+    }
+    std::swap_ranges(memory.torque.begin(), memory.torque.end(), slot_of(counters.num_sent++));
   }
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    memory.torque[i] = available_torque(actuator_, delivered[i], data.qvel[i]);
-    data.ctrl[i] = variation.motor_gain * memory.torque[i];
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    if (actuator_) {
+      memory.torque[i] = available_torque(*actuator_, memory.torque[i], model_->velocity(i, data));
+    }
+    model_->set_torque(i, counters.variation.motor_gain * memory.torque[i], data);
   }
   if (puller != nullptr) {
     puller->step(model, data, substeps_);
@@ -265,18 +357,18 @@ bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& da
     for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
   }
   measure_tip_forces(model, data, state);
-  return is_finite(model, data);
+  return SceneModel::is_finite(model, data);
 }
 
-template <class R>
-void Simulator<R>::measure_tip_forces(const mjModel_& model, mjData_& data,
-                                      State& state) const noexcept {
-  auto& tip_force = state.memory.tip_force;
-  tip_force.fill(0.0);
-  const std::vector<int>& tips = model_.tip_geoms();
+void Simulator::measure_tip_forces(const mjModel_& model, mjData_& data,
+                                   State& state) const noexcept {
+  const std::vector<int>& tips = model_->tip_geoms();
+  if (tips.empty()) return;
+  std::vector<double>& tip_force = state.memory.tip_force;
+  std::ranges::fill(tip_force, 0.0);
   for (int i = 0; i < data.ncon; ++i) {
     const mjContact& contact = data.contact[i];
-    for (std::size_t finger = 0; finger < R::kTips; ++finger) {
+    for (std::size_t finger = 0; finger < tips.size(); ++finger) {
       if (contact.geom[0] != tips[finger] && contact.geom[1] != tips[finger]) continue;
       mjtNum force[6];
       mj_contactForce(&model, &data, i, force);
@@ -286,10 +378,9 @@ void Simulator<R>::measure_tip_forces(const mjModel_& model, mjData_& data,
   }
 }
 
-template <class R>
-auto Simulator<R>::receive_poses(TimeIndex time_index, const mjData_& data,
-                                 State& state) const noexcept -> const Capture* {
-  Memory& memory = state.memory;
+auto Simulator::receive_poses(TimeIndex time_index, const mjData_& data,
+                              State& state) const noexcept -> const Capture* {
+  Memory::Counters& memory = state.memory.counters;
   const std::size_t size = state.captures.size();
   const auto slot = [&](std::uint64_t position) -> Capture& {
     return state.captures[(memory.pending_begin + position) % size];
@@ -329,12 +420,11 @@ auto Simulator<R>::receive_poses(TimeIndex time_index, const mjData_& data,
   return &oldest;
 }
 
-template <class R>
-void Simulator<R>::capture(const mjData_& data, State& state, Capture& capture) const noexcept {
-  Random& random = state.memory.random;
+void Simulator::capture(const mjData_& data, State& state, Capture& capture) const noexcept {
+  Random& random = state.memory.counters.random;
   for (std::size_t i = 0; i < capture.objects.size(); ++i) {
     ObjectPose& object = capture.objects[i];
-    object = object_pose(model_.objects()[i], data);
+    object = object_pose(model_->objects()[i], data);
     if (options_.object_position_noise > 0.0) {
       for (double& value : object.position) {
         value += options_.object_position_noise * random.normal();
@@ -348,30 +438,12 @@ void Simulator<R>::capture(const mjData_& data, State& state, Capture& capture) 
   }
 }
 
-template <class R>
-void Simulator<R>::gravity_torques(const mjModel_& model, mjData_& data,
-                                   Joints& torque) const noexcept {
-  // These calls compute only what the inverse dynamics of a robot at rest needs. They leave the
-  // solver's warm start unchanged.
-  mj_kinematics(&model, &data);
-  mj_comPos(&model, &data);
-  mj_comVel(&model, &data);
-  // qfrc_inverse only serves as memory of the right size: no step reads it.
-  mj_rne(&model, &data, 0, data.qfrc_inverse);
-  std::copy_n(data.qfrc_inverse, R::kJoints, torque.begin());
-}
-
-template <class R>
-ObjectPose Simulator<R>::object_pose(const ObjectAddress& object,
-                                     const mjData_& data) const noexcept {
+ObjectPose Simulator::object_pose(const ObjectAddress& object, const mjData_& data) const noexcept {
   ObjectPose pose;
   const double* const values = data.qpos + object.position;
   std::copy_n(values, pose.position.size(), pose.position.begin());
   std::copy_n(values + pose.position.size(), pose.orientation.size(), pose.orientation.begin());
   return pose;
 }
-
-template class Simulator<TriFinger>;
-template class Simulator<Finger>;
 
 }  // namespace trifinger

@@ -223,7 +223,7 @@ class Rails {
     char error[200] = "";
     const std::unique_ptr<mjSpec, decltype(&mj_deleteSpec)> spec(
         mj_parseXMLString(text.c_str(), nullptr, error, sizeof(error)), &mj_deleteSpec);
-    const RobotModel::Compiled compiled(mj_compile(spec.get(), nullptr));
+    const SceneModel::Compiled compiled(mj_compile(spec.get(), nullptr));
     const std::array joints{PlannedJoint{-1e3, 1e3, 1e3}, PlannedJoint{-1e3, 1e3, 1e3}};
     return {*compiled, joints};
   }

@@ -27,7 +27,7 @@ class GuideControllerOf : public ::testing::Test {
   static constexpr int kJoints = static_cast<int>(R::kJoints);
   static constexpr int kFingers = static_cast<int>(R::kTips);
 
-  const GuidedRobot robot_ = guided_robot<R>(guided_options<R>().description);
+  const GuidedRobot robot_ = guided_robot(guided_options<R>().description);
   const GuideSpeeds speeds_{};
   std::mt19937 random_{7};
 
@@ -377,7 +377,7 @@ TYPED_TEST(GuideControllerOf, DoesNotAllocateAfterConstruction) {
 }
 
 TEST(GuideSpeeds, NamesTheSettingThatMakesNoSense) {
-  const GuidedRobot robot = guided_robot<TriFinger>(guided_options<TriFinger>().description);
+  const GuidedRobot robot = guided_robot(guided_options<TriFinger>().description);
   for (const double bad : {0.0, -1.0, kNan}) {
     EXPECT_THROW(GuideController(robot, {.joint_speed = bad}), InvalidArgument);
     EXPECT_THROW(GuideController(robot, {.joint_acceleration = bad}), InvalidArgument);

@@ -11,14 +11,19 @@
 #include <future>
 #include <limits>
 #include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "guiding/robots.hpp"
+#include "model/file_robots.hpp"
 #include "support/child_process.hpp"
+#include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/realtime/clock.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -51,18 +56,18 @@ class Breakable final : public Driver<R> {
     return is_homing ? DriverReport::busy() : robot.prepare(step);
   }
   DriverReport get_latest_observation(typename R::Observation& observation) noexcept override {
-    DriverReport report = robot.get_latest_observation(observation);
+    DriverReport report = robot.get_latest_observation(&observation);
     if (measures_nothing) observation.position.fill(std::numeric_limits<double>::quiet_NaN());
     return report;
   }
   DriverReport apply_action(const typename R::Action& desired,
                             typename R::AppliedAction& applied) noexcept override {
     if (breaks) return DriverReport::fault(7);
-    return robot.apply_action(desired, applied);
+    return robot.apply_action(&desired, &applied);
   }
   DriverReport hold(const typename R::Observation& observation,
                     typename R::Action& action) noexcept override {
-    return robot.hold(observation, action);
+    return robot.hold(&observation, &action);
   }
   [[nodiscard]] std::string_view fault_text(std::int32_t) const noexcept override {
     return "a cable broke";
@@ -71,7 +76,7 @@ class Breakable final : public Driver<R> {
   std::atomic<bool> is_homing{false};
   std::atomic<bool> breaks{false};
   std::atomic<bool> measures_nothing{false};
-  SimulatedRobot<R> robot{guided_options<R>()};
+  SimulatedRobot robot{guided_options<R>()};
 };
 
 // A robot in real time, in a thread of this process.
@@ -85,7 +90,7 @@ struct RunningRobot {
 
   // Not the initial pose, so that a jump to it would be seen.
   static JointVector<R::kJoints> begin_pose() {
-    const GuidedRobot robot = guided_robot<R>(guided_options<R>().description);
+    const GuidedRobot robot = guided_robot(guided_options<R>().description);
     JointVector<R::kJoints> pose{};
     for (std::size_t i = 0; i < R::kJoints; ++i)
       pose[i] = robot.home[static_cast<Eigen::Index>(i)] + (i % 3 == 0 ? 0.2 : 0.1);
@@ -98,7 +103,7 @@ struct RunningRobot {
   }
   [[nodiscard]] std::unique_ptr<Guide> guide(
       const GuideOptions& options = ordinary_thread()) const {
-    return std::make_unique<Guide>(connect(), guided_robot<R>(guided_options<R>().description),
+    return std::make_unique<Guide>(connect(), guided_robot(guided_options<R>().description),
                                    options);
   }
 
@@ -320,12 +325,12 @@ TEST(Guide, ReleasesTheRobotForTheNextOne) {
 }
 
 TEST(Guide, DrivesOnlyRobotsThatItCanSteer) {
-  const GuidedRobot known = guided_robot<Finger>(guided_options<Finger>().description);
+  const GuidedRobot known = guided_robot(guided_options<Finger>().description);
   const auto refusal_of = [&](std::shared_ptr<UntypedFrontend> frontend) {
     return message_of<InvalidArgument>(
         [&] { return std::make_unique<Guide>(std::move(frontend), known, ordinary_thread()); });
   };
-  SimulatedRobot<Finger> simulation{guided_options<Finger>()};
+  SimulatedRobot simulation{guided_options<Finger>()};
   SessionHost host{SessionHost::anonymous()};
   Backend backend(simulation, host);
   EXPECT_NE(refusal_of(std::make_shared<UntypedFrontend>(backend)).find("not in real-time mode"),
@@ -373,7 +378,18 @@ TEST(Guide, IsOfNoUseInAForkedChild) {
 TEST(GuidedRobot, NeedsAConfiguration) {
   const RunningRobot<Finger> robot;
   EXPECT_THROW(static_cast<void>(guided_robot(robot.connect()->session())), InvalidArgument);
-  EXPECT_THROW(static_cast<void>(guided_robot<Finger>(RobotDescription{})), InvalidArgument);
+}
+
+TEST(GuidedRobot, IsNotFromAFile) {
+  const Folder folder;
+  write(folder / "arm.xml", kArm);
+  write(folder / "arm.yml",
+        std::string("name: arm\ndriver: simulation\nrobot: {mjcf: arm.xml}\n") + kArmSafety);
+  const RobotConfig config = load_robot_config((folder / "arm.yml").string());
+  const Simulation simulation(config.simulation, config.session);
+  EXPECT_EQ(message_of<InvalidArgument>(
+                [&] { return guided_robot(simulation.connect_untyped().session()).home.size(); }),
+            "robot 'arm' is from a file; this is for a TriFinger or one of its fingers");
 }
 
 }  // namespace

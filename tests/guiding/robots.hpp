@@ -15,8 +15,8 @@
 namespace trifinger::test {
 
 template <class R>
-SimulationOptions<R> guided_options() {
-  SimulationOptions<R> options;
+SimulationOptions guided_options() {
+  SimulationOptions options;
   if constexpr (R::kTips == 1) options.description.arrangement = Arrangement::kSingleFinger;
   options.description.objects.clear();
   // Pro has the tightest limits.
@@ -46,7 +46,7 @@ class GuidedSimulation {
  public:
   explicit GuidedSimulation(std::optional<JointVector<R::kJoints>> begin = {},
                             const guiding::GuideSpeeds& speeds = {})
-      : controller(guiding::guided_robot<R>(guided_options<R>().description), speeds) {
+      : controller(guiding::guided_robot(guided_options<R>().description), speeds) {
     if (begin) robot.reset(*begin, Random{1});
     frontend.emplace(backend);
     observation = frontend->latest_observation();
@@ -67,7 +67,7 @@ class GuidedSimulation {
     return false;
   }
 
-  SimulatedRobot<R> robot{guided_options<R>()};
+  SimulatedRobot robot{guided_options<R>()};
   SessionHost host{SessionHost::anonymous()};
   Backend backend{robot, host};
   std::optional<Frontend<R>> frontend;

@@ -63,14 +63,15 @@ TEST(CountedJoints, AreAtLeastOneAndAtMostSoMany) {
   EXPECT_NO_THROW((void)describe_counted("arm", hinges(kMaxCountedJoints)));
 }
 
-TEST(CountedJoints, AreFollowedByTheJointsThatAreOnlyMeasured) {
+TEST(CountedJoints, AreFollowedByWhatElseIsMeasured) {
   CountedObservation observation(2);
   observation.torque[1] = 0.5;
   constexpr std::array kPosition{1.0, 2.0, 3.0};
   constexpr std::array kVelocity{4.0, 5.0, 6.0};
-  std::array<double, 3 * 2 + 2 * 3> element{};
-  write_element(observation, kPosition, kVelocity, element.data());
-  EXPECT_THAT(element, testing::ElementsAre(0, 0, 0, 0, 0, 0.5, 1, 2, 3, 4, 5, 6));
+  constexpr std::array kTipForce{7.0};
+  std::array<double, 3 * 2 + 2 * 3 + 1> element{};
+  write_element(observation, kPosition, kVelocity, kTipForce, element.data());
+  EXPECT_THAT(element, testing::ElementsAre(0, 0, 0, 0, 0, 0.5, 1, 2, 3, 4, 5, 6, 7));
 }
 
 TEST(CountedJoints, ComeBackFromAnElementAsTheyWere) {

@@ -21,8 +21,6 @@ namespace {
 using std::chrono::milliseconds;
 using Action = TriFinger::Action;
 using Observation = TriFinger::Observation;
-using Options = OrderlyStopOptions<9>;
-using Stop = OrderlyStop<TriFinger>;
 
 constexpr Nanoseconds kPeriod = milliseconds(1);
 constexpr double kSeconds = 0.001;
@@ -38,8 +36,9 @@ class Joints {
     }
   }
 
-  [[nodiscard]] Options options() const {
-    Options options{.damping_time = milliseconds(200), .rest_position = rest};
+  [[nodiscard]] OrderlyStopOptions options() const {
+    OrderlyStopOptions options{.damping_time = milliseconds(200),
+                               .rest_position = std::vector(rest.begin(), rest.end())};
     options.move_time = options.shortest_move_time(limits);
     return options;
   }
@@ -72,13 +71,22 @@ class Joints {
   std::mt19937 random_;
 };
 
+// Writes the action of period `step`. False once the stop is over.
+bool next(OrderlyStop& stop, TimeIndex step, const Observation& observation, Action& action) {
+  action = {};
+  JointVector<9> target{};
+  const OrderlyStop::Phase phase = stop.next(step, observation.position, target);
+  if (phase == OrderlyStop::Phase::kMove) action.position = target;
+  return phase != OrderlyStop::Phase::kOver;
+}
+
 TEST(OrderlyStop, EndsAtRestAtThePoseAndNeverLeavesTheLimits) {
   for (unsigned seed = 0; seed < 50; ++seed) {
     Joints joints(seed);
-    Stop stop(joints.options(), kPeriod);
+    OrderlyStop stop(joints.options(), kPeriod);
     Action action;
     TimeIndex step = 0;
-    for (; stop.next(step, joints.observation, action); ++step) {
+    for (; next(stop, step, joints.observation, action); ++step) {
       ASSERT_EQ(joints.apply(action).fault, SafetyFault::kNone);
     }
     EXPECT_EQ(step, stop.num_steps());
@@ -91,9 +99,9 @@ TEST(OrderlyStop, EndsAtRestAtThePoseAndNeverLeavesTheLimits) {
 
 TEST(OrderlyStop, AsksForNothingWhileItDampsAndForNoTorqueEver) {
   Joints joints(1);
-  Stop stop(joints.options(), kPeriod);
+  OrderlyStop stop(joints.options(), kPeriod);
   Action action;
-  for (TimeIndex step = 0; stop.next(step, joints.observation, action); ++step) {
+  for (TimeIndex step = 0; next(stop, step, joints.observation, action); ++step) {
     EXPECT_THAT(action.torque, ::testing::Each(0.0));
     for (const double position : action.position) EXPECT_EQ(std::isnan(position), step < 200);
   }
@@ -101,11 +109,11 @@ TEST(OrderlyStop, AsksForNothingWhileItDampsAndForNoTorqueEver) {
 
 TEST(OrderlyStop, GoesStraightFromWhereItIsToTheRestPosition) {
   const Joints joints(2);
-  Stop stop(joints.options(), kPeriod);
+  OrderlyStop stop(joints.options(), kPeriod);
   const JointVector<9> start = joints.observation.position;
   JointVector<9> last = start;
   Action action;
-  for (TimeIndex step = 0; stop.next(step, joints.observation, action); ++step) {
+  for (TimeIndex step = 0; next(stop, step, joints.observation, action); ++step) {
     if (step < 200) continue;
     for (std::size_t i = 0; i < 9; ++i) {
       const double before = std::abs(joints.rest[i] - last[i]);
@@ -121,19 +129,19 @@ TEST(OrderlyStop, GoesStraightFromWhereItIsToTheRestPosition) {
 }
 
 TEST(OrderlyStop, WithoutOptionsItIsOverAtOnce) {
-  Stop stop({}, kPeriod);
+  OrderlyStop stop({}, kPeriod);
   Action action;
   EXPECT_EQ(stop.num_steps(), 0);
-  EXPECT_FALSE(stop.next(0, {}, action));
+  EXPECT_FALSE(next(stop, 0, {}, action));
 }
 
 TEST(OrderlyStop, WithoutARestPositionItOnlyDamps) {
   Joints joints(3);
   joints.observation.position = {};  // where no soft limit pushes
-  Stop stop({.damping_time = milliseconds(2000)}, kPeriod);
+  OrderlyStop stop({.damping_time = milliseconds(2000)}, kPeriod);
   Action action;
   TimeIndex step = 0;
-  for (; stop.next(step, joints.observation, action); ++step) {
+  for (; next(stop, step, joints.observation, action); ++step) {
     EXPECT_THAT(action.position, ::testing::Each(::testing::IsNan()));
     joints.apply(action);
   }
@@ -143,12 +151,13 @@ TEST(OrderlyStop, WithoutARestPositionItOnlyDamps) {
 
 TEST(OrderlyStop, MovesNothingByItselfAfterAFault) {
   const Joints joints(4);
-  for (const TimeIndex fault : {TimeIndex{0}, TimeIndex{100}, TimeIndex{199}, TimeIndex{200},
-                                TimeIndex{201}, Stop(joints.options(), kPeriod).num_steps() - 1}) {
-    Stop stop(joints.options(), kPeriod);
+  for (const TimeIndex fault :
+       {TimeIndex{0}, TimeIndex{100}, TimeIndex{199}, TimeIndex{200}, TimeIndex{201},
+        OrderlyStop(joints.options(), kPeriod).num_steps() - 1}) {
+    OrderlyStop stop(joints.options(), kPeriod);
     Action action;
     TimeIndex step = 0;
-    for (; stop.next(step, joints.observation, action); ++step) {
+    for (; next(stop, step, joints.observation, action); ++step) {
       if (step >= fault) stop.give_up(step);
       if (step <= fault) continue;
       EXPECT_THAT(action.position, ::testing::Each(::testing::IsNan()));
@@ -160,29 +169,29 @@ TEST(OrderlyStop, MovesNothingByItselfAfterAFault) {
 
 TEST(OrderlyStop, BeginsAnewAfterEverySession) {
   const Joints joints(5);
-  Stop stop(joints.options(), kPeriod);
+  OrderlyStop stop(joints.options(), kPeriod);
   Action action;
   for (int session = 0; session < 3; ++session) {
     TimeIndex step = 0;
-    while (stop.next(step, joints.observation, action)) ++step;
+    while (next(stop, step, joints.observation, action)) ++step;
     EXPECT_EQ(step, stop.num_steps());
-    EXPECT_TRUE(stop.next(0, joints.observation, action));
+    EXPECT_TRUE(next(stop, 0, joints.observation, action));
     stop.give_up(0);
   }
 }
 
 TEST(OrderlyStop, DoesNotAllocate) {
   const Joints joints(6);
-  Stop stop(joints.options(), kPeriod);
+  OrderlyStop stop(joints.options(), kPeriod);
   Action action;
   const test::AllocationCounter allocations;
-  for (TimeIndex step = 0; stop.next(step, joints.observation, action); ++step) {
+  for (TimeIndex step = 0; next(stop, step, joints.observation, action); ++step) {
     if (step == 300) stop.give_up(step);
   }
   EXPECT_EQ(allocations.count(), 0U);
 }
 
-std::string problem_of(const Options& options) {
+std::string problem_of(const OrderlyStopOptions& options) {
   try {
     options.validate(test::some_limits<9>());
   } catch (const InvalidArgument& error) {
@@ -192,10 +201,11 @@ std::string problem_of(const Options& options) {
 }
 
 TEST(OrderlyStopOptions, MustMakeSense) {
-  const Options good{.rest_position = JointVector<9>{}, .move_time = std::chrono::seconds(4)};
+  const OrderlyStopOptions good{.rest_position = std::vector<double>(9),
+                                .move_time = std::chrono::seconds(4)};
   EXPECT_EQ(problem_of(good), "none");
   EXPECT_EQ(problem_of({}), "none");
-  Options options = good;
+  OrderlyStopOptions options = good;
   options.damping_time = -kPeriod;
   EXPECT_EQ(problem_of(options), "damping_time is negative");
   options = good;

@@ -59,8 +59,10 @@ std::string safety_without(std::string_view missing) {
 
 template <std::size_t N>
 JointLimits<N> limits_with(const std::vector<std::string>& overrides = {}) {
-  return read_joint_limits<N>(
-      File::parse(safety_without(""), "robot.yml", overrides).root().section("safety"));
+  JointLimits<N> limits;
+  const File file = File::parse(safety_without(""), "robot.yml", overrides);
+  read_joint_limits(file.root().section("safety"), limits);
+  return limits;
 }
 
 TEST(ReadJointLimits, RepeatsTheNumbersOfOneFinger) {
@@ -84,7 +86,8 @@ TEST(ReadJointLimits, FillsEveryFieldFromTheKeyOfItsName) {
 TEST(ReadJointLimits, fault_59_HasNoDefaultForAnyMember) {
   for (const JointLimitField& field : JointLimit::fields()) {
     const File file = File::parse(safety_without(field.name), "robot.yml");
-    EXPECT_THAT(message_of([&] { (void)read_joint_limits<9>(file.root().section("safety")); }),
+    JointLimits<9> limits;
+    EXPECT_THAT(message_of([&] { read_joint_limits(file.root().section("safety"), limits); }),
                 testing::EndsWith("] is missing"))
         << field.name;
   }
@@ -112,7 +115,8 @@ class ShippedConfiguration : public testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedConfiguration, HasLimitsThatMakeSenseAroundItsInitialPosition) {
   const File file = File::load(std::filesystem::path(TRIFINGER_CONFIG_DIR) / GetParam());
-  const auto limits = read_joint_limits<3>(file.root().section("safety"));
+  JointLimits<3> limits;
+  read_joint_limits(file.root().section("safety"), limits);
   const auto position =
       file.root().section("fingers").required<std::array<double, 3>>("initial_position");
   for (std::size_t i = 0; i < 3; ++i) {

@@ -33,8 +33,8 @@ EnvironmentOptions noisy(std::string_view task) {
   return options;
 }
 
-SimulationOptions<TriFinger> late_poses() {
-  SimulationOptions<TriFinger> options;
+SimulationOptions late_poses() {
+  SimulationOptions options;
   options.object_delay = 13;
   options.object_position_noise = 1e-3;
   return options;
@@ -250,7 +250,7 @@ TEST(EnvironmentBatch, RefusesActionsThatAreNotFiniteAndMovesNothing) {
 }
 
 TEST(EnvironmentBatch, RefusesNoSimulations) {
-  EXPECT_THAT([] { EnvironmentBatch("push", {}, SimulationOptions<TriFinger>{}, 0); },
+  EXPECT_THAT([] { EnvironmentBatch("push", {}, SimulationOptions{}, 0); },
               ThrowsMessage<InvalidArgument>(HasSubstr("number of simulations is 0")));
 }
 

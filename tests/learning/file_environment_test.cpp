@@ -19,7 +19,7 @@
 #include "trifinger/learning/environment_batch.hpp"
 #include "trifinger/learning/file_body.hpp"
 #include "trifinger/learning/task.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::learning {
 namespace {
@@ -28,13 +28,13 @@ using test::message_of;
 using ::testing::Each;
 using ::testing::HasSubstr;
 
-FileRobotOptions robot_of(const std::string& config,
-                          const std::vector<std::string>& overrides = {}) {
-  return std::get<FileRobotConfig>(load_any_robot_config(config, overrides)).robot;
+SimulationOptions robot_of(const std::string& config,
+                           const std::vector<std::string>& overrides = {}) {
+  return load_robot_config(config, overrides).simulation;
 }
 
 // D'Claw, or D'Claw without its valve.
-FileRobotOptions dclaw(const std::string& config) {
+SimulationOptions dclaw(const std::string& config) {
   return robot_of(TRIFINGER_CONFIG_DIR "/" + config + ".yml");
 }
 
@@ -56,7 +56,7 @@ class FileEnvironment : public ::testing::Test {
   }
 
   test::Folder folder_;
-  FileRobotOptions robot_;
+  SimulationOptions robot_;
 };
 
 TEST_F(FileEnvironment, HasAGoalForEachFrame) {
@@ -72,7 +72,7 @@ TEST_F(FileEnvironment, HasAGoalForEachFrame) {
 }
 
 TEST_F(FileEnvironment, AsksAJointThatHasOneEndForPositionsOnItsSide) {
-  const FileRobotOptions robot = robot_of(
+  const SimulationOptions robot = robot_of(
       (folder_ / "arm.yml").string(),
       {"safety.rail.soft_lower=-.inf", "safety.rail.hard_lower=-.inf", "safety.rail.soft_upper=-4",
        "safety.rail.hard_upper=-3", "robot.initial_position.rail=-5"});
@@ -147,6 +147,19 @@ TEST_F(FileEnvironment, SeesJointsWithoutMotorsAndFreeBodies) {
   EXPECT_THAT(results.seen.scores, Each(7.0));
   batch.step(std::vector<float>(8, 0.0F));
   EXPECT_THAT(results.reward, Each(::testing::AllOf(::testing::Lt(3.0), ::testing::Gt(1.0))));
+  // Where a body is may be known with noise, which each simulation and episode has of its own.
+  robot_.object_position_noise = 0.01;
+  EnvironmentBatch noisy("look", {}, robot_, 2, 1);
+  std::vector<double> seen;
+  for (int episode = 0; episode < 2; ++episode) {
+    noisy.seed(0, 1, static_cast<std::uint64_t>(episode));
+    noisy.seed(1, 2, static_cast<std::uint64_t>(episode));
+    noisy.reset();
+    for (const std::size_t i : {1U, 3U}) seen.push_back(noisy.results().seen.achieved[i]);
+  }
+  for (const double place : seen) EXPECT_NEAR(place, -0.5, 0.06);
+  std::ranges::sort(seen);
+  EXPECT_EQ(std::ranges::adjacent_find(seen), seen.end());
   EXPECT_EQ(message_of<InvalidArgument>(
                 [] { return Environment("look", {}, RobotDescription{}).num_joints(); }),
             "the task 'look' is for a robot from a file, such as trifinger_edu");
@@ -212,6 +225,24 @@ TEST_F(FileEnvironment, ObservesAndDrawsWithoutMemoryFromTheHeap) {
   EXPECT_EQ(allocations.count(), 0);
 }
 
+TEST_F(FileEnvironment, AsksTheConfigurationForPosesAsItsOptionsWantThem) {
+  EXPECT_EQ(config_overrides(find_task("reach"), options(), true), std::vector<std::string>{});
+  EnvironmentOptions wanted = options();
+  wanted.object_period = 0.006;
+  wanted.object_delay = 0.03;
+  wanted.object_position_noise = 0.001;
+  wanted.object_orientation_noise = 0.02;
+  wanted.object_loss = 0.1;
+  const SimulationOptions robot =
+      robot_of((folder_ / "arm.yml").string(), config_overrides(find_task("reach"), wanted, true));
+  EXPECT_EQ(robot.object_period, 3);
+  EXPECT_EQ(robot.object_delay, 15);
+  EXPECT_EQ(robot.object_position_noise, 0.001);
+  EXPECT_EQ(robot.object_orientation_noise, 0.02);
+  EXPECT_EQ(robot.object_loss, 0.1);
+  EXPECT_NO_THROW(Environment("reach", wanted, robot));
+}
+
 TEST_F(FileEnvironment, RefusesWhatItCannotDo) {
   const auto message = [&](auto change) {
     EnvironmentOptions wanted = options();
@@ -227,10 +258,12 @@ TEST_F(FileEnvironment, RefusesWhatItCannotDo) {
               HasSubstr("there are 33 frames, allowed are 32"));
   EXPECT_THAT(message([](auto& wanted) { wanted.per_finger = true; }),
               HasSubstr("per_finger is for TriFingers"));
-  EXPECT_THAT(message([](auto& wanted) { wanted.object_delay = 0.01; }),
-              HasSubstr("delay, noise or loss of object poses is for TriFingers"));
-  EXPECT_THAT(message([](auto& wanted) { wanted.layout = Layout::kImages; }),
-              HasSubstr("has no cameras"));
+  EXPECT_THAT(message_of<InvalidArgument>([&] {
+                EnvironmentOptions wanted = options();
+                wanted.layout = Layout::kImages;
+                return EnvironmentBatch("reach", wanted, robot_, 1).size();
+              }),
+              HasSubstr("need simulated cameras, which are missing"));
   EXPECT_THAT(message([](auto& wanted) { wanted.stop_margin = {0.5, 1.0}; }),
               HasSubstr("stop_margin is for TriFingers"));
   EXPECT_THAT(message_of<InvalidArgument>([&] {
@@ -355,7 +388,7 @@ TEST_F(DClaw, TheGoalOfAScrewMoves) {
 }
 
 TEST_F(DClaw, RandomTurnsAndScrewsAreInThePublishedRanges) {
-  const FileRobotOptions robot = dclaw("dclaw");
+  const SimulationOptions robot = dclaw("dclaw");
   const Environment turn("dclaw_turn_random", default_options("dclaw_turn_random"), robot);
   const Environment screw("dclaw_screw_random", default_options("dclaw_screw_random"), robot);
   double fastest = 0.0;

@@ -22,7 +22,7 @@ SkillTrial short_trial() {
   return trial;
 }
 
-double tilt_of(const Simulation<TriFinger>& simulation) {
+double tilt_of(const Simulation& simulation) {
   const auto& q = simulation.robot().object_pose("cuboid").orientation;
   return std::acos((Eigen::Quaterniond(q[0], q[1], q[2], q[3]) * Eigen::Vector3d::UnitY()).z());
 }
@@ -37,7 +37,7 @@ TEST(Balance, KeepsTheCuboidUprightFromAStartThatVaries) {
 
 TEST(Balance, FallsAsItsEquationsSayIfNobodyBalancesIt) {
   const SkillTrial trial = short_trial();
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   const TippingBox box{.half_height = 0.04,
                        .gyration = std::sqrt((0.08 * 0.08 + 0.02 * 0.02) / 12),
                        .tip_radius = figures(trial.believed).tip_radius};
@@ -57,21 +57,21 @@ TEST(Balance, SaysThatTheObjectWasNotSeen) {
   const SkillTrial trial = short_trial();
   MeddledSkill skill = skill_of(trial);
   skill.lets_see = [](TimeIndex) { return false; };
-  EXPECT_EQ(run(Simulation<TriFinger>(trial.simulation), skill).failure, "the object was not seen");
+  EXPECT_EQ(run(Simulation(trial.simulation), skill).failure, "the object was not seen");
 }
 
 TEST(Balance, SaysThatTheObjectIsOutOfSight) {
   const SkillTrial trial = short_trial();
   MeddledSkill skill = skill_of(trial);
   skill.lets_see = [](TimeIndex captured) { return captured < 500; };
-  const std::string_view failure = run(Simulation<TriFinger>(trial.simulation), skill).failure;
+  const std::string_view failure = run(Simulation(trial.simulation), skill).failure;
   EXPECT_TRUE(failure == "the object was out of sight" || failure == "the tip went too far")
       << failure;
 }
 
 TEST(Balance, SaysThatTheObjectFell) {
   const SkillTrial trial = short_trial();
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   MeddledSkill skill = skill_of(trial);
   SkillRunOptions options;
   options.on_step = [&](TimeIndex t) {
@@ -88,15 +88,14 @@ TEST(Balance, SaysThatTheObjectStandsOnNoTip) {
   SkillTrial trial = short_trial();
   trial.simulation.description.objects.front().position = {0.0, 0.0, 0.7};
   MeddledSkill skill = skill_of(trial);
-  EXPECT_EQ(run(Simulation<TriFinger>(trial.simulation), skill).failure,
-            "the object does not stand on a tip");
+  EXPECT_EQ(run(Simulation(trial.simulation), skill).failure, "the object does not stand on a tip");
 }
 
 TEST(Balance, EndsAtOnceWhenItIsStopped) {
   const SkillTrial trial = short_trial();
   MeddledSkill skill = skill_of(trial);
   const std::atomic<bool> stop{true};
-  const SkillTrace trace = run(Simulation<TriFinger>(trial.simulation), skill, {.stop = &stop});
+  const SkillTrace trace = run(Simulation(trial.simulation), skill, {.stop = &stop});
   EXPECT_EQ(trace.failure, "it was stopped");
   EXPECT_EQ(trace.steps.size(), 1U);
 }
@@ -105,13 +104,13 @@ TEST(Balance, BearsStepsThatAreLeftOut) {
   const SkillTrial trial = short_trial();
   MeddledSkill skill = skill_of(trial);
   skill.lets_step = [](TimeIndex step) { return step % 10 != 3; };
-  EXPECT_EQ(run(Simulation<TriFinger>(trial.simulation), skill).failure, "");
+  EXPECT_EQ(run(Simulation(trial.simulation), skill).failure, "");
 }
 
 TEST(Balance, AllocatesNothingInItsLoop) {
   const SkillTrial trial = short_trial();
   MeddledSkill skill = skill_of(trial);
-  EXPECT_EQ(run(Simulation<TriFinger>(trial.simulation), skill).failure, "");
+  EXPECT_EQ(run(Simulation(trial.simulation), skill).failure, "");
   EXPECT_EQ(skill.allocations(), 0U);
 }
 

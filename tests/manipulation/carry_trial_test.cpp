@@ -49,7 +49,7 @@ TEST(Carry, PutsTheCubeDownWhenItIsStopped) {
 
 TEST(Carry, GraspsTheCubeAgainAfterSomebodyTookItAway) {
   const SkillTrial trial = near_goal();
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   MeddledSkill skill = skill_of(trial);
   bool is_taken = false;
   SkillRunOptions options;
@@ -112,7 +112,7 @@ TEST(Carry, SaysThatTheGoalIsOutOfReach) {
 
 TEST(Carry, AllocatesNothingInItsLoop) {
   const SkillTrial trial = near_goal();
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   MeddledSkill skill = skill_of(trial);
   const SkillTrace trace = run(simulation, skill);
   EXPECT_EQ(trace.steps.back().phase, "done");

@@ -80,7 +80,7 @@ TEST(Catch, DoesTheSameForEachFinger) {
 
 TEST(Catch, FailsIfTheBallIsTakenAway) {
   SkillTrial trial = make_skill_trial("catch", "catch");
-  trial.interfere = [](SimulatedRobot<TriFinger>& robot, TimeIndex t, const SkillState& /*state*/) {
+  trial.interfere = [](SimulatedRobot& robot, TimeIndex t, const SkillState& /*state*/) {
     if (t == 900)
       robot.place_object("ball", {.position = {0.5, 0.5, 0.03}, .orientation = {1, 0, 0, 0}});
   };
@@ -138,7 +138,7 @@ TEST(Catch, EndsInEachPhaseWhenStopped) {
   for (const std::string phase : {"approach", "wait", "close", "hold"}) {
     SkillTrial trial = make_skill_trial("catch", "catch");
     if (phase == "approach") trial.simulation.initial_position->at(0) += 0.3;
-    const Simulation<TriFinger> simulation(trial.simulation);
+    const Simulation simulation(trial.simulation);
     auto robot = simulation.connect();
     const auto skill = make_skill("catch", context_of(trial));
     std::atomic<bool> stop{false};

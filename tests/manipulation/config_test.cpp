@@ -22,7 +22,7 @@ using ::testing::HasSubstr;
 
 SkillContext context(const std::string& robot = "sim") {
   const RobotConfig config = load_robot_config(robot, {"objects=[{name: cube, type: cube}]"});
-  const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  const auto& options = config.simulation;
   return {.description = options.description, .limits = safety_limits_of(options)};
 }
 

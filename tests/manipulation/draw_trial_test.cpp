@@ -24,7 +24,7 @@ SkillTrial trial() {
 }
 
 // Whether the pen is nib down with its nib between the blocks, near the table.
-bool stands_in_holder(const Simulation<TriFinger>& simulation) {
+bool stands_in_holder(const Simulation& simulation) {
   const auto& objects = simulation.robot().options().description.objects;
   const ObjectPose pose = simulation.robot().object_pose("pen");
   const auto& q = pose.orientation;
@@ -66,7 +66,7 @@ TEST(StoppedDraw, PutsThePenBackWhenItIsStopped) {
   for (const std::string_view phase : {"look", "approach", "close", "grip", "lift", "carry", "hop",
                                        "draw", "return", "lower", "release"}) {
     const SkillTrial the_trial = trial();
-    const Simulation<TriFinger> simulation(the_trial.simulation);
+    const Simulation simulation(the_trial.simulation);
     MeddledSkill skill = skill_of(the_trial);
     std::atomic<bool> stop{false};
     TimeIndex in_phase = 0;
@@ -84,7 +84,7 @@ TEST(StoppedDraw, PutsThePenBackWhenItIsStopped) {
 TEST(StoppedDraw, EndsWithoutPosesInAnyPhase) {
   for (const std::string_view phase : {"look", "grip", "draw", "release"}) {
     const SkillTrial the_trial = trial();
-    const Simulation<TriFinger> simulation(the_trial.simulation);
+    const Simulation simulation(the_trial.simulation);
     MeddledSkill skill = skill_of(the_trial);
     bool is_blind = false;
     skill.lets_see = [&](TimeIndex) {
@@ -101,7 +101,7 @@ TEST(StoppedDraw, EndsWithoutPosesInAnyPhase) {
 
 TEST(StoppedDraw, SaysThatThePenIsGone) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   SkillRunOptions options;
   options.on_phase = [&](const Skill& at) {
@@ -113,7 +113,7 @@ TEST(StoppedDraw, SaysThatThePenIsGone) {
 
 TEST(Draw, BearsStepsThatAreLeftOut) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   skill.lets_step = [](TimeIndex step) { return step % 17 != 3 && step % 17 != 4; };
   EXPECT_EQ(run(simulation, skill).failure, "");
@@ -121,7 +121,7 @@ TEST(Draw, BearsStepsThatAreLeftOut) {
 
 TEST(Draw, AllocatesNothingInItsLoop) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   const SkillTrace trace = run(simulation, skill);
   EXPECT_EQ(trace.steps.back().phase, "done");

@@ -44,8 +44,7 @@ struct Run {
   double grasps;
 };
 
-Run run_on(const Simulation<TriFinger>& simulation, const SkillTrial& trial,
-           const SkillRunOptions& options) {
+Run run_on(const Simulation& simulation, const SkillTrial& trial, const SkillRunOptions& options) {
   MeddledSkill skill = skill_of(trial);
   SkillTrace trace = run(simulation, skill, options);
   const auto figures = skill.figures(trace, trace.seen);
@@ -53,13 +52,13 @@ Run run_on(const Simulation<TriFinger>& simulation, const SkillTrial& trial,
   return {.trace = std::move(trace), .grasps = grasps};
 }
 
-double height_of(const Simulation<TriFinger>& simulation) {
+double height_of(const Simulation& simulation) {
   return simulation.robot().object_pose("cube").position[2];
 }
 
 TEST(Manipulation, LiftsAndPutsBack) {
   const SkillTrial trial = short_lift();
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   double highest = 0.0;
   SkillRunOptions options;
   options.on_step = [&](TimeIndex) { highest = std::max(highest, height_of(simulation)); };
@@ -75,7 +74,7 @@ bool is_felt_to_slip(double true_friction) {
   SkillTrial trial = short_lift();
   trial.settings.emplace_back("max_grasps=1");
   trial.simulation.description.contact.tip_friction = true_friction;
-  const auto [trace, grasps] = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  const auto [trace, grasps] = run_on(Simulation(trial.simulation), trial, {});
   return std::ranges::any_of(trace.steps,
                              [](const SkillStep& step) { return step.grasp->is_slipping; });
 }
@@ -87,7 +86,7 @@ TEST(Manipulation, FeelsTheObjectSlip) {
 
 TEST(Manipulation, GraspsAgainWhatGotLost) {
   const SkillTrial trial = short_lift();
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   bool is_taken = false;
   SkillRunOptions options;
   options.on_phase = [&](const Skill& at) {
@@ -104,7 +103,7 @@ TEST(Manipulation, GraspsAgainWhatGotLost) {
 TEST(Manipulation, GivesUpWhatItLosesAgainAndAgain) {
   SkillTrial trial = short_lift();
   trial.settings.emplace_back("max_grasps=2");
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   SkillRunOptions options;
   options.on_phase = [&](const Skill& at) {
     if (at.state().phase == "hold")
@@ -118,14 +117,14 @@ TEST(Manipulation, GivesUpWhatItLosesAgainAndAgain) {
 TEST(Manipulation, SaysThatNothingReachesTheObject) {
   SkillTrial trial = short_lift();
   trial.simulation.description.objects[0].position = {0.0, 0.17, 0.0325};
-  const auto [trace, grasps] = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  const auto [trace, grasps] = run_on(Simulation(trial.simulation), trial, {});
   EXPECT_EQ(trace.failure, "no grasp reaches the whole way from where the object lies");
 }
 
 TEST(Manipulation, PutsTheObjectDownWhenItIsStopped) {
   for (const std::string_view phase : {"grasp", "lead", "follow", "hold"}) {
     const SkillTrial trial = short_lift();
-    const Simulation<TriFinger> simulation(trial.simulation);
+    const Simulation simulation(trial.simulation);
     std::atomic<bool> stop{false};
     double speed = 0.0;
     double before = height_of(simulation);
@@ -162,10 +161,10 @@ std::vector<double> numbers_of(const SkillTrace& trace) {
 // Runs the robot once with threads and a controller that is slow at random, and once inline.
 TEST(Manipulation, ComputesTheSameBitForBitHoweverLongItsStepsTake) {
   const SkillTrial trial = varied(short_lift(), 7);
-  const SkillTrace inline_trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {}).trace;
+  const SkillTrace inline_trace = run_on(Simulation(trial.simulation), trial, {}).trace;
   ASSERT_EQ(inline_trace.failure, "");
 
-  SimulatedRobot<TriFinger> driver(trial.simulation);
+  SimulatedRobot driver(trial.simulation);
   SessionHost host = SessionHost::anonymous();
   Backend backend(driver, host);
   const BackendThread thread(backend);
@@ -183,7 +182,7 @@ TEST(Manipulation, ComputesTheSameBitForBitHoweverLongItsStepsTake) {
 
 TEST(Manipulation, DoesNotAllocate) {
   const SkillTrial trial = varied(short_lift(), 3);
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   auto robot = simulation.connect();
   const Companion<CubeObservation> object(robot.companion("object"));
   const ManipulationConfig config = load_lift(context_of(trial), trial.settings);
@@ -232,7 +231,7 @@ LiftWithCameras lift_with_cameras(std::uint64_t seed,
   SkillTrial trial = varied(lift(), seed);
   trial.simulation.object_period = 33;
   trial.simulation.object_delay = 35;
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   auto robot = simulation.connect();
   const Companion<CubeObservation> object(robot.companion("object"));
   const ManipulationConfig config = load_lift(context_of(trial), trial.settings);

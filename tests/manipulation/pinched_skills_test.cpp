@@ -57,7 +57,7 @@ TEST_P(PinchedSkill, PutsTheObjectDownWhenItIsStopped) {
 TEST_P(PinchedSkill, EndsWithoutPosesInAnyPhase) {
   for (const std::string_view phase : {"look", "pinch", "turn", "release"}) {
     const SkillTrial the_trial = trial();
-    const Simulation<TriFinger> simulation(the_trial.simulation);
+    const Simulation simulation(the_trial.simulation);
     MeddledSkill skill = skill_of(the_trial);
     bool is_blind = false;
     skill.lets_see = [&](TimeIndex) {
@@ -80,7 +80,7 @@ TEST_P(PinchedSkill, EndsWithoutPosesInAnyPhase) {
 
 TEST_P(PinchedSkill, SaysThatTheObjectIsGone) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   SkillRunOptions options;
   options.on_phase = [&](const Skill& at) {
@@ -92,7 +92,7 @@ TEST_P(PinchedSkill, SaysThatTheObjectIsGone) {
 
 TEST_P(PinchedSkill, BearsStepsThatAreLeftOut) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   skill.lets_step = [](TimeIndex step) { return step % 17 != 3 && step % 17 != 4; };
   EXPECT_EQ(run(simulation, skill).failure, "");
@@ -100,7 +100,7 @@ TEST_P(PinchedSkill, BearsStepsThatAreLeftOut) {
 
 TEST_P(PinchedSkill, KeepsItsTipsOnTheBoxWhileItTurns) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   auto robot = simulation.connect();
   std::array<bool, 3> presses{};
@@ -125,7 +125,7 @@ TEST_P(PinchedSkill, KeepsItsTipsOnTheBoxWhileItTurns) {
 
 TEST_P(PinchedSkill, AllocatesNothingInItsLoop) {
   const SkillTrial the_trial = trial();
-  const Simulation<TriFinger> simulation(the_trial.simulation);
+  const Simulation simulation(the_trial.simulation);
   MeddledSkill skill = skill_of(the_trial);
   const SkillTrace trace = run(simulation, skill);
   EXPECT_EQ(trace.steps.back().phase, "done");

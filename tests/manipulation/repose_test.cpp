@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <variant>
 
 #include "../support/allocation_counter.hpp"
 #include "parts/carrier.hpp"
@@ -27,9 +26,7 @@ using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
 
-SimulationOptions<TriFinger> pushing() {
-  return std::get<SimulationOptions<TriFinger>>(load_robot_config("pushing").simulation);
-}
+SimulationOptions pushing() { return load_robot_config("pushing").simulation; }
 
 SkillContext context() {
   const auto options = pushing();
@@ -165,7 +162,7 @@ class Carried {
   [[nodiscard]] std::size_t allocated() const { return allocated_; }
 
  private:
-  static SimulationOptions<TriFinger> with_cube(const Pose& start) {
+  static SimulationOptions with_cube(const Pose& start) {
     auto options = pushing();
     const Quaterniond& q = start.orientation;
     options.description.objects[0].position = {start.position.x(), start.position.y(), 0.0325};
@@ -173,7 +170,7 @@ class Carried {
     return options;
   }
 
-  Simulation<TriFinger> simulation_;
+  Simulation simulation_;
   Frontend<TriFinger> robot_;
   TriFinger::Observation y_;
   std::size_t allocated_{0};
@@ -218,7 +215,7 @@ TEST(Carrier, FindsNoGraspForHalfATurn) {
 TEST(Fetcher, DragsACubeToItsGoal) {
   auto options = pushing();
   options.description.objects[0].position = {0.11, 0.03, 0.0325};
-  const Simulation<TriFinger> simulation(options);
+  const Simulation simulation(options);
   auto robot = simulation.connect();
   const SkillContext known = context();
   Fetcher fetcher(known, known.description.objects[0], {10, 0.015});
@@ -306,7 +303,7 @@ TEST(Place, DoesNotAllocateInItsSteps) {
 TEST(Place, IsDoneWithACubeThatLiesWhereItShould) {
   auto options = pushing();
   options.description.objects[0].position = {0.0, 0.0, 0.0325};
-  const Simulation<TriFinger> simulation(options);
+  const Simulation simulation(options);
   auto robot = simulation.connect();
   const auto skill =
       make_skill("place", context(), {}, {"goals=[{place: [0, 0], face: +z, turn: 0}]"});

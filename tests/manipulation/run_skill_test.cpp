@@ -74,13 +74,11 @@ class Watcher final : public Skill {
   bool wants_{false};
 };
 
-SimulationOptions<TriFinger> sim() {
-  return std::get<SimulationOptions<TriFinger>>(load_robot_config("sim").simulation);
-}
+SimulationOptions sim() { return load_robot_config("sim").simulation; }
 
 TEST(RunSkill, TellsEveryStepAndEveryPoseOnceInTheirOrder) {
   Watcher skill;
-  const Simulation<TriFinger> simulation(sim());
+  const Simulation simulation(sim());
   auto robot = simulation.connect();
   const SkillTrace trace = run_skill(robot, skill);
   ASSERT_FALSE(skill.seen.empty());
@@ -99,7 +97,7 @@ TEST(RunSkill, NeedsNoObjectIfTheSkillNeedsNone) {
   skill.object_name.clear();
   auto options = sim();
   options.description.objects.clear();
-  const Simulation<TriFinger> simulation(options);
+  const Simulation simulation(options);
   auto robot = simulation.connect();
   EXPECT_TRUE(run_skill(robot, skill).failure.empty());
   EXPECT_TRUE(skill.seen.empty());
@@ -108,7 +106,7 @@ TEST(RunSkill, NeedsNoObjectIfTheSkillNeedsNone) {
 TEST(RunSkill, RefusesARobotThatDoesNotKnowTheObject) {
   Watcher skill;
   skill.object_name = "pen";
-  const Simulation<TriFinger> simulation(sim());
+  const Simulation simulation(sim());
   auto robot = simulation.connect();
   EXPECT_THROW((void)run_skill(robot, skill), IncompatibleSession);
 }
@@ -116,7 +114,7 @@ TEST(RunSkill, RefusesARobotThatDoesNotKnowTheObject) {
 TEST(RunSkill, PlansInAnotherThreadAndThenBegins) {
   Watcher skill;
   skill.plan_at = 10;
-  const Simulation<TriFinger> simulation(sim());
+  const Simulation simulation(sim());
   auto robot = simulation.connect();
   std::vector<std::string> phases;
   (void)run_skill(robot, skill,
@@ -131,7 +129,7 @@ TEST(RunSkill, ThrowsWhatThePlanningThrows) {
   Watcher skill;
   skill.plan_at = 10;
   skill.plan_throws = true;
-  const Simulation<TriFinger> simulation(sim());
+  const Simulation simulation(sim());
   auto robot = simulation.connect();
   EXPECT_THROW((void)run_skill(robot, skill), std::runtime_error);
 }
@@ -139,7 +137,7 @@ TEST(RunSkill, ThrowsWhatThePlanningThrows) {
 TEST(RunSkill, StopsASkillWhoseTimeIsOver) {
   Watcher skill;
   skill.longest = Seconds(0.02);
-  const Simulation<TriFinger> simulation(sim());
+  const Simulation simulation(sim());
   auto robot = simulation.connect();
   const SkillTrace trace = run_skill(robot, skill);
   EXPECT_EQ(trace.steps.size(), 20U);
@@ -150,7 +148,7 @@ TEST(RunSkill, StopsASkillWhoseTimeIsOver) {
 TEST(RunSkill, StopsWhenAskedTo) {
   Watcher skill;
   const std::atomic<bool> stop{true};
-  const Simulation<TriFinger> simulation(sim());
+  const Simulation simulation(sim());
   auto robot = simulation.connect();
   EXPECT_EQ(run_skill(robot, skill, {.stop = &stop}).steps.size(), 1U);
 }

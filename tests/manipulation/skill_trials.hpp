@@ -29,14 +29,14 @@ inline MeddledSkill skill_of(const evaluation::SkillTrial& trial) {
   return MeddledSkill(make_skill(trial.skill, context_of(trial), {}, trial.settings));
 }
 
-inline SkillTrace run(const Simulation<TriFinger>& simulation, MeddledSkill& skill,
+inline SkillTrace run(const Simulation& simulation, MeddledSkill& skill,
                       const SkillRunOptions& options = {}) {
   auto robot = simulation.connect();
   return run_skill(robot, skill, options);
 }
 
 // Height of the lowest point of the object above the table.
-inline double gap(const Simulation<TriFinger>& simulation) {
+inline double gap(const Simulation& simulation) {
   const ObjectDescription& object = simulation.robot().options().description.objects.front();
   const ObjectPose pose = simulation.robot().object_pose(object.name);
   const auto& q = pose.orientation;
@@ -48,7 +48,7 @@ inline double gap(const Simulation<TriFinger>& simulation) {
 // Stops the skill when it has been in `phase` for `steps`: the object comes down without falling.
 inline void expect_put_down_when_stopped(const evaluation::SkillTrial& trial,
                                          std::string_view phase, TimeIndex steps) {
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation simulation(trial.simulation);
   MeddledSkill skill = skill_of(trial);
   std::atomic<bool> stop{false};
   TimeIndex in_phase = 0;

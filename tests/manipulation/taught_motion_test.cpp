@@ -117,13 +117,12 @@ class Nothing final : public Skill {
 };
 
 struct Playing {
-  SimulationOptions<TriFinger> options =
-      std::get<SimulationOptions<TriFinger>>(load_robot_config("sim").simulation);
+  SimulationOptions options = load_robot_config("sim").simulation;
   SkillContext context{.description = options.description,
                        .limits = safety_limits_of(options),
                        .period = options.period};
-  JointValues start = JointValues::Map(
-      Simulation<TriFinger>(options).robot().initial_position().data(), kMaxJoints);
+  JointValues start =
+      JointValues::Map(Simulation(options).robot().initial_position().data(), kMaxJoints);
 
   [[nodiscard]] std::unique_ptr<Skill> skill(TaughtMotion motion) const {
     return play_instead(std::make_unique<Nothing>(), context, std::move(motion));
@@ -136,7 +135,7 @@ TEST(TaughtSkill, MovesTheRobotAsItWasTaught) {
   TaughtMotion motion = wave(playing.start);
   for (JointValues& torque : motion.torques) torque.setZero();
   const auto skill = playing.skill(motion);
-  const Simulation<TriFinger> simulation(playing.options);
+  const Simulation simulation(playing.options);
   auto robot = simulation.connect();
   double worst = 0.0;
   Seconds elapsed{0};

@@ -143,8 +143,7 @@ TEST(Throw, WaitsForABallThatIsPutOnTheTips) {
   ObjectDescription& ball = trial.simulation.description.objects.front();
   const Triple place = *ball.position;
   ball.position = {0.4, 0.4, 0.03};
-  trial.interfere = [place](SimulatedRobot<TriFinger>& robot, TimeIndex t,
-                            const SkillState& /*state*/) {
+  trial.interfere = [place](SimulatedRobot& robot, TimeIndex t, const SkillState& /*state*/) {
     if (t == 500) robot.place_object("ball", {.position = place, .orientation = {1, 0, 0, 0}});
   };
   EXPECT_EQ(run_skill_trial(trial).trace.failure, "");
@@ -158,7 +157,7 @@ TEST(Throw, FailsWithoutABall) {
 
 TEST(Throw, FailsIfTheBallIsTakenAwayBefore) {
   SkillTrial trial = make_skill_trial("throw", "throw");
-  trial.interfere = [](SimulatedRobot<TriFinger>& robot, TimeIndex t, const SkillState& /*state*/) {
+  trial.interfere = [](SimulatedRobot& robot, TimeIndex t, const SkillState& /*state*/) {
     if (t == 60)
       robot.place_object("ball", {.position = {0.4, 0.4, 0.03}, .orientation = {1, 0, 0, 0}});
   };
@@ -190,7 +189,7 @@ TEST(Throw, EndsInEachPhaseWhenStopped) {
     SkillTrial trial = make_skill_trial("throw", "throw");
     if (phase == "approach") trial.simulation.initial_position->at(0) += 0.3;
     if (phase == "wait") trial.simulation.description.objects.front().position = {0.4, 0.4, 0.03};
-    const Simulation<TriFinger> simulation(trial.simulation);
+    const Simulation simulation(trial.simulation);
     auto robot = simulation.connect();
     const auto skill = make_skill("throw", context_of(trial));
     std::atomic<bool> stop{false};

@@ -21,7 +21,7 @@ using test::label;
 constexpr double kMjcfDigits = 2e-6;
 
 struct Opened {
-  RobotModel::Compiled model;
+  SceneModel::Compiled model;
   std::unique_ptr<mjData, void (*)(mjData*)> data{nullptr, mj_deleteData};
 };
 

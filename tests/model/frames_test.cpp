@@ -18,6 +18,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/model/contact_check.hpp"
+#include "trifinger/model/model_file.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -58,7 +59,7 @@ TEST_F(FramesTest, AreWhereMujocoSays) {
   const std::vector<std::string> names{"tip", "wrist", "block", "nose", "drone"};
   const Frames frames(file, names);
   ASSERT_EQ(frames.size(), names.size());
-  const RobotModel::Data data = file->make_data();
+  const SceneModel::Data data = file->make_data();
   Random random{.seed = 5};
   std::vector<double> points(3 * names.size());
   for (int pose = 0; pose < 100; ++pose) {

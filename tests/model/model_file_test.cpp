@@ -39,10 +39,10 @@ class ModelFileTest : public testing::Test {
     if (text.starts_with(folder)) text.erase(0, folder.size());
     return text;
   }
-  [[nodiscard]] static std::vector<std::string> names(const std::vector<FileJoint>& joints) {
+  [[nodiscard]] static std::vector<std::string> names(const std::vector<DrivenJoint>& joints) {
     std::vector<std::string> names;
     names.reserve(joints.size());
-    for (const FileJoint& joint : joints) names.push_back(joint.name);
+    for (const DrivenJoint& joint : joints) names.push_back(joint.name);
     return names;
   }
 
@@ -51,7 +51,7 @@ class ModelFileTest : public testing::Test {
 
 // The forces of all motors on the degrees of freedom, for a torque of 1 at joint `joint`.
 std::vector<double> forces_of(const ModelFile& model, std::size_t joint) {
-  const RobotModel::Data data = model.make_data();
+  const SceneModel::Data data = model.make_data();
   model.set_torque(joint, 1.0, *data);
   mj_forward(model.mujoco(), data.get());
   return {data->qfrc_actuator, data->qfrc_actuator + model.mujoco()->nv};
@@ -61,21 +61,21 @@ TEST_F(ModelFileTest, SaysWhatTheFileSaysOfEachDrivenJoint) {
   const ModelFile model = arm();
   EXPECT_EQ(model.name(), "some arm");
   ASSERT_THAT(names(model.joints()), ElementsAre("shoulder", "elbow", "finger", "rail"));
-  const FileJoint& shoulder = model.joints()[0];
+  const DrivenJoint& shoulder = model.joints()[0];
   EXPECT_EQ(shoulder.range, (std::array{-2.0, 2.0}));
   // With a gear of 2 a force of 6 N is a torque of 12 Nm, and gains act with its square.
   EXPECT_EQ(shoulder.max_torque, 12.0);
   EXPECT_EQ(shoulder.kp, 40.0);
   EXPECT_EQ(shoulder.kd, 4.0);
-  const FileJoint& elbow = model.joints()[1];
+  const DrivenJoint& elbow = model.joints()[1];
   EXPECT_EQ(elbow.max_torque, 8.0);
   EXPECT_FALSE(elbow.kp || elbow.kd);
-  const FileJoint& finger = model.joints()[2];
+  const DrivenJoint& finger = model.joints()[2];
   EXPECT_EQ(finger.range, (std::array{0.0, 1.5}));
   EXPECT_EQ(finger.kp, 3.0);
   EXPECT_EQ(finger.kd, 0.0);
   EXPECT_FALSE(finger.is_slide);
-  const FileJoint& rail = model.joints()[3];
+  const DrivenJoint& rail = model.joints()[3];
   EXPECT_TRUE(rail.is_slide);
   EXPECT_FALSE(rail.range);
   // Its force limits differ, and a motor has one.
@@ -89,9 +89,9 @@ TEST_F(ModelFileTest, KnowsAllJointsAndFreeBodies) {
   EXPECT_TRUE(model.model_joints()[0].is_slide);
   EXPECT_EQ(model.model_joints()[5].name, "flap");
   EXPECT_FALSE(model.drives_all());
-  ASSERT_EQ(model.free_bodies().size(), 2U);
-  EXPECT_EQ(model.free_bodies()[0].name, "ball");
-  EXPECT_EQ(model.free_bodies()[1].position, 6 + 7);
+  ASSERT_EQ(model.objects().size(), 2U);
+  EXPECT_EQ(model.objects()[0].name, "ball");
+  EXPECT_EQ(model.objects()[1].position, 6 + 7);
 }
 
 TEST_F(ModelFileTest, HasMotorsWhoseTorqueActsOnTheJointWhateverItsActuatorWas) {
@@ -156,7 +156,7 @@ TEST_F(ModelFileTest, LetsTheAppliedTorqueActAtOnceAndInFull) {
   const ModelFile tendon(options);
   EXPECT_EQ(tendon.joints()[0].max_torque, 5.0);
   const auto forces = [](const ModelFile& model) {
-    const RobotModel::Data data = model.make_data();
+    const SceneModel::Data data = model.make_data();
     model.set_torque(0, 10.0, *data);
     mj_forward(model.mujoco(), data.get());
     return std::vector(data->qfrc_actuator, data->qfrc_actuator + model.mujoco()->nv);
@@ -202,7 +202,7 @@ TEST_F(ModelFileTest, DrivesJointsWithoutNamesUnlessAnotherHasTheirs) {
 
 TEST_F(ModelFileTest, MeasuresACoupledJointAsItsTendonIsLong) {
   const ModelFile model = arm();
-  const RobotModel::Data data = model.make_data();
+  const SceneModel::Data data = model.make_data();
   model.set_model_position(3, 1.0, *data);
   model.set_model_position(4, 0.4, *data);
   EXPECT_DOUBLE_EQ(model.position(2, *data), 0.7);
@@ -221,7 +221,7 @@ TEST_F(ModelFileTest, DrivesTheJointsThatAreNamedInTheirOrder) {
   EXPECT_EQ(forces_of(model, 1)[1], 1.0);
 
   // The other actuators of the file do nothing.
-  const RobotModel::Data data = model.make_data();
+  const SceneModel::Data data = model.make_data();
   std::fill(data->ctrl, data->ctrl + model.mujoco()->nu, 0.0);
   model.set_model_position(1, 1.0, *data);
   mj_forward(model.mujoco(), data.get());
@@ -364,8 +364,8 @@ TEST_F(ModelFileTest, BecomesATextThatNeedsNoOtherFile) {
   const mjModel& one = *model.mujoco();
   const mjModel& other = *again.mujoco();
   ASSERT_EQ(other.ngeom, one.ngeom);
-  const RobotModel::Data data = model.make_data();
-  const RobotModel::Data other_data = again.make_data();
+  const SceneModel::Data data = model.make_data();
+  const SceneModel::Data other_data = again.make_data();
   mj_kinematics(&one, data.get());
   mj_kinematics(&other, other_data.get());
   for (int body = 0; body < one.nbody; ++body) {

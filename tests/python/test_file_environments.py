@@ -289,7 +289,6 @@ def test_a_saved_state_continues_with_its_variation(arm: str) -> None:
     state = simulation.save()
     other = trifinger.Simulation(*environment.scene)
     other.restore(state)
-    assert other.save() == state
     environment.close()
     ends = []
     for one in (simulation, other):

@@ -15,6 +15,8 @@ from trifinger_view.scene import scene_of
 
 pytestmark = pytest.mark.bindings
 
+CONFIGS = Path(__file__).parents[2] / "config"
+
 # Seven joints in a row, which stand for the arm of the page.
 CHAIN = """<mujoco>
   <compiler angle="radian"/>
@@ -67,7 +69,7 @@ def test_the_owner_of_the_simulation_places_everything(arm: str) -> None:
         simulation.vary(pair_friction={"tip_object": 0.5})
     with pytest.raises(trifinger.InvalidArgument, match="position has 3 numbers, must have 2"):
         simulation.reset([0, 0, 0])
-    assert simulation.bodies == []
+    assert simulation.bodies == ["ball"]
 
 
 def test_what_safety_needs_is_asked_for_by_name(tmp_path: Path) -> None:
@@ -106,3 +108,74 @@ def test_the_program_of_the_page_runs(tmp_path: Path) -> None:
     printed = output_of(sys.executable, "-c", program, cwd=tmp_path).strip("[] \n")
     expected = [0, -0.4, 0, -2.4, 0, 2.0, 0.8]
     np.testing.assert_allclose(list(map(float, printed.split())), expected, atol=0.01)
+
+
+# An arm on a table, two cameras in its file, and a cube of the configuration.
+SEEN = """<mujoco model="seen">
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1" rgba="0.5 0.5 0.55 1"/>
+    <camera name="front" pos="0.9 -0.5 0.6" xyaxes="2 3.5 0 -1.6 1 3.5" resolution="640 480"/>
+    <camera name="above" pos="0.2 0 1" xyaxes="0 -1 0 1 0 0" fovy="55" resolution="640 480"/>
+    <body pos="-0.2 0 0.22">
+      <joint name="yaw" axis="0 0 1" range="-150 150"/>
+      <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.03" rgba="0.9 0.5 0.1 1"/>
+      <camera name="at_the_arm"/>
+    </body>
+  </worldbody>
+  <actuator><motor joint="yaw" ctrllimited="true" ctrlrange="-5 5"/></actuator>
+</mujoco>
+"""
+SEEN_CONFIG = """name: seen
+driver: simulation
+robot: {mjcf: seen.xml}
+safety:
+  every_joint: {safety_kd: 0.1, max_velocity: 5, braking: 50, default_kp: 10, default_kd: 0.5}
+  yaw: {soft_lower: -2, soft_upper: 2}
+objects:
+  - {name: cube, type: cube, size: [0.065], mass: 0.094, position: [0.25, -0.15, 0.0325]}
+simulation: {object_period: 0.02, object_delay: 0.06, object_poses: exact}
+stop: {damping_time: 0.1, rest_position: [0.5], move_time: 2}
+"""
+
+
+@pytest.fixture
+def seen(tmp_path: Path) -> str:
+    """Its cameras are like those of sim_cameras, but for rate and size."""
+    section = (CONFIGS / "sim_cameras.yml").read_text().partition("\ncameras:")[2]
+    for line, other in {"rate: 100": "rate: 50", "size: 540": "size: 640"}.items():
+        assert line in section
+        section = section.replace(line, other)
+    (tmp_path / "seen.xml").write_text(SEEN)
+    (tmp_path / "seen.yml").write_text(f"{SEEN_CONFIG}cameras:{section}")
+    return str(tmp_path / "seen.yml")
+
+
+def test_cameras_of_the_file_see_the_scene_and_a_tracker_finds_the_cube(seen: str) -> None:
+    simulation = trifinger.Simulation(seen, {"simulation.object_poses": "tracked"})
+    robot = simulation.connect()
+    for _ in range(100):
+        t = robot.append_desired_action(robot.new_action(position=[0.3]))
+    robot.wait_until_time_index(t)
+    pose = robot.companion("object").get_latest_at(t)
+    true_position, _ = simulation.object_pose("cube")
+    np.testing.assert_allclose(pose.cube.position, true_position, atol=5e-3)
+    assert pose.stamp.arrival_index - pose.stamp.capture_index == 30
+    renderer = trifinger.CameraRenderer(seen, pixels="rgb8")
+    front, above = renderer.render(simulation.configuration())
+    assert np.asarray(front).shape == np.asarray(above).shape == (480, 640, 3)
+    # The cube's top is blue, and the arm is orange.
+    assert np.asarray(above)[215, 1032 - 640].argmax() == 2
+    assert np.asarray(above)[:, :, 0].max() > 150
+
+
+def test_a_hand_pulls_an_object_of_a_robot_from_a_file(seen: str) -> None:
+    simulation = trifinger.Simulation(seen)
+    assert simulation.bodies == ["cube"]
+    robot = simulation.connect()
+    simulation.pull("cube", [0.3, 0.1, 0.2])
+    for _ in range(1000):
+        t = robot.append_desired_action(robot.new_action(position=[-0.5]))
+    robot.wait_until_time_index(t)
+    position, _ = simulation.object_pose("cube")
+    np.testing.assert_allclose(position, [0.3, 0.1, 0.2], atol=0.01)

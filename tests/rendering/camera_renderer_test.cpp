@@ -145,7 +145,8 @@ RenderingOptions precise() {
 TEST(CameraRenderer, fault_64_RefusesToDrawInAForkedChildOfAProcessThatHasDrawn) {
   const RobotDescription description = scene_with_ball();
   const std::vector<Camera> cameras{calibration_of_figures({}).cameras[0].reduced(18)};
-  std::optional<CameraRenderer> renderer(std::in_place, description, cameras);
+  std::optional<CameraRenderer> renderer(std::in_place,
+                                         SimulationOptions{.description = description}, cameras);
   test::ChildProcess child([&] {
     const auto refuses = [](const auto& call) {
       try {
@@ -157,7 +158,8 @@ TEST(CameraRenderer, fault_64_RefusesToDrawInAForkedChildOfAProcessThatHasDrawn)
     };
     if (!refuses([&] { renderer->set_options({.roundness = 12}); })) return 2;
     renderer.reset();
-    return refuses([&] { const CameraRenderer own(description, cameras); }) ? 0 : 3;
+    return refuses([&] { const CameraRenderer own({.description = description}, cameras); }) ? 0
+                                                                                             : 3;
   });
   EXPECT_EQ(child.wait(), 0);
   renderer->set_options({.roundness = 12});
@@ -165,13 +167,15 @@ TEST(CameraRenderer, fault_64_RefusesToDrawInAForkedChildOfAProcessThatHasDrawn)
 
 TEST(CameraRenderer, ShowsPointsWhereTheCameraProjectsThem) {
   const RobotDescription description = bare_scene();
-  CameraRenderer renderer(description, cameras(description, 1, PixelFormat::kMono8), precise());
+  CameraRenderer renderer({.description = description},
+                          cameras(description, 1, PixelFormat::kMono8), precise());
   expect_balls_in_place(renderer, description, renderer.cameras());
 }
 
 TEST(CameraRenderer, ShowsPointsWhereCamerasOfHalfTheSizeProjectThem) {
   const RobotDescription description = bare_scene();
-  CameraRenderer renderer(description, cameras(description, 2, PixelFormat::kMono8), precise());
+  CameraRenderer renderer({.description = description},
+                          cameras(description, 2, PixelFormat::kMono8), precise());
   expect_balls_in_place(renderer, description, renderer.cameras());
 }
 
@@ -184,7 +188,7 @@ TEST(CameraRenderer, ShowsPointsWhereAStrongLensAndAWideImageProjectThem) {
     camera.lens.distortion = {-0.4, 0.2, 0.01, -0.008, -0.05};
     camera.lens.fy *= 1.1;
   }
-  CameraRenderer renderer(description, wide, precise());
+  CameraRenderer renderer({.description = description}, wide, precise());
   expect_balls_in_place(renderer, description, wide);
 }
 
@@ -192,7 +196,8 @@ TEST(CameraRenderer, ShowsPointsWhereTheTrueCamerasAreIfTheCalibrationHasErrors)
   const RobotDescription description = bare_scene();
   RenderingOptions options = precise();
   options.calibration_error = 5;
-  CameraRenderer renderer(description, cameras(description, 1, PixelFormat::kMono8), options);
+  CameraRenderer renderer({.description = description},
+                          cameras(description, 1, PixelFormat::kMono8), options);
   EXPECT_NE(renderer.true_cameras()[0].lens.cx, renderer.cameras()[0].lens.cx);
   expect_balls_in_place(renderer, description, renderer.true_cameras());
 }
@@ -200,9 +205,11 @@ TEST(CameraRenderer, ShowsPointsWhereTheTrueCamerasAreIfTheCalibrationHasErrors)
 TEST(CameraRenderer, EachValueOfAMosaicIsThatOfOneColourThere) {
   const RobotDescription description;
   const auto where = configuration(description, {0.02, 0.03, 0.05});
-  CameraRenderer mosaic(description, cameras(description, 2), plain());
-  CameraRenderer colours(description, cameras(description, 2, PixelFormat::kRgb8), plain());
-  CameraRenderer brightness(description, cameras(description, 2, PixelFormat::kMono8), plain());
+  CameraRenderer mosaic({.description = description}, cameras(description, 2), plain());
+  CameraRenderer colours({.description = description}, cameras(description, 2, PixelFormat::kRgb8),
+                         plain());
+  CameraRenderer brightness({.description = description},
+                            cameras(description, 2, PixelFormat::kMono8), plain());
   const Images raw = render(mosaic, where);
   const Images rgb = render(colours, where);
   const Images grey = render(brightness, where);
@@ -246,7 +253,7 @@ TEST(CameraRenderer, TheFacesOfTheCubeHaveTheColoursOfTheRealOne) {
   RobotDescription description;
   description.arrangement = Arrangement::kSingleFinger;
   const std::vector<Camera> all = cameras(description, 1, PixelFormat::kRgb8);
-  CameraRenderer renderer(description, all, plain());
+  CameraRenderer renderer({.description = description}, all, plain());
   const Eigen::Vector3d centre(0, 0, 0.06);
   struct Face {
     Eigen::Vector3d normal;
@@ -281,7 +288,7 @@ TEST(CameraRenderer, CamerasOfAFlippedPlatformTurnWithIt) {
   EXPECT_NEAR(all[0].pose.translation().x(), -upright[0].pose.translation().x(), 1e-12);
   // They look up to what they looked down to.
   EXPECT_GT((all[0].pose.linear() * Eigen::Vector3d::UnitZ()).z(), 0.5);
-  CameraRenderer renderer(flipped, all, precise());
+  CameraRenderer renderer({.description = flipped}, all, precise());
   const Images empty = render(renderer, configuration(flipped, {0, 0, -2}));
   const Eigen::Vector3d centre(0.01, 0.02, flip_height(flipped) - 0.1);
   const Images seen = render(renderer, configuration(flipped, centre));
@@ -301,8 +308,8 @@ TEST(CameraRenderer, EqualArgumentsGiveEqualImages) {
   RenderingVariation variation;
   Random random{.seed = 9};
   const RenderingOptions options = variation.draw({}, random);
-  CameraRenderer one(description, cameras(description, 2), options);
-  CameraRenderer other(description, cameras(description, 2));
+  CameraRenderer one({.description = description}, cameras(description, 2), options);
+  CameraRenderer other({.description = description}, cameras(description, 2));
   (void)render(other, where, 5);
   other.set_options(options);
   EXPECT_EQ(render(one, where, 1), render(other, where, 1));
@@ -314,11 +321,11 @@ TEST(CameraRenderer, NoiseHasTheVarianceOfItsOptions) {
   const RobotDescription description;
   const auto where = configuration(description, {0, 0, 0.0325});
   const auto all = cameras(description, 2);
-  CameraRenderer quiet(description, all, plain());
+  CameraRenderer quiet({.description = description}, all, plain());
   RenderingOptions options = plain();
   options.read_noise = 2;
   options.shot_noise = 0.05;
-  CameraRenderer noisy(description, all, options);
+  CameraRenderer noisy({.description = description}, all, options);
   const Images mean = render(quiet, where);
   std::array<double, 2> squares{};  // of dark and bright values, by what is expected
   std::array<int, 2> counts{};
@@ -343,7 +350,7 @@ TEST(CameraRenderer, NoiseHasTheVarianceOfItsOptions) {
 TEST(CameraRenderer, GainIsAFactorUntilTheLevelsEnd) {
   const RobotDescription description;
   const auto where = configuration(description, {0, 0, 0.0325});
-  CameraRenderer renderer(description, cameras(description, 2), plain());
+  CameraRenderer renderer({.description = description}, cameras(description, 2), plain());
   const Images before = render(renderer, where);
   RenderingOptions options = plain();
   options.gain = 1.5;
@@ -361,7 +368,7 @@ TEST(CameraRenderer, WhatMovesIsBlurredAlongItsPath) {
   options.exposure = std::chrono::milliseconds(10);
   options.blur_steps = 16;
   const auto all = cameras(description, 1, PixelFormat::kMono8);
-  CameraRenderer renderer(description, all, options);
+  CameraRenderer renderer({.description = description}, all, options);
   const Eigen::Vector3d centre(0, 0.05, 0.1);
   std::vector<double> still = configuration(description, centre);
   std::vector<double> moving = still;
@@ -401,7 +408,7 @@ TEST(CameraRenderer, WhatMovesIsBlurredAlongItsPath) {
 TEST(CameraRenderer, EveryVariationChangesTheImage) {
   const RobotDescription description;
   const auto where = configuration(description, {0, 0, 0.0325});
-  CameraRenderer renderer(description, cameras(description, 2), plain());
+  CameraRenderer renderer({.description = description}, cameras(description, 2), plain());
   const Images reference = render(renderer, where);
   const auto expect_change = [&](const char* name, RenderingOptions options) {
     renderer.set_options(options);
@@ -440,13 +447,13 @@ TEST(CameraRenderer, EveryVariationChangesTheImage) {
 TEST(CameraRenderer, ThreadsMayPassItOnAndHaveOthersBesideIt) {
   const RobotDescription description;
   const auto where = configuration(description, {0, 0, 0.0325});
-  CameraRenderer renderer(description, cameras(description, 2), plain());
+  CameraRenderer renderer({.description = description}, cameras(description, 2), plain());
   const Images expected = render(renderer, where);
   Images passed_on;
   Images beside;
   std::thread first([&] { passed_on = render(renderer, where); });
   std::thread second([&] {
-    CameraRenderer own(description, cameras(description, 2), plain());
+    CameraRenderer own({.description = description}, cameras(description, 2), plain());
     beside = render(own, where);
   });
   first.join();
@@ -458,7 +465,7 @@ TEST(CameraRenderer, ThreadsMayPassItOnAndHaveOthersBesideIt) {
 
 TEST(CameraRenderer, RefusesWhatMakesNoSense) {
   const RobotDescription description;
-  CameraRenderer renderer(description, cameras(description, 2));
+  CameraRenderer renderer({.description = description}, cameras(description, 2));
   const auto message = [&](const auto& function) {
     return test::message_of<InvalidArgument>(function);
   };
@@ -469,7 +476,8 @@ TEST(CameraRenderer, RefusesWhatMakesNoSense) {
   EXPECT_THAT(message([&] { (void)render(renderer, odd); }), HasSubstr("not finite"));
   EXPECT_THAT(message([&] { renderer.render(configuration(description, {0, 0, 0}), 0, {}); }),
               HasSubstr("0 images were given for 3 cameras"));
-  EXPECT_THAT(message([&] { CameraRenderer(description, {}); }), HasSubstr("needs a camera"));
+  EXPECT_THAT(message([&] { CameraRenderer({.description = description}, {}); }),
+              HasSubstr("needs a camera"));
   EXPECT_THAT(message([&] { renderer.set_options({.multisampling = 3}); }),
               HasSubstr("multisampling is 3, must be 0, 2, 4 or 8"));
   EXPECT_THAT(message([&] { renderer.set_options({.dust = 1.5}); }),

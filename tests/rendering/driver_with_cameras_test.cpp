@@ -32,7 +32,7 @@ camera::Calibration small_cameras(const RobotDescription& description = {}) {
 }
 
 using Robot = Frontend<TriFinger>;
-using Cameras = SimulationWithCameras<TriFinger>;
+using Cameras = SimulationWithCameras;
 
 // The fingers move.
 TimeIndex step(Robot& robot) {
@@ -139,7 +139,7 @@ TEST(Sight, IsOfTheNewestImagesThatHaveArrived) {
   const RobotDescription description;
   const std::vector<camera::Camera> cameras = small_cameras().cameras;
   const std::vector<double> scene = configuration(description, {0, 0, 0.0325});
-  Eyes eyes(description, cameras, {}, nullptr);
+  Eyes eyes({.description = description}, cameras, {}, nullptr);
   Sight sight({.period = 2, .delay = 1}, 1);
   sight.begin({});
   EXPECT_TRUE(sight.is_due(-1));
@@ -173,7 +173,8 @@ class Forgetful final : public ObjectFinder {
 
 TEST(Sight, ImagesAtWhichNobodyCouldLookDidNotArrive) {
   const RobotDescription description;
-  Eyes eyes(description, small_cameras().cameras, {}, std::make_unique<Forgetful>());
+  Eyes eyes({.description = description}, small_cameras().cameras, {},
+            std::make_unique<Forgetful>());
   Sight sight({.period = 2, .delay = 0}, 1);
   sight.begin({});
   sight.capture(0, configuration(description, {0, 0, 0.0325}));
@@ -187,10 +188,10 @@ TEST(Sight, ImagesAtWhichNobodyCouldLookDidNotArrive) {
 
 TEST(ObjectFinder, RefusesObjectsWhoseOrientationNoImageShows) {
   RobotDescription description;
-  EXPECT_NE(make_object_finder(description, small_cameras().cameras), nullptr);
+  EXPECT_NE(make_object_finder(description.objects, small_cameras().cameras), nullptr);
   description.objects[0].colours.fill("red");
   EXPECT_THAT(test::message_of<InvalidArgument>(
-                  [&] { (void)make_object_finder(description, small_cameras().cameras); }),
+                  [&] { (void)make_object_finder(description.objects, small_cameras().cameras); }),
               HasSubstr("cube looks the same after 23 different turns"));
 }
 

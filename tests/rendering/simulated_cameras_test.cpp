@@ -44,7 +44,8 @@ std::vector<SceneElement> scenes_of(const UntypedFrontend& scenes) {
   std::vector<std::byte> element(scenes.session().element(Series::kObservation).size());
   for (TimeIndex i = first; i < end; ++i) {
     scenes.get(Series::kObservation, i, element.data(), Nanoseconds::zero());
-    SceneElement found{.stamp = {}, .configuration = std::vector<double>(configuration_size({}))};
+    SceneElement found{.stamp = {},
+                       .configuration = std::vector<double>(configuration_size(RobotModel()))};
     std::memcpy(&found.stamp, element.data(), sizeof(Stamp));
     std::memcpy(found.configuration.data(), element.data() + sizeof(Stamp),
                 std::span(found.configuration).size_bytes());
@@ -76,7 +77,7 @@ class Rig {
   }
 
   test::SessionFolder folder;
-  SimulatedRobot<TriFinger> driver{{.scene_period = kScenePeriod}};
+  SimulatedRobot driver{{.scene_period = kScenePeriod}};
   SessionHost host{SessionHost::named("robot")};
   Backend backend{driver, host};
   BackendThread thread{backend};
@@ -104,8 +105,8 @@ Grabbed grab(SimulatedCameras& source, Timeout timeout = kForever) {
 
 test::SourceUnderTest make_simulated_cameras() {
   return {.world = std::make_shared<Rig>(),
-          .source = std::make_unique<SimulatedCameras>("robot", RobotDescription{}, small_cameras(),
-                                                       5ms, plain())};
+          .source = std::make_unique<SimulatedCameras>("robot", SimulationOptions{},
+                                                       small_cameras(), 5ms, plain())};
 }
 
 // While the robot holds its pose. A program that moves it is in the tests below.
@@ -173,7 +174,7 @@ TEST(SimulatedCameras, WaitForARobotAndForItsNextSession) {
   EXPECT_FALSE(grab(source, Nanoseconds::zero()).is_new) << "there is no robot";
   EXPECT_FALSE(grab(source, 30ms).is_new);
 
-  SimulatedRobot<TriFinger> driver({.scene_period = kScenePeriod});
+  SimulatedRobot driver({.scene_period = kScenePeriod});
   SessionHost host = SessionHost::named("robot");
   Backend backend(driver, host);
   const BackendThread thread(backend);
@@ -195,8 +196,8 @@ TEST(SimulatedCameras, SeeWhatAnEmulatorSaysAboutItsPlant) {
   const test::SessionFolder folder;
   SimulatedPlant<TriFinger> plant({});
   SimulatedScene<TriFinger> scene("robot", plant, 10ms);
-  DriverWithSensors driver(std::make_unique<SimulatedRobot<TriFinger>>(), "robot",
-                           {scene_companion({})});
+  DriverWithSensors driver(std::make_unique<SimulatedRobot>(), "robot",
+                           {scene_companion(plant.model())});
   SessionHost host = SessionHost::named("robot");
   Backend backend(driver, host);
   const BackendThread thread(backend);

@@ -185,7 +185,7 @@ TEST(ServoRobot, CarriesItsWeightWhileItHolds) {
 
 TEST(ServoRobot, DampsAfterASessionAndLetsGo) {
   RigOptions options{.robot = claw_options()};
-  options.robot.damping_time = 20ms;
+  options.robot.stop.damping_time = 20ms;
   Rig rig(options);
   rig.begin();
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(rig.step(to_position(0.3)));

@@ -11,14 +11,14 @@ namespace trifinger::test {
 template <class R>
 class BareDriver {
  public:
-  explicit BareDriver(SimulationOptions<R> options) : robot(std::move(options)) {
+  explicit BareDriver(SimulationOptions options) : robot(std::move(options)) {
     (void)robot.prepare(0);
-    (void)robot.get_latest_observation(observation);
+    (void)robot.get_latest_observation(&observation);
   }
 
   DriverReport step(const typename R::Action& desired) {
-    const DriverReport report = robot.apply_action(desired, applied);
-    (void)robot.get_latest_observation(observation);
+    const DriverReport report = robot.apply_action(&desired, &applied);
+    (void)robot.get_latest_observation(&observation);
     return report;
   }
   DriverReport fault_after(const typename R::Action& desired, int max_steps) {
@@ -31,10 +31,10 @@ class BareDriver {
   /// Returns to the beginning.
   void reset() {
     robot.reset();
-    (void)robot.get_latest_observation(observation);
+    (void)robot.get_latest_observation(&observation);
   }
 
-  SimulatedRobot<R> robot;
+  SimulatedRobot robot;
   typename R::Observation observation;
   typename R::AppliedAction applied;
 };

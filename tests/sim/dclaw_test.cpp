@@ -11,13 +11,12 @@
 #include <numbers>
 #include <random>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "support/soak.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_simulation.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -40,9 +39,8 @@ struct Observation {
   JointVector<kJoints + 1> joint_velocity{};
 };
 
-FileRobotConfig config(const std::vector<std::string>& overrides = {}) {
-  return std::get<FileRobotConfig>(
-      load_any_robot_config(TRIFINGER_CONFIG_DIR "/dclaw.yml", overrides));
+RobotConfig config(const std::vector<std::string>& overrides = {}) {
+  return load_robot_config(TRIFINGER_CONFIG_DIR "/dclaw.yml", overrides);
 }
 
 class DClaw : public testing::Test {
@@ -72,20 +70,20 @@ class DClaw : public testing::Test {
     return applied;
   }
 
-  FileRobot robot_{config().robot};
-  RobotModel::Data data_{robot_.model().make_data()};
+  SimulatedRobot robot_{config().simulation};
+  SceneModel::Data data_{robot_.model().make_data()};
 };
 
 TEST_F(DClaw, HasNineMotorsAndAValveThatNoneDrives) {
   std::vector<std::string> names;
-  for (const FileJoint& joint : robot_.model().joints()) names.push_back(joint.name);
+  for (const DrivenJoint& joint : robot_.model().joints()) names.push_back(joint.name);
   EXPECT_THAT(names, ElementsAre("FFJ10", "FFJ11", "FFJ12", "MFJ20", "MFJ21", "MFJ22", "THJ30",
                                  "THJ31", "THJ32"));
   ASSERT_EQ(robot_.model().model_joints().size(), kJoints + 1);
   EXPECT_EQ(robot_.model().model_joints().back().name, "valve");
-  EXPECT_EQ(robot_.model().period(), std::chrono::microseconds(2500));
-  EXPECT_EQ(robot_.model().substeps(), 1);
-  for (const FileJoint& joint : robot_.model().joints()) EXPECT_EQ(joint.kp, 2.0) << joint.name;
+  EXPECT_EQ(robot_.options().file->period(), std::chrono::microseconds(2500));
+  EXPECT_EQ(robot_.options().file->substeps(), 1);
+  for (const DrivenJoint& joint : robot_.model().joints()) EXPECT_EQ(joint.kp, 2.0) << joint.name;
   for (const double angle : {0, 3, 6}) {
     EXPECT_EQ(robot_.initial_position()[static_cast<std::size_t>(angle)], 0.0);
     EXPECT_NEAR(robot_.initial_position()[static_cast<std::size_t>(angle) + 1], -kPi / 3, 1e-6);
@@ -174,7 +172,7 @@ TEST_F(DClaw, HasThePublishedMassesAndInertias) {
 }
 
 TEST_F(DClaw, HasThePublishedJointsAndContacts) {
-  for (const FileJoint& joint : robot_.model().joints()) {
+  for (const DrivenJoint& joint : robot_.model().joints()) {
     const int number = id(mjOBJ_JOINT, joint.name);
     const int dof = model().jnt_dofadr[number];
     EXPECT_EQ(model().dof_damping[dof], 0.1) << joint.name;
@@ -297,15 +295,15 @@ TEST_F(DClaw, IsHeldByTheSafetyChainUnderHostileActions) {
     }
     const Applied applied = apply(action);
     for (std::size_t i = 0; i < kJoints; ++i) {
-      ASSERT_LE(std::abs(applied.torque[i]), robot_.options().limits[i].max_torque);
+      ASSERT_LE(std::abs(applied.torque[i]), robot_.limits()[i].max_torque);
     }
     if (testing::Test::HasFailure()) FAIL() << "in step " << step;
   }
   RecordProperty("least", testing::PrintToString(least));
   RecordProperty("most", testing::PrintToString(most));
   for (std::size_t i = 0; i < kJoints; ++i) {
-    EXPECT_GT(least[i], robot_.options().limits[i].hard_lower) << i;
-    EXPECT_LT(most[i], robot_.options().limits[i].hard_upper) << i;
+    EXPECT_GT(least[i], robot_.limits()[i].hard_lower) << i;
+    EXPECT_LT(most[i], robot_.limits()[i].hard_upper) << i;
   }
 }
 

@@ -13,8 +13,8 @@
 namespace trifinger::test {
 namespace {
 
-SimulationOptions<TriFinger> noisy_options(std::uint64_t seed = 1) {
-  SimulationOptions<TriFinger> options;
+SimulationOptions noisy_options(std::uint64_t seed = 1) {
+  SimulationOptions options;
   options.seed = seed;
   options.object_delay = 23;
   options.object_position_noise = 1e-3;
@@ -25,7 +25,7 @@ SimulationOptions<TriFinger> noisy_options(std::uint64_t seed = 1) {
 constexpr int kRecordedSteps = 1500;
 constexpr Triple kCentre{0, 0, 0.035};
 
-Recording<TriFinger> reference(const SimulationOptions<TriFinger>& options) {
+Recording<TriFinger> reference(const SimulationOptions& options) {
   auto robot = simulate(options);
   Poking<TriFinger> poking(options.description, kCentre, 1);
   Recording<TriFinger> recording;
@@ -36,7 +36,7 @@ Recording<TriFinger> reference(const SimulationOptions<TriFinger>& options) {
 struct NoisyTriFinger {
   using Robot = TriFinger;
   static std::unique_ptr<UntypedDriver> make_driver() {
-    return std::make_unique<SimulatedRobot<TriFinger>>(noisy_options());
+    return std::make_unique<SimulatedRobot>(noisy_options());
   }
 };
 
@@ -86,7 +86,7 @@ TEST(SimulatedRobot, OtherSeedsGiveOtherNoiseAndTheSameMotion) {
 }
 
 TEST(SimulatedRobot, EverySessionOfARobotIsTheSame) {
-  const Simulation<TriFinger> simulation(noisy_options());
+  const Simulation simulation(noisy_options());
   std::vector<Recording<TriFinger>> recordings(3);
   for (auto& recording : recordings) {
     auto robot = simulation.connect();

@@ -5,19 +5,17 @@
 #include <memory>
 #include <string_view>
 #include <tuple>
-#include <variant>
 
 #include "model/file_robots.hpp"
 #include "support/folder.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_robot.hpp"
+#include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::test {
 
 template <class R>
-SimulationOptions<R> options_of_tests() {
-  SimulationOptions<R> options;
+SimulationOptions options_of_tests() {
+  SimulationOptions options;
   if constexpr (R::kTips == 1) options.description.arrangement = Arrangement::kSingleFinger;
   options.object_period = 4;
   options.object_delay = 2;
@@ -32,7 +30,7 @@ struct SimulatedRobotTraits {
   using Robot = R;
 
   static std::unique_ptr<UntypedDriver> make_driver() {
-    return std::make_unique<SimulatedRobot<R>>(options_of_tests<R>());
+    return std::make_unique<SimulatedRobot>(options_of_tests<R>());
   }
   static typename R::Action action(TimeIndex k) {
     typename R::Action action;
@@ -66,11 +64,11 @@ struct ArmOfFile : JointRobot<3> {
 };
 
 struct FileRobotTraits {
-  static constexpr std::string_view kName = "FileRobot";
+  static constexpr std::string_view kName = "RobotFromFile";
   using Robot = ArmOfFile;
 
   static std::unique_ptr<UntypedDriver> make_driver() {
-    static const FileRobotOptions options = [] {
+    static const SimulationOptions options = [] {
       const Folder folder;
       write(folder / "arm.xml", kArm);
       write(folder / "arm.yml", R"(name: arm
@@ -81,11 +79,11 @@ safety:
   shoulder: {soft_lower: -1.8, soft_upper: 1.8}
   elbow: {soft_lower: -2.2, soft_upper: 2.2}
   finger: {soft_lower: 0.1, soft_upper: 1.4, safety_kd: 0.1}
-simulation: {object_period: 0.008}
+simulation: {object_period: 0.008, object_delay: 0.004, object_position_noise: 0.001}
 )");
-      return std::get<FileRobotConfig>(load_any_robot_config((folder / "arm.yml").string())).robot;
+      return load_robot_config((folder / "arm.yml").string()).simulation;
     }();
-    return std::make_unique<FileRobot>(options);
+    return std::make_unique<SimulatedRobot>(options);
   }
   static ArmOfFile::Action action(TimeIndex k) {
     ArmOfFile::Action action;

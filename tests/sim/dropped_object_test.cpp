@@ -70,7 +70,7 @@ class Table {
   // Releases it with its lowest point at `height` [m], and observes it for a while.
   [[nodiscard]] Drop drop(double height, const Eigen::Quaterniond& orientation) const {
     const double centre = height + height_below_centre(object_, orientation.toRotationMatrix());
-    SimulatedRobot<TriFinger>& driver = simulation_.robot();
+    SimulatedRobot& driver = simulation_.robot();
     driver.reset();
     driver.place_object(object_.name, {.position = {kAside, kAside, centre},
                                        .orientation = {orientation.w(), orientation.x(),
@@ -97,8 +97,8 @@ class Table {
   }
 
  private:
-  static SimulationOptions<TriFinger> options_with(const ObjectDescription& object) {
-    SimulationOptions<TriFinger> options;
+  static SimulationOptions options_with(const ObjectDescription& object) {
+    SimulationOptions options;
     options.description.objects = {object};
     options.description.boundary = false;
     return options;
@@ -106,7 +106,7 @@ class Table {
 
   // Returns a bound on the present speed of any of its points [m/s].
   [[nodiscard]] double largest_speed() const {
-    const RobotModel& model = simulation_.robot().model();
+    const SceneModel& model = simulation_.robot().model();
     const std::vector<double> state = simulation_.robot().configuration();
     const auto first = static_cast<std::size_t>(model.mujoco()->nq) +
                        static_cast<std::size_t>(model.object(object_.name).velocity);
@@ -116,7 +116,7 @@ class Table {
   }
 
   ObjectDescription object_;
-  Simulation<TriFinger> simulation_;
+  Simulation simulation_;
 };
 
 // At each height, the object lands at a different time within a step.

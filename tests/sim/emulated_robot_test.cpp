@@ -35,7 +35,7 @@ constexpr std::size_t kJoints = TriFinger::kJoints;
 // The simulated robot, with cables that may lead to wrong motors.
 class Fingers final : public boards::Plant<TriFinger> {
  public:
-  explicit Fingers(SimulationOptions<TriFinger> options) : plant_(std::move(options)) {
+  explicit Fingers(SimulationOptions options) : plant_(std::move(options)) {
     std::iota(joint_of_motor.begin(), joint_of_motor.end(), 0U);
     sign_of_motor.fill(1.0);
   }
@@ -93,9 +93,9 @@ Start any_start(std::mt19937& random, double spread) {
 struct Robot {
   Robot(const Start& start, bool self_test, const JointVector<kJoints>& home_correction = {}) {
     const RobotConfig config = config_of_tests();
-    auto simulation = std::get<SimulationOptions<TriFinger>>(config.simulation);
+    auto simulation = config.simulation;
     auto options = boards_of(config);
-    simulation.initial_position = start.pose;
+    simulation.initial_position.emplace(start.pose.begin(), start.pose.end());
     plant.emplace(simulation);
     std::vector<std::unique_ptr<can::Bus>> of_robot;
     std::vector<std::unique_ptr<can::Bus>> of_boards;

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/file_robot.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mujoco/mujoco.h>
@@ -21,8 +19,9 @@
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "support/soak.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_simulation.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -50,23 +49,23 @@ class FileRobotTest : public testing::Test {
  protected:
   FileRobotTest() { write(folder_ / "arm.xml", kArm); }
 
-  [[nodiscard]] FileRobotConfig config(const std::string& robot = "",
-                                       const std::string& more = "") const {
+  [[nodiscard]] RobotConfig config(const std::string& robot = "",
+                                   const std::string& more = "") const {
     write(folder_ / "arm.yml",
           "name: arm\ndriver: simulation\nrobot:\n  mjcf: arm.xml\n" + robot + kArmSafety + more);
-    return std::get<FileRobotConfig>(load_any_robot_config((folder_ / "arm.yml").string()));
+    return load_robot_config((folder_ / "arm.yml").string());
   }
 
   Folder folder_;
 };
 
 // One step of a robot whose session has begun.
-Observation observe(FileRobot& robot) {
+Observation observe(SimulatedRobot& robot) {
   Observation observation;
   EXPECT_EQ(robot.get_latest_observation(&observation).state, DriverReport::State::kReady);
   return observation;
 }
-Applied apply(FileRobot& robot, const Action& action) {
+Applied apply(SimulatedRobot& robot, const Action& action) {
   Applied applied;
   const DriverReport report = robot.apply_action(&action, &applied);
   EXPECT_EQ(report.state, DriverReport::State::kReady) << robot.fault_text(report.fault_code);
@@ -74,7 +73,7 @@ Applied apply(FileRobot& robot, const Action& action) {
 }
 
 TEST_F(FileRobotTest, HasTheElementsOfARobotWithThatManyJoints) {
-  const FileRobot robot(config().robot);
+  const SimulatedRobot robot(config().simulation);
   const RobotTypes& types = robot.description();
   EXPECT_EQ(types.type, "some_arm");
   EXPECT_EQ(types.action.size(), sizeof(Action));
@@ -89,19 +88,26 @@ TEST_F(FileRobotTest, HasTheElementsOfARobotWithThatManyJoints) {
 }
 
 TEST_F(FileRobotTest, BeginsInTheFirstKeyFrameOrWhereItIsTold) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   EXPECT_THAT(robot.initial_position(), ElementsAre(0.5, 1.0, 0.2, 0.0));
   EXPECT_THAT(observe(robot).joint_position, ElementsAre(0.0, 0.5, 1.0, 0.2, 0.2, 0.0));
 
-  const FileRobot other(config("  initial_position: {elbow: -1, finger: 0.7, flap: 0.3}\n").robot);
+  const SimulatedRobot other(
+      config("  initial_position: {elbow: -1, finger: 0.7, flap: 0.3}\n").simulation);
   EXPECT_THAT(other.initial_position(), ElementsAre(0.5, -1.0, testing::DoubleEq(0.7), 0.0));
-  EXPECT_THAT(message_of<Error>(
-                  [&] { return FileRobot(config("  initial_position: {elbow: 2.3}\n").robot); }),
+  EXPECT_THAT(message_of<Error>([&] {
+                return SimulatedRobot(config("  initial_position: {elbow: 2.3}\n").simulation);
+              }),
               HasSubstr("elbow begins at 2.3, its soft limits are -2.2 and 2.2"));
+  EXPECT_EQ(message_of<InvalidArgument>([&] { robot.reset(std::vector{0.5, 1.0, 0.2, 3.0}, {}); }),
+            "joint 3 (rail) cannot begin at 3 m, its hard limits are -2 and 2 m");
+  EXPECT_EQ(message_of<InvalidArgument>([&] { robot.reset(std::vector{0.5, 1.0, 0.2}, {}); }),
+            "position has 3 numbers, must have 4");
   EXPECT_THAT(message_of<Error>([&] { return config("  initial_position: {knee: 1}\n"); }),
               HasSubstr("knee"));
-  EXPECT_THAT(message_of<Error>([&] { return FileRobot(config("  keyframe: down\n").robot); }),
-              HasSubstr("no key frame 'down'"));
+  EXPECT_THAT(
+      message_of<Error>([&] { return SimulatedRobot(config("  keyframe: down\n").simulation); }),
+      HasSubstr("no key frame 'down'"));
 }
 
 TEST_F(FileRobotTest, HasNoMoreJointsThanAnElementHas) {
@@ -110,21 +116,21 @@ TEST_F(FileRobotTest, HasNoMoreJointsThanAnElementHas) {
     bodies += "<body pos='" + std::to_string(i) + " 0 0'><joint/><geom size='0.1'/></body>";
   }
   write(folder_ / "many.xml", "<mujoco><worldbody>" + bodies + "</worldbody></mujoco>");
-  FileRobotOptions options;
-  options.model = std::make_shared<const ModelFile>(ModelFileOptions{.path = folder_ / "many.xml"});
-  options.limits.assign(kMaxCountedJoints + 1, config().robot.limits[0]);
-  EXPECT_EQ(message_of<InvalidArgument>([&] { return FileSimulator(options); }),
+  SimulationOptions options;
+  options.file = std::make_shared<const ModelFile>(ModelFileOptions{.path = folder_ / "many.xml"});
+  options.limits.emplace(kMaxCountedJoints + 1, config().simulation.limits->at(0));
+  EXPECT_EQ(message_of<InvalidArgument>([&] { return Simulator(options); }),
             "the model has 129 driven joints, a robot has at most 128; name those to be driven "
             "(robot.joints)");
 }
 
 TEST_F(FileRobotTest, HasObjectsThatTheConfigurationAdds) {
-  FileRobot robot(config("", R"(objects:
+  SimulatedRobot robot(config("", R"(objects:
   - {name: cube, type: cube, size: [0.06], mass: 0.1, position: [0.3, 0.3, 0.1]}
   - {name: pen, type: stick, position: [-0.3, 0.3, 0.02]}
   - {name: marble, type: ball, size: [0.04], position: [0, -0.5, 0.02], velocity: [0.2, 0, 0]}
 )")
-                      .robot);
+                           .simulation);
   // The file's own come first, and all have a pose in the companion.
   ASSERT_EQ(robot.companions().size(), 1U);
   EXPECT_THAT(robot.companions()[0].element.text(),
@@ -145,7 +151,7 @@ TEST_F(FileRobotTest, HasObjectsThatTheConfigurationAdds) {
 }
 
 TEST_F(FileRobotTest, HoldsItsPose) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   const Observation first = observe(robot);
   Action hold;
@@ -162,7 +168,7 @@ TEST_F(FileRobotTest, HoldsItsPose) {
 }
 
 TEST_F(FileRobotTest, MovesToATarget) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   const JointVector<kJoints> target{-0.3, 0.5, 0.8, 0.3};
   for (int step = 0; step < 2000; ++step) {
@@ -176,7 +182,7 @@ TEST_F(FileRobotTest, MovesToATarget) {
 }
 
 TEST_F(FileRobotTest, IsHeldByTheSafetyChainUnderHostileActions) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   const std::int64_t steps = repetitions(100'000, 1'000'000);
   Enemy enemy(1, kJoints);
   JointVector<kJoints> least = detail::filled<kJoints>(1e9);
@@ -192,22 +198,23 @@ TEST_F(FileRobotTest, IsHeldByTheSafetyChainUnderHostileActions) {
     write_element(enemy.next(), &action);
     const Applied applied = apply(robot, action);
     for (std::size_t i = 0; i < kJoints; ++i) {
-      ASSERT_LE(std::abs(applied.torque[i]), robot.options().limits[i].max_torque);
+      ASSERT_LE(std::abs(applied.torque[i]), robot.limits()[i].max_torque);
     }
     if (testing::Test::HasFailure()) FAIL() << "in step " << step;
   }
   for (std::size_t i = 0; i < kJoints; ++i) {
-    EXPECT_GT(least[i], robot.options().limits[i].hard_lower) << i;
-    EXPECT_LT(most[i], robot.options().limits[i].hard_upper) << i;
+    EXPECT_GT(least[i], robot.limits()[i].hard_lower) << i;
+    EXPECT_LT(most[i], robot.limits()[i].hard_upper) << i;
   }
 }
 
 TEST_F(FileRobotTest, NamesTheJointAtFault) {
-  FileRobotConfig tight = config();
-  tight.robot.limits[1].soft_upper = tight.robot.limits[1].hard_upper = 1.05;
-  tight.robot.limits[1].braking = std::numeric_limits<double>::infinity();
-  tight.robot.limits[1].safety_kd = 0.0;
-  FileRobot robot(tight.robot);
+  SimulationOptions tight = config().simulation;
+  JointLimit& elbow = tight.limits->at(1);
+  elbow.soft_upper = elbow.hard_upper = 1.05;
+  elbow.braking = std::numeric_limits<double>::infinity();
+  elbow.safety_kd = 0.0;
+  SimulatedRobot robot(tight);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   // The shoulder throws the elbow beyond its limit.
   DriverReport report;
@@ -224,7 +231,7 @@ TEST_F(FileRobotTest, NamesTheJointAtFault) {
 }
 
 TEST_F(FileRobotTest, SaysWhichJointsCommandWasRejected) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   (void)observe(robot);
   Action action = Action::of_position({0, 0, 0.5, 0});
@@ -236,7 +243,7 @@ TEST_F(FileRobotTest, SaysWhichJointsCommandWasRejected) {
 }
 
 // The bytes of all elements of a session with these actions.
-std::vector<double> series(FileRobot& robot, int first, int last) {
+std::vector<double> series(SimulatedRobot& robot, int first, int last) {
   std::vector<double> values;
   for (int step = first; step < last; ++step) {
     const Observation y = observe(robot);
@@ -253,8 +260,8 @@ std::vector<double> series(FileRobot& robot, int first, int last) {
 }
 
 TEST_F(FileRobotTest, RepeatsItselfBitForBit) {
-  FileRobot one(config().robot);
-  FileRobot other(config().robot);
+  SimulatedRobot one(config().simulation);
+  SimulatedRobot other(config().simulation);
   ASSERT_EQ(one.prepare(0).state, DriverReport::State::kReady);
   ASSERT_EQ(other.prepare(0).state, DriverReport::State::kReady);
   const std::vector<double> first = series(one, 0, 500);
@@ -265,27 +272,28 @@ TEST_F(FileRobotTest, RepeatsItselfBitForBit) {
 }
 
 TEST_F(FileRobotTest, ContinuesFromASavedStateBitForBit) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   (void)series(robot, 0, 200);
   const SimulationState state = robot.save();
   const std::vector<double> rest = series(robot, 200, 400);
-  FileRobot other(config().robot);
+  SimulatedRobot other(config().simulation);
   other.restore(state);
   ASSERT_EQ(other.prepare(0).state, DriverReport::State::kReady);
   EXPECT_EQ(series(other, 200, 400), rest);
 
-  const FileRobotConfig faster =
+  const RobotConfig faster =
       config("",
              "backend: {mode: real_time, period: 0.001, history: 64, access: owner, late_action: "
              "{policy: stop}, max_rejected_actions: 3, max_skipped_ticks: 1, max_late_steps: 1, "
              "max_measurement_age: .inf, first_action_timeout: 2}\n");
-  FileRobot different(faster.robot);
+  SimulatedRobot different(faster.simulation);
   EXPECT_EQ(message_of<InvalidArgument>([&] {
               different.restore(state);
               return 0;
             }),
-            "this state was saved from another model");
+            "this state was saved from another model: another robot, other objects, or another "
+            "object_period or object_delay");
 }
 
 TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
@@ -295,7 +303,7 @@ TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
                             .torque_delay = 3,
                             .joint_damping = 1.5,
                             .joint_friction = 0.01};
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   const std::vector<double> usual = series(robot, 0, 50);
   robot.reset();
@@ -304,7 +312,7 @@ TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
   EXPECT_NE(series(robot, 0, 50), usual);
   const SimulationState state = robot.save();
   const std::vector<double> rest = series(robot, 50, 200);
-  FileRobot other(config().robot);
+  SimulatedRobot other(config().simulation);
   other.restore(state);
   ASSERT_EQ(other.prepare(0).state, DriverReport::State::kReady);
   EXPECT_EQ(series(other, 50, 200), rest);
@@ -328,11 +336,12 @@ TEST_F(FileRobotTest, VariesRotorAndDampingThatTheFileGivesToAnActuator) {
   const std::string motor = R"(name="drive")";
   text.insert(text.find(motor), R"(armature="0.5" damping="0.1 0.2" )");
   write(folder_ / "arm.xml", text);
-  const FileSimulator simulator(config().robot);
+  const Simulator simulator(config().simulation);
   const mjModel& original = *simulator.model().mujoco();
-  const RobotModel::Compiled varied = simulator.make_varied_model();
-  const RobotModel::Data data = simulator.model().make_data();
-  simulator.vary({.rotor_inertia = 2.0, .joint_damping = 3.0}, *varied, *data);
+  const Variation variation{.rotor_inertia = 2.0, .joint_damping = 3.0};
+  const SceneModel::Compiled varied = simulator.make_varied_model(variation);
+  const SceneModel::Data data = simulator.model().make_data();
+  simulator.vary(variation, *varied, *data);
   EXPECT_EQ(varied->actuator_armature[1], 2.0 * original.actuator_armature[1]);
   EXPECT_EQ(varied->actuator_damping[1], 3.0 * original.actuator_damping[1]);
   EXPECT_EQ(varied->actuator_dampingpoly[mjNPOLY], 3.0 * original.actuator_dampingpoly[mjNPOLY]);
@@ -340,16 +349,16 @@ TEST_F(FileRobotTest, VariesRotorAndDampingThatTheFileGivesToAnActuator) {
 }
 
 TEST_F(FileRobotTest, BeginsWithJointsWithoutMotorsElsewhere) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   const std::vector<double> position = robot.initial_position();
-  robot.reset(position,
+  robot.reset(position, {},
               std::vector<double>{kNotGiven, kNotGiven, kNotGiven, kNotGiven, kNotGiven, 0.25});
   EXPECT_EQ(observe(robot).joint_position[5], 0.25);
   EXPECT_THAT(observe(robot).position, testing::ElementsAreArray(position));
 }
 
 TEST_F(FileRobotTest, SaysWhereItsObjectsAre) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.companions().size(), 1U);
   EXPECT_EQ(robot.companions()[0].name, "object");
   EXPECT_THAT(robot.companions()[0].element.text(),
@@ -374,8 +383,82 @@ TEST_F(FileRobotTest, SaysWhereItsObjectsAre) {
               HasSubstr("the scene has ball, brick"));
 }
 
+TEST_F(FileRobotTest, KnowsItsObjectsLateAndNotExactly) {
+  struct Element {
+    Stamp stamp;
+    ObjectPose ball;
+    ObjectPose brick;
+  };
+  const auto poses = [this](const std::string& more) {
+    SimulatedRobot robot(config("",
+                                "simulation: {object_period: 0.004, object_delay: 0.006, "
+                                "object_position_noise: 0.01, " +
+                                    more + "}\n")
+                             .simulation);
+    EXPECT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+    std::vector<Triple> positions;
+    Element element;
+    for (TimeIndex t = -1; t < 20; ++t) {
+      (void)observe(robot);
+      while (robot.get_companion_element(0, t, &element)) {
+        EXPECT_EQ(element.stamp.arrival_index, t);
+        EXPECT_EQ(element.stamp.capture_index, t < 0 ? -1 : t - 3);
+        EXPECT_NE(element.ball.position[0], robot.object_pose("ball").position[0]);
+        EXPECT_NEAR(element.ball.position[0], robot.object_pose("ball").position[0], 0.06);
+        positions.push_back(element.ball.position);
+      }
+      (void)apply(robot, {});
+    }
+    return positions;
+  };
+  const std::vector<Triple> first = poses("seed: 1");
+  EXPECT_EQ(first.size(), 1U + 9U);
+  EXPECT_EQ(poses("seed: 1"), first);
+  EXPECT_NE(poses("seed: 2"), first);
+  EXPECT_EQ(poses("seed: 1, object_loss: 1").size(), 1U);
+}
+
+TEST_F(FileRobotTest, ComesToRestAfterASession) {
+  const std::vector rest{0.2, 0.6, 0.8, 0.1};
+  SimulatedRobot robot(
+      config("", "stop: {damping_time: 0.1, rest_position: [0.2, 0.6, 0.8, 0.1], move_time: 4}\n")
+          .simulation);
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  (void)series(robot, 0, 200);
+  (void)observe(robot);
+  TimeIndex step = 0;
+  for (; robot.stop(step).state == DriverReport::State::kBusy; ++step) {
+    const Observation y = observe(robot);
+    for (std::size_t i = 0; i < kJoints; ++i) {
+      ASSERT_LE(std::abs(y.torque[i]), robot.limits()[i].max_torque) << step;
+    }
+  }
+  EXPECT_EQ(step, 50 + 2000);
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(observe(robot).position[i], rest[i], 0.05) << i;
+    EXPECT_NEAR(observe(robot).velocity[i], 0.0, 0.05) << i;
+  }
+}
+
+TEST_F(FileRobotTest, HasObjectsThatAHandPulls) {
+  SimulatedRobot robot(config("", "simulation: {hand: true}\n").simulation);
+  ASSERT_EQ(robot.companions().size(), 2U);
+  EXPECT_EQ(robot.companions()[1].name, kHandCompanion);
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  robot.pull("brick", {.target = {-0.5, 0.0, 0.4}, .stiffness = 500.0});
+  HandObservation hand;
+  for (TimeIndex t = 0; t < 1000; ++t) {
+    (void)observe(robot);
+    (void)robot.get_companion_element(1, t, &hand);
+    (void)apply(robot, Action::of_position({0.5, 1.0, 0.2, 0.0}));
+  }
+  EXPECT_EQ(hand.body, 1);
+  EXPECT_NEAR(robot.object_pose("brick").position[2], 0.4, 0.05);
+  EXPECT_THAT(message_of<InvalidArgument>([&] { robot.pull("rail", {}); }), HasSubstr("brick"));
+}
+
 TEST_F(FileRobotTest, NeedsNoMemoryFromTheHeapInAStep) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   (void)series(robot, 0, 100);
   Observation observation;
@@ -389,8 +472,8 @@ TEST_F(FileRobotTest, NeedsNoMemoryFromTheHeapInAStep) {
 }
 
 TEST_F(FileRobotTest, RunsASessionLikeAnyOther) {
-  FileRobotConfig arm = config();
-  const FileSimulation simulation(arm.robot, arm.session, arm.backend, arm.name);
+  RobotConfig arm = config();
+  const Simulation simulation(arm.simulation, arm.session, arm.backend, arm.name);
   UntypedFrontend frontend = simulation.connect_untyped();
   const Action action = Action::of_position({0.4, 0.9, 0.3, 0.1});
   TimeIndex t = 0;
@@ -407,7 +490,7 @@ TEST_F(FileRobotTest, RunsASessionLikeAnyOther) {
 }
 
 TEST_F(FileRobotTest, LetsOwnChecksChangeAnAction) {
-  FileRobot robot(config().robot);
+  SimulatedRobot robot(config().simulation);
   robot.add_check([](const void* observation, void* action) {
     Observation y;
     std::memcpy(&y, observation, sizeof(y));

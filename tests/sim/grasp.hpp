@@ -49,7 +49,7 @@ class Grasp {
 
   [[nodiscard]] bool can_be_reached() const { return can_be_reached_; }
 
-  void put(SimulatedRobot<TriFinger>& robot) const {
+  void put(SimulatedRobot& robot) const {
     robot.reset(begin_, {});
     robot.place_object("cube", {.position = {0, 0, kHeight},
                                 .orientation = {std::cos(yaw_ / 2), 0, 0, std::sin(yaw_ / 2)}});
@@ -72,7 +72,7 @@ class Grasp {
   }
 
   /// Returns where the cube is relative to the middle of the tips [m].
-  [[nodiscard]] Eigen::Vector3d cube_relative_to_tips(const SimulatedRobot<TriFinger>& robot,
+  [[nodiscard]] Eigen::Vector3d cube_relative_to_tips(const SimulatedRobot& robot,
                                                       const TriFinger::Observation& observation) {
     kinematics_.update(joint_values(observation.position));
     Eigen::Vector3d middle = Eigen::Vector3d::Zero();

@@ -24,8 +24,8 @@ struct Hold {
 };
 
 Hold hold_for_15_seconds(double yaw, std::optional<double> impratio = {}) {
-  const Simulation<TriFinger> simulation;
-  SimulatedRobot<TriFinger>& driver = simulation.robot();
+  const Simulation simulation;
+  SimulatedRobot& driver = simulation.robot();
   // Only this test changes the setting, to see what another one would do.
   if (impratio) const_cast<mjModel*>(driver.model().mujoco())->opt.impratio = *impratio;
 

@@ -51,8 +51,8 @@ std::array<double, 3> to_array(const Vector3d& values) {
 }
 
 // A robot whose session says what a hand pulls.
-SimulationOptions<TriFinger> with_hand(Nanoseconds period = 1ms) {
-  SimulationOptions<TriFinger> options;
+SimulationOptions with_hand(Nanoseconds period = 1ms) {
+  SimulationOptions options;
   options.has_hand = true;
   options.period = period;
   return options;
@@ -68,14 +68,14 @@ std::vector<ObjectDescription> all_objects() {
 // Calls the driver like the back-end, and keeps what the companion says.
 class Pulled {
  public:
-  explicit Pulled(SimulationOptions<TriFinger> options) : driver(std::move(options)) { look(-1); }
+  explicit Pulled(SimulationOptions options) : driver(std::move(options)) { look(-1); }
 
   DriverReport step(const TriFinger::Action& action = {}) {
     const DriverReport report = driver.step(action);
     look(++step_);
     return report;
   }
-  [[nodiscard]] SimulatedRobot<TriFinger>& robot() { return driver.robot; }
+  [[nodiscard]] SimulatedRobot& robot() { return driver.robot; }
 
   BareDriver<TriFinger> driver;
   HandObservation hand{};
@@ -103,7 +103,7 @@ TEST_P(HandOfAnyPeriod, GivesTheMomentumThatItsForceSaysItGives) {
   std::uniform_real_distribution<double> offset(-0.1, 0.1);
   const double dt = std::chrono::duration<double>(GetParam()).count();
   for (const ObjectDescription& object : all_objects()) {
-    SimulationOptions<TriFinger> options = with_hand(GetParam());
+    SimulationOptions options = with_hand(GetParam());
     options.description.objects = {object};
     Pulled pulled(options);
     const double mass = object.mass;
@@ -131,7 +131,7 @@ TEST_P(HandOfAnyPeriod, IsStableForAnyObjectPointAndStiffness) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> share(-1.0, 1.0);
   for (const ObjectDescription& object : all_objects()) {
-    SimulationOptions<TriFinger> options = with_hand(GetParam());
+    SimulationOptions options = with_hand(GetParam());
     options.description.objects = {object};
     for (const double stiffness : {1.0, 30.0, 300.0, 1000.0, kMaxPullStiffness}) {
       Pulled pulled(options);
@@ -157,7 +157,7 @@ TEST_P(HandOfAnyPeriod, IsStableForAnyObjectPointAndStiffness) {
 
 TEST_P(HandOfAnyPeriod, LetsAnObjectHangAtTheTargetWhereSpringAndWeightBalance) {
   for (const ObjectDescription& object : all_objects()) {
-    SimulationOptions<TriFinger> options = with_hand(GetParam());
+    SimulationOptions options = with_hand(GetParam());
     options.description.objects = {object};
     Pulled pulled(options);
     const Vector3d target(0.0, 0.0, 0.4);
@@ -192,7 +192,7 @@ TEST(Hand, DragsACubeAlongAPath) {
 
 TEST(Hand, HoldsATipWhereItsForceAndTheWeightOfTheLimpFingerBalance) {
   for (const Variant variant : kVariants) {
-    SimulationOptions<TriFinger> options = with_hand();
+    SimulationOptions options = with_hand();
     options.description.variant = variant;
     options.description.objects.clear();
     Pulled pulled(options);
@@ -233,7 +233,7 @@ TEST(Hand, HoldsATipWhereItsForceAndTheWeightOfTheLimpFingerBalance) {
 
 TEST(Hand, DoesNotPullHarderOrFasterHoweverFarTheTargetIs) {
   for (const ObjectDescription& object : all_objects()) {
-    SimulationOptions<TriFinger> options = with_hand();
+    SimulationOptions options = with_hand();
     options.description.objects = {object};
     options.description.boundary = false;
     Pulled pulled(options);
@@ -250,7 +250,7 @@ TEST(Hand, DoesNotPullHarderOrFasterHoweverFarTheTargetIs) {
 // ---- what it leaves ----
 
 TEST(Hand, MovesNothingWithASpringThatHasNoForce) {
-  const SimulationOptions<TriFinger> options = with_hand(5ms);
+  const SimulationOptions options = with_hand(5ms);
   Pulled without(options);
   Pulled with(options);
   with.robot().pull("cube", {.target = {0.0, 0.0, 0.3}, .stiffness = 1e-300});
@@ -263,11 +263,11 @@ TEST(Hand, MovesNothingWithASpringThatHasNoForce) {
 
 TEST(Hand, LeavesSeriesBitForBitAsTheyAreWhileItDoesNotPull) {
   const SessionFolder folder;
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.seed = 3;
   options.object_position_noise = 1e-3;
-  const auto play = [](const SimulationOptions<TriFinger>& chosen, bool listens) {
-    const Simulation<TriFinger> simulation(chosen);
+  const auto play = [](const SimulationOptions& chosen, bool listens) {
+    const Simulation simulation(chosen);
     if (listens) simulation.robot().listen_to_hand("sim");
     const Triple centre = simulation.robot().object_pose("cube").position;
     Poking<TriFinger> policy(chosen.description, centre, 1);
@@ -304,7 +304,7 @@ TEST(Hand, IsNoPartOfASavedStateSoAnObjectFallsFreelyFromIt) {
 }
 
 TEST(Hand, HasNoPartInTheOrderlyStop) {
-  SimulationOptions<TriFinger> options = with_hand();
+  SimulationOptions options = with_hand();
   options.stop.damping_time = 100ms;
   Pulled pulled(options);
   pulled.robot().place_object("cube", {.position = {0.0, 0.0, 0.5}});
@@ -346,7 +346,7 @@ TEST(Hand, EndsWithTheSessionWithAResetAndWithLetGo) {
 // ---- what the companion says ----
 
 TEST(Hand, SaysInItsCompanionWhatActedInEachStep) {
-  const Simulation<TriFinger> simulation(with_hand());
+  const Simulation simulation(with_hand());
   auto robot = simulation.connect({.strict = false});
   const Companion<HandObservation> hand(robot.companion(kHandCompanion));
   const Pull pull{.target = {0.0, 0.1, 0.2}, .point = {0.01, 0.0, 0.0}, .stiffness = 123.0};
@@ -374,7 +374,7 @@ TEST(Hand, SaysInItsCompanionWhatActedInEachStep) {
 }
 
 TEST(Hand, RefusesPullsThatMakeNoSenseAndSaysWhy) {
-  SimulatedRobot<TriFinger> robot(with_hand());
+  SimulatedRobot robot(with_hand());
   const auto refusal = [&](const std::string& body, const Pull& pull) {
     return message_of<InvalidArgument>([&] {
       robot.pull(body, pull);
@@ -428,17 +428,17 @@ class RunningSimulation {
       std::this_thread::sleep_for(1ms);
     }
   }
-  [[nodiscard]] SimulatedRobot<TriFinger>& robot() { return robot_; }
+  [[nodiscard]] SimulatedRobot& robot() { return robot_; }
 
  private:
-  static SimulationOptions<TriFinger> with_companion(const RobotConfig& config) {
-    auto options = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  static SimulationOptions with_companion(const RobotConfig& config) {
+    auto options = config.simulation;
     options.has_hand = true;
     return options;
   }
 
   RobotConfig config_;
-  SimulatedRobot<TriFinger> robot_;
+  SimulatedRobot robot_;
   SessionHost host_;
   Backend backend_;
   std::optional<Frontend<TriFinger>> frontend_;
@@ -576,7 +576,7 @@ TEST(HandWriter, IsRefusedByRobotsThatCannotBePulled) {
   const SessionFolder folder;
   EXPECT_THROW(HandWriter("sim"), SessionNotFound);
   RobotConfig config = load_robot_config(TRIFINGER_CONFIG_DIR "/sim.yml");
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   const SessionHost host = SessionHost::named("other", config.session);
   Backend backend(robot, const_cast<SessionHost&>(host),
                   {.mode = BackendOptions::Mode::kNonRealTime});
@@ -626,12 +626,13 @@ TEST(HandWriter, NeedsNoMemoryInTheLoop) {
   HandWriter hand("sim");
   hand.pull("cube", kLift);
   sim.step_until(true);
+  const TriFinger::Action action;
   TriFinger::AppliedAction applied;
   TriFinger::Observation observation;
   const AllocationCounter allocations;
   for (int i = 0; i < 100; ++i) {
-    static_cast<void>(sim.robot().apply_action(TriFinger::Action{}, applied));
-    static_cast<void>(sim.robot().get_latest_observation(observation));
+    static_cast<void>(sim.robot().apply_action(&action, &applied));
+    static_cast<void>(sim.robot().get_latest_observation(&observation));
   }
   EXPECT_EQ(allocations.count(), 0);
 }

@@ -27,9 +27,9 @@ TYPED_TEST_SUITE(Holding, Robots);
 
 TYPED_TEST(Holding, KeepsThePoseInRealTimeMode) {
   using R = TypeParam;
-  for (const SimulationOptions<R>& options : all_variants<R>()) {
+  for (const SimulationOptions& options : all_variants<R>()) {
     ManualClock clock;
-    SimulatedRobot<R> driver(options);
+    SimulatedRobot driver(options);
     SessionHost host = SessionHost::anonymous();
     Backend backend(driver, host, {.mode = BackendOptions::Mode::kRealTime}, clock);
     const BackendThread thread(backend);
@@ -48,7 +48,7 @@ TYPED_TEST(Holding, KeepsThePoseInRealTimeMode) {
 
 TYPED_TEST(Holding, TimeStandsStillWithoutDeadlines) {
   using R = TypeParam;
-  SimulatedRobot<R> driver(options_of<R>());
+  SimulatedRobot driver(options_of<R>());
   SessionHost host = SessionHost::anonymous();
   Backend backend(driver, host);
   Frontend<R> robot(backend);
@@ -64,7 +64,7 @@ TYPED_TEST(Holding, TimeStandsStillWithoutDeadlines) {
 
 TYPED_TEST(Holding, TimeStandsStillWhileAnActionIsMissing) {
   using R = TypeParam;
-  SimulatedRobot<R> driver(options_of<R>());
+  SimulatedRobot driver(options_of<R>());
   SessionHost host = SessionHost::anonymous();
   Backend backend(driver, host);
   Frontend<R> robot(backend);

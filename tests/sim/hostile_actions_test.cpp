@@ -14,6 +14,7 @@
 #include <string>
 #include <string_view>
 #include <tuple>
+#include <vector>
 
 #include "sim/bare_driver.hpp"
 #include "sim/robots.hpp"
@@ -41,7 +42,7 @@ class Enemy {
   using Action = typename R::Action;
   using Observation = typename R::Observation;
 
-  Enemy(const SimulationOptions<R>& options, std::uint32_t seed)
+  Enemy(const SimulationOptions& options, std::uint32_t seed)
       : random_(seed), kinematics_(options.description) {}
   virtual ~Enemy() = default;
   Enemy(const Enemy&) = delete;
@@ -184,7 +185,7 @@ constexpr Scene kScenes[] = {
 constexpr const char* kKinds[] = {"AtRandom", "BangBang", "Resonant", "Greedy"};
 
 template <class R>
-std::unique_ptr<Enemy<R>> enemy_of(std::string_view kind, const SimulationOptions<R>& options,
+std::unique_ptr<Enemy<R>> enemy_of(std::string_view kind, const SimulationOptions& options,
                                    std::uint32_t seed) {
   if (kind == "AtRandom") return std::make_unique<AtRandom<R>>(options, seed);
   if (kind == "BangBang") return std::make_unique<BangBang<R>>(options, seed);
@@ -193,8 +194,8 @@ std::unique_ptr<Enemy<R>> enemy_of(std::string_view kind, const SimulationOption
 }
 
 template <class R>
-SimulationOptions<R> options_in(const Scene& scene) {
-  SimulationOptions<R> options = test::options_of<R>(scene.variant);
+SimulationOptions options_in(const Scene& scene) {
+  SimulationOptions options = test::options_of<R>(scene.variant);
   options.description.flipped = scene.is_flipped;
   options.description.objects.clear();
   options.description.finger_height = figures(options.description).finger_height + scene.raised_by;
@@ -203,7 +204,7 @@ SimulationOptions<R> options_in(const Scene& scene) {
   const auto bent =
       figures(test::options_of<TriFinger>(scene.variant).description).initial_position;
   options.initial_position.emplace();
-  for (std::size_t i = 0; i < R::kJoints; ++i) (*options.initial_position)[i] = bent[i % 3];
+  for (std::size_t i = 0; i < R::kJoints; ++i) options.initial_position->push_back(bent[i % 3]);
   return options;
 }
 
@@ -228,8 +229,8 @@ class HostileActions : public testing::TestWithParam<SceneAndKind> {
   static void expect_limits_hold(const char* robot) {
     const auto [scene_index, kind_index] = GetParam();
     const Scene& scene = kScenes[scene_index];
-    const SimulationOptions<R> options = options_in<R>(scene);
-    const JointLimits<R::kJoints> limits = default_limits<R>(options.description);
+    const SimulationOptions options = options_in<R>(scene);
+    const std::vector<JointLimit> limits = default_limits(options.description);
     BareDriver<R> driver(options);
     const auto enemy = enemy_of<R>(kKinds[kind_index], options, 10 * scene_index + kind_index);
 

@@ -11,6 +11,7 @@
 #include <optional>
 #include <random>
 #include <thread>
+#include <vector>
 
 #include "core/fault_of.hpp"
 #include "core/intruder.hpp"
@@ -66,7 +67,7 @@ struct Attack {
 };
 
 // Reads every step, as the back-end has written it.
-void expect_no_limit_broken(const Robot& observer, const JointLimits<9>& limits) {
+void expect_no_limit_broken(const Robot& observer, const std::vector<JointLimit>& limits) {
   constexpr TimeIndex kKept = 4000;
   const TimeIndex steps = observer.session().info().steps;
   for (TimeIndex t = std::max<TimeIndex>(0, steps - kKept); t < steps; ++t) {
@@ -83,7 +84,7 @@ void expect_no_limit_broken(const Robot& observer, const JointLimits<9>& limits)
 }
 
 TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessionWorks) {
-  const auto limits = default_limits<TriFinger>(options_of_tests<TriFinger>().description);
+  const auto limits = default_limits(options_of_tests<TriFinger>().description);
   AcrossProcesses::Rig<Traits> rig({.session = {.history = 4096, .queue = 64}});
   int stopped = 0;
   Rounds rounds(100, std::chrono::minutes(10));

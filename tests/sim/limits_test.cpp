@@ -30,9 +30,9 @@ TYPED_TEST_SUITE(Limits, Robots);
 TYPED_TEST(Limits, fault_11_SoftLimitsKeepTheJointOffTheHardOnes) {
   using R = TypeParam;
   for (const Variant variant : kVariants) {
-    SimulationOptions<R> options = options_of<R>(variant);
+    SimulationOptions options = options_of<R>(variant);
     options.description.objects.clear();
-    const JointLimits<R::kJoints> limits = default_limits<R>(options.description);
+    const std::vector<JointLimit> limits = default_limits(options.description);
     for (const double sign : {-1.0, 1.0}) {
       BareDriver<R> driver(options);
       typename R::Action action;
@@ -50,9 +50,9 @@ TYPED_TEST(Limits, fault_11_SoftLimitsKeepTheJointOffTheHardOnes) {
 
 // Soft limits so far out that a joint can run into a hard one.
 template <class R>
-SimulationOptions<R> without_soft_limits(Variant variant) {
-  SimulationOptions<R> options = options_of<R>(variant);
-  options.limits = default_limits<R>(options.description);
+SimulationOptions without_soft_limits(Variant variant) {
+  SimulationOptions options = options_of<R>(variant);
+  options.limits = default_limits(options.description);
   for (JointLimit& limit : *options.limits) {
     limit.soft_lower = limit.hard_lower;
     limit.soft_upper = limit.hard_upper;
@@ -65,8 +65,8 @@ SimulationOptions<R> without_soft_limits(Variant variant) {
 TYPED_TEST(Limits, fault_12_AHardLimitIsAFault) {
   using R = TypeParam;
   for (const Variant variant : kVariants) {
-    const Simulation<R> simulation(without_soft_limits<R>(variant));
-    Frontend<R> robot = simulation.connect();
+    const Simulation simulation(without_soft_limits<R>(variant));
+    Frontend<R> robot = simulation.connect<R>();
     typename R::Action action = hold_position(robot.latest_observation());
     action.position[0] = kNotGiven;
     action.torque[0] = -1e3;
@@ -79,7 +79,9 @@ TYPED_TEST(Limits, fault_12_AHardLimitIsAFault) {
       EXPECT_EQ(stopped.fault().code, Fault::Code::kDriver);
       EXPECT_EQ(stopped.fault().detail,
                 fault_code_of({.fault = SafetyFault::kHardLimit, .joint = 0}));
-      EXPECT_THAT(stopped.what(), HasSubstr("joint 0 is beyond its hard limit"));
+      EXPECT_THAT(stopped.what(),
+                  HasSubstr("joint 0 (" + simulation.robot().model().joints()[0].name +
+                            ") is beyond its hard limit"));
       const auto last = robot.get_observation(stopped.fault().time_index);
       EXPECT_LT(last.position[0], figures(simulation.robot().options().description).hard_lower[0]);
     }
@@ -89,7 +91,7 @@ TYPED_TEST(Limits, fault_12_AHardLimitIsAFault) {
 // --- Divergence
 
 // Returns a saved state with one enormous speed of the cube.
-SimulationState tampered(SimulatedRobot<TriFinger>& robot, double speed) {
+SimulationState tampered(SimulatedRobot& robot, double speed) {
   const ObjectPose pose{.position = {0.05, 0.04, 0.0625}};
   robot.place_object("cube", pose);
   SimulationState state = robot.save();
@@ -104,8 +106,8 @@ SimulationState tampered(SimulatedRobot<TriFinger>& robot, double speed) {
 }
 
 TEST(Divergence, fault_61_IsAFaultWithTheStateBefore) {
-  const Simulation<TriFinger> simulation;
-  SimulatedRobot<TriFinger>& driver = simulation.robot();
+  const Simulation simulation;
+  SimulatedRobot& driver = simulation.robot();
   EXPECT_TRUE(driver.state_before_divergence().empty());
   driver.restore(tampered(driver, 1e300));
 
@@ -115,7 +117,7 @@ TEST(Divergence, fault_61_IsAFaultWithTheStateBefore) {
     FAIL() << "it did not diverge";
   } catch (const RobotStopped& stopped) {
     EXPECT_EQ(stopped.fault().code, Fault::Code::kDriver);
-    EXPECT_EQ(stopped.fault().detail, SimulatedRobot<TriFinger>::kDiverged);
+    EXPECT_EQ(stopped.fault().detail, SimulatedRobot::kDiverged);
     EXPECT_THAT(stopped.what(), HasSubstr("the simulation diverged"));
   }
   EXPECT_FALSE(driver.state_before_divergence().empty());
@@ -126,12 +128,12 @@ TEST(Divergence, HappensAgainFromTheStateBefore) {
   BareDriver<TriFinger> driver({});
   driver.robot.restore(tampered(driver.robot, 3e9));
   const DriverReport first = driver.fault_after({}, 1000);
-  ASSERT_EQ(first.fault_code, SimulatedRobot<TriFinger>::kDiverged);
+  ASSERT_EQ(first.fault_code, SimulatedRobot::kDiverged);
 
   BareDriver<TriFinger> other({});
   other.robot.restore(driver.robot.state_before_divergence());
   const SimulationState before = other.robot.save();
-  EXPECT_EQ(other.step({}).fault_code, SimulatedRobot<TriFinger>::kDiverged);
+  EXPECT_EQ(other.step({}).fault_code, SimulatedRobot::kDiverged);
   EXPECT_TRUE(other.robot.state_before_divergence() == before);
 }
 
@@ -139,20 +141,20 @@ TEST(Divergence, TakesNoMemory) {
   BareDriver<TriFinger> driver({});
   driver.robot.restore(tampered(driver.robot, 1e300));
   const AllocationCounter allocations;
-  ASSERT_EQ(driver.fault_after({}, 1000).fault_code, SimulatedRobot<TriFinger>::kDiverged);
+  ASSERT_EQ(driver.fault_after({}, 1000).fault_code, SimulatedRobot::kDiverged);
   EXPECT_EQ(allocations.count(), 0U);
 }
 
 TEST(Divergence, IsOverAfterAReset) {
   BareDriver<TriFinger> driver({});
   driver.robot.restore(tampered(driver.robot, 1e300));
-  ASSERT_EQ(driver.fault_after({}, 1000).fault_code, SimulatedRobot<TriFinger>::kDiverged);
+  ASSERT_EQ(driver.fault_after({}, 1000).fault_code, SimulatedRobot::kDiverged);
   driver.robot.reset();
   EXPECT_EQ(driver.fault_after({}, 100).state, DriverReport::State::kReady);
 }
 
 TEST(Divergence, fault_61_DoesNotStopTheNextSession) {
-  const Simulation<TriFinger> simulation;
+  const Simulation simulation;
   simulation.robot().restore(tampered(simulation.robot(), 1e300));
   {
     Frontend<TriFinger> robot = simulation.connect();

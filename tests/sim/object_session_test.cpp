@@ -20,7 +20,7 @@ using testing::DoubleNear;
 using testing::ElementsAre;
 
 // Returns what a reader knows of the cube at every step while the fingers stay where they are.
-std::vector<CubeObservation> poses_of(const SimulationOptions<TriFinger>& options, int steps) {
+std::vector<CubeObservation> poses_of(const SimulationOptions& options, int steps) {
   auto robot = simulate(options);
   const Companion<CubeObservation> cube(robot.companion("object"));
   const auto hold = hold_position(robot.latest_observation());
@@ -43,7 +43,7 @@ TEST(ObjectSession, ShowsThePoseBeforeStepZero) {
 }
 
 TEST(ObjectSession, ShowsAnObjectAsItIsTurnedAtTheStart) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.objects[0].orientation = {3, 0, 0, 4};
   auto robot = simulate(options);
   const Companion<CubeObservation> cube(robot.companion("object"));
@@ -60,7 +60,7 @@ TEST(ObjectSession, ShowsAPoseAHundredTimesASecond) {
 }
 
 TEST(ObjectSession, ShowsAPoseWhenItHasArrived) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.object_period = 4;
   options.object_delay = 11;
   const auto poses = poses_of(options, 100);
@@ -76,7 +76,7 @@ TEST(ObjectSession, ShowsAPoseWhenItHasArrived) {
 
 TEST(ObjectSession, ShowsWhereTheObjectWasWhenItWasSeen) {
   // The cube falls, so late poses are higher.
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.objects[0].position = {0, 0, 0.2};
   options.object_period = 1;
   const auto now = poses_of(options, 100);
@@ -91,7 +91,7 @@ TEST(ObjectSession, ShowsWhereTheObjectWasWhenItWasSeen) {
 TEST(ObjectSession, HasTheNoiseThatWasAskedFor) {
   constexpr double kPosition = 2e-3;
   constexpr double kOrientation = 2e-2;
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.object_period = 1;
   options.object_position_noise = kPosition;
   options.object_orientation_noise = kOrientation;
@@ -119,7 +119,7 @@ TEST(ObjectSession, HasTheNoiseThatWasAskedFor) {
 }
 
 TEST(ObjectSession, LosesTheShareOfPosesThatWasAskedForAndKeepsTheOthers) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.object_period = 4;
   options.object_delay = 3;
   options.object_loss = 0.3;
@@ -148,7 +148,7 @@ TEST(ObjectSession, HasNoNoiseUnlessAsked) {
 }
 
 TEST(ObjectSession, GivesUnitQuaternions) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.object_period = 1;
   options.object_orientation_noise = 1.0;
   for (const CubeObservation& pose : poses_of(options, 500)) {
@@ -170,7 +170,7 @@ struct TwoObjects {
 };
 
 TEST(ObjectSession, NamesItsObjects) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.objects = {cube("red"), ball()};
   options.description.objects[1].position = {0.1, 0.05, 0.03};
   auto robot = simulate(options);
@@ -182,7 +182,7 @@ TEST(ObjectSession, NamesItsObjects) {
 }
 
 TEST(ObjectSession, IsNotThereWithoutObjects) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.objects.clear();
   auto robot = simulate(options);
   EXPECT_THROW((void)robot.companion("object"), SessionNotFound);
@@ -191,22 +191,22 @@ TEST(ObjectSession, IsNotThereWithoutObjects) {
 
 TEST(ObjectSession, RefusesNamesThatCannotBeNamesOfFields) {
   for (const char* const name : {"a cube", "cube.position", "stamp"}) {
-    SimulationOptions<TriFinger> options;
+    SimulationOptions options;
     options.description.objects[0].name = name;
-    EXPECT_THROW(SimulatedRobot<TriFinger>{options}, InvalidArgument) << name;
+    EXPECT_THROW(SimulatedRobot{options}, InvalidArgument) << name;
   }
 }
 
 TEST(SceneSession, SaysWhereEverythingIsAtEveryPeriod) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.scene_period = 7;
   // What is known of objects is late and noisy; the scene is not.
   options.object_delay = 50;
   options.object_position_noise = 0.01;
-  const Simulation<TriFinger> simulation(options);
+  const Simulation simulation(options);
   auto robot = simulation.connect();
   const UntypedFrontend scene = robot.companion(kSceneCompanion);
-  const std::size_t numbers = configuration_size(options.description);
+  const std::size_t numbers = configuration_size(*make_model(options));
   ASSERT_EQ(scene.session().element(Series::kObservation).size(),
             sizeof(Stamp) + numbers * sizeof(double));
   std::vector<std::byte> element(sizeof(Stamp) + numbers * sizeof(double));

@@ -9,12 +9,12 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
-#include <variant>
 #include <vector>
 
 #include "sim/enemy.hpp"
 #include "support/soak.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -30,15 +30,15 @@ class OtherRobots : public testing::TestWithParam<const char*> {
       GTEST_SKIP() << "the robot is missing: python tools/fetch_robots.py --all";
     }
     const std::filesystem::path folder = root / (is_ours ? "config" : "tests/robots");
-    config_ = std::get<FileRobotConfig>(load_any_robot_config((folder / (name + ".yml")).string()));
+    config_ = load_robot_config((folder / (name + ".yml")).string());
   }
 
-  FileRobotConfig config_;
+  RobotConfig config_;
 };
 
 TEST_P(OtherRobots, AreHeldByTheSafetyChainUnderHostileActions) {
-  FileRobot robot(config_.robot);
-  const std::size_t joints = config_.robot.limits.size();
+  SimulatedRobot robot(config_.simulation);
+  const std::size_t joints = config_.simulation.limits->size();
   const std::int64_t steps = repetitions(10'000, 1'000'000);
   Enemy enemy(1, joints);
   CountedObservation measured(joints);
@@ -57,7 +57,7 @@ TEST_P(OtherRobots, AreHeldByTheSafetyChainUnderHostileActions) {
     // The applied action begins with the torques.
     const auto* const torque = reinterpret_cast<const double*>(applied.data());
     for (std::size_t i = 0; i < joints; ++i) {
-      const JointLimit& limit = config_.robot.limits[i];
+      const JointLimit& limit = config_.simulation.limits->at(i);
       const std::string& name = robot.model().joints()[i].name;
       ASSERT_LE(std::abs(torque[i]), limit.max_torque) << name << " in step " << step;
       ASSERT_GT(measured.position[i], limit.hard_lower) << name << " in step " << step;

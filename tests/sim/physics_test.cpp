@@ -26,12 +26,12 @@ TYPED_TEST_SUITE(Physics, Robots);
 
 TYPED_TEST(Physics, HasTheActuatorsOfTheDescription) {
   using R = TypeParam;
-  SimulationOptions<R> options = options_of<R>();
+  SimulationOptions options = options_of<R>();
   options.description.actuator =
       ActuatorParameters{.rotor_inertia = 5e-6, .damping = 2e-3, .friction = 1e-2};
-  for (const SimulationOptions<R>& scene : {options_of<R>(), options}) {
+  for (const SimulationOptions& scene : {options_of<R>(), options}) {
     const ActuatorParameters drive = actuator(scene.description);
-    const SimulatedRobot<R> robot(scene);
+    const SimulatedRobot robot(scene);
     const mjModel& model = *robot.model().mujoco();
     ASSERT_GE(model.nv, static_cast<int>(R::kJoints));
     for (std::size_t i = 0; i < R::kJoints; ++i) {
@@ -49,7 +49,7 @@ TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
   constexpr double kGravity = 9.81;
   const ObjectVelocity thrown{.linear = {0.4, -0.3, 1.0}, .angular = {1.0, 2.0, -3.0}};
   for (const bool by_description : {true, false}) {
-    SimulationOptions<R> options = options_of<R>();
+    SimulationOptions options = options_of<R>();
     ObjectDescription& cube = options.description.objects.at(0);
     cube.position = {0.0, 0.0, 1.0};
     cube.orientation = {0.5, 0.1, -0.7, 0.2};
@@ -57,8 +57,8 @@ TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
       cube.velocity = thrown.linear;
       cube.angular_velocity = thrown.angular;
     }
-    const Simulation<R> simulation(options);
-    SimulatedRobot<R>& driver = simulation.robot();
+    const Simulation simulation(options);
+    SimulatedRobot& driver = simulation.robot();
     if (!by_description) driver.set_object_velocity("cube", thrown);
     const auto expect_thrown = [&] {
       const ObjectVelocity velocity = driver.object_velocity("cube");
@@ -70,7 +70,7 @@ TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
     // Every session begins with these velocities, and a saved state contains them, too.
     const SimulationState state = driver.save();
     for (int session = 0; session < 2; ++session) {
-      Frontend<R> robot = simulation.connect();
+      Frontend<R> robot = simulation.connect<R>();
       expect_thrown();
       const auto hold = hold_position(robot.latest_observation());
       constexpr int kSteps = 100;
@@ -98,7 +98,7 @@ TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
 
 TYPED_TEST(Physics, RefusesAVelocityThatIsNone) {
   using R = TypeParam;
-  SimulatedRobot<R> robot(options_of<R>());
+  SimulatedRobot robot(options_of<R>());
   EXPECT_THROW(robot.set_object_velocity("ball", {}), InvalidArgument);
   EXPECT_THROW(robot.set_object_velocity(
                    "cube", {.angular = {0.0, std::numeric_limits<double>::infinity(), 0.0}}),
@@ -107,7 +107,7 @@ TYPED_TEST(Physics, RefusesAVelocityThatIsNone) {
 
 TYPED_TEST(Physics, TorqueOfAnObservationBelongsToThePeriodBefore) {
   using R = TypeParam;
-  auto robot = simulate(options_of<R>());
+  auto robot = simulate<R>(options_of<R>());
   EXPECT_EQ(robot.latest_observation().torque, typename R::Observation{}.torque);
   TimeIndex t = -1;
   for (int k = 0; k < 50; ++k) {
@@ -123,19 +123,19 @@ TYPED_TEST(Physics, TorqueOfAnObservationBelongsToThePeriodBefore) {
 
 TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
   using R = TypeParam;
-  SimulationOptions<R> options = options_of<R>();
+  SimulationOptions options = options_of<R>();
   // A weak motor, with nothing else that slows down the joint.
   const ActuatorParameters weak{.damping = 0.0, .no_load_speed = 4.0, .stall_torque = 0.4};
   options.description.actuator = weak;
   options.description.objects.clear();
-  options.limits = default_limits<R>(options.description);
+  options.limits = default_limits(options.description);
   for (JointLimit& limit : *options.limits) {
     limit.safety_kd = 0.0;
     limit.max_velocity = std::numeric_limits<double>::infinity();
     limit.braking = std::numeric_limits<double>::infinity();
   }
-  const Simulation<R> simulation(options);
-  Frontend<R> robot = simulation.connect();
+  const Simulation simulation(options);
+  Frontend<R> robot = simulation.connect<R>();
   typename R::Action action = hold_position(robot.latest_observation());
   action.position[0] = kNotGiven;
   action.torque[0] = 0.3;
@@ -157,18 +157,18 @@ TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
 TYPED_TEST(Physics, ATipThatPressesOnTheTableFeelsTheForce) {
   using R = TypeParam;
   for (const Variant variant : kVariants) {
-    SimulationOptions<R> options = options_of<R>(variant);
+    SimulationOptions options = options_of<R>(variant);
     options.description.objects.clear();
     // The single finger of a One would not reach the table.
     options.description.finger_height = 0.29;
-    const Simulation<R> simulation(options);
-    Frontend<R> robot = simulation.connect();
+    const Simulation simulation(options);
+    Frontend<R> robot = simulation.connect<R>();
     Kinematics kinematics(options.description);
     const double radius = figures(options.description).tip_radius;
 
     // The tip is below its place in the initial pose, on the table.
-    JointValues pose = Eigen::Map<const Eigen::VectorXd>(
-        simulation.robot().model().initial_position().data(), R::kJoints);
+    JointValues pose =
+        Eigen::Map<const Eigen::VectorXd>(simulation.robot().initial_position().data(), R::kJoints);
     kinematics.update(pose);
     for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
       Eigen::Vector3d tip = kinematics.tip_position(finger);
@@ -202,7 +202,7 @@ TYPED_TEST(Physics, ATipThatPressesOnTheTableFeelsTheForce) {
 }
 
 TYPED_TEST(Physics, ATipInTheAirFeelsNothing) {
-  auto robot = simulate(options_of<TypeParam>());
+  auto robot = simulate<TypeParam>(options_of<TypeParam>());
   const TimeIndex t = robot.append_desired_action(hold_position(robot.latest_observation()));
   for (const double force : robot.get_observation(t).tip_force) EXPECT_EQ(force, 0.0);
 }
@@ -219,12 +219,12 @@ void* counting_malloc(std::size_t size) {
 
 TYPED_TEST(Physics, TakesNoMemoryInAStep) {
   using R = TypeParam;
-  SimulationOptions<R> options = options_of<R>();
+  SimulationOptions options = options_of<R>();
   options.object_period = 3;
   options.object_delay = 7;
   options.object_position_noise = 1e-3;
   options.object_orientation_noise = 1e-3;
-  SimulatedRobot<R> robot(options);
+  SimulatedRobot robot(options);
   typename R::Observation observation;
   typename R::AppliedAction applied;
   typename R::Action action;
@@ -237,13 +237,13 @@ TYPED_TEST(Physics, TakesNoMemoryInAStep) {
   for (int session = 0; session < 2; ++session) {
     (void)robot.prepare(0);
     for (TimeIndex t = -1; t < 500; ++t) {
-      (void)robot.get_latest_observation(observation);
+      (void)robot.get_latest_observation(&observation);
       while (robot.get_companion_element(0, t, &element)) {
       }
-      ASSERT_EQ(robot.hold(observation, action).state, DriverReport::State::kReady);
+      ASSERT_EQ(robot.hold(&observation, &action).state, DriverReport::State::kReady);
       // The fingers fall on the table and on the cube.
       if (t >= 0) action = {};
-      (void)robot.apply_action(action, applied);
+      (void)robot.apply_action(&action, &applied);
     }
     (void)robot.stop(0);
   }

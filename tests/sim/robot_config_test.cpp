@@ -13,15 +13,12 @@
 #include <set>
 #include <sstream>
 #include <string>
-#include <utility>
-#include <variant>
 #include <vector>
 
 #include "sim/robots.hpp"
 #include "support/config_message.hpp"
 #include "support/folder.hpp"
 #include "trifinger/model/export.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -63,30 +60,23 @@ class RobotConfigFile : public testing::Test {
   Folder folder_;
 };
 
-void run_ten_steps(const FileRobotConfig& config) {
-  FileRobot robot(config.robot);
-  const RobotTypes& types = robot.description();
-  std::vector<std::byte> observation(types.observation.size());
+void run_ten_steps(const RobotConfig& config) {
+  const Simulation simulation(config.simulation, config.session);
+  const RobotTypes& types = simulation.robot().description();
+  UntypedFrontend frontend = simulation.connect_untyped();
+  std::vector<std::byte> element(types.observation.size());
+  frontend.latest_observation(element.data(), kForever);
+  CountedObservation observation(simulation.robot().limits().size());
+  read_element(element.data(), observation);
+  EXPECT_THAT(observation.position,
+              testing::Pointwise(testing::DoubleEq(), simulation.robot().initial_position()));
   std::vector<std::byte> hold(types.action.size());
-  std::vector<std::byte> applied(types.applied_action.size());
-  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  write_element(hold_position(observation), hold.data());
   for (int i = 0; i < 10; ++i) {
-    ASSERT_EQ(robot.get_latest_observation(observation.data()).state, DriverReport::State::kReady);
-    if (i == 0) static_cast<void>(robot.hold(observation.data(), hold.data()));
-    const DriverReport report = robot.apply_action(hold.data(), applied.data());
-    ASSERT_EQ(report.state, DriverReport::State::kReady) << robot.fault_text(report.fault_code);
+    const TimeIndex t = frontend.append_desired_action(hold.data(), kForever);
+    frontend.get(Series::kObservation, t, element.data(), kForever);
   }
-}
-
-// Does one simulated step of any robot.
-template <class R>
-void run_ten_steps(const SimulationOptions<R>& options, const SessionOptions& session) {
-  const Simulation<R> simulation(options, session);
-  Frontend<R> robot = simulation.connect();
-  const auto hold = hold_position(robot.latest_observation());
-  EXPECT_EQ(hold.position, *options.initial_position);
-  for (int i = 0; i < 10; ++i) (void)robot.get_observation(robot.append_desired_action(hold));
-  EXPECT_FALSE(robot.fault());
+  EXPECT_FALSE(frontend.fault());
 }
 
 TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
@@ -95,16 +85,9 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     if (entry.path().extension() != ".yml") continue;
     ++count;
     SCOPED_TRACE(entry.path().filename());
-    const AnyRobotConfig any = load_any_robot_config(entry.path().string());
     EXPECT_THAT(config_names(), Contains(entry.path().stem().string()));
     EXPECT_EQ(find_config(entry.path().stem().string()), entry.path());
-    if (const auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
-      run_ten_steps(*from_file);
-      continue;
-    }
-    const auto& config = std::get<RobotConfig>(any);
-    std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
-               config.simulation);
+    run_ten_steps(load_robot_config(entry.path().string()));
   }
   EXPECT_EQ(count, static_cast<int>(config_names().size()));
   EXPECT_GT(count, 0);
@@ -113,17 +96,12 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
   for (const std::string& name : config_names()) {
     SCOPED_TRACE(name);
-    const auto load = [](const std::string& robot, const std::vector<std::string>& overrides) {
-      AnyRobotConfig config = load_any_robot_config(robot, overrides);
-      return std::visit([](const auto& any) { return std::pair(any.name, any.session.documents); },
-                        config);
-    };
-    const auto shipped = load(name, {"name=mine"});
+    const RobotConfig shipped = load_robot_config(name, {"name=mine"});
     for (const std::string& written : {name, name + ".yml"}) {
       std::ofstream(folder_ / "mine.yml") << "extends: " << written << "\nname: mine\n";
-      const auto mine = load((folder_ / "mine.yml").string(), {});
-      EXPECT_EQ(mine.first, "mine");
-      EXPECT_EQ(mine.second, shipped.second);
+      const RobotConfig mine = load_robot_config((folder_ / "mine.yml").string());
+      EXPECT_EQ(mine.name, "mine");
+      EXPECT_EQ(mine.session.documents, shipped.session.documents);
     }
   }
   std::ofstream(folder_ / "mine.yml") << "extends: trifinger_deu\n";
@@ -159,8 +137,7 @@ TEST_F(RobotConfigFile, HasTheCamerasOfItsModel) {
   EXPECT_EQ(load_robot_config("sim_cameras").cameras->simulated.look, camera::RenderingOptions{});
   // Those of a flipped platform turn with it, and see its ceiling as before.
   const RobotConfig flipped = load_robot_config("sim_cameras", {"platform=flipped"});
-  const RobotDescription& description =
-      std::get<SimulationOptions<TriFinger>>(flipped.simulation).description;
+  const RobotDescription& description = flipped.simulation.description;
   const camera::Camera camera = calibration_of_figures(description).cameras[0];
   const auto seen = camera.project({0, 0, flip_height(description)});
   ASSERT_TRUE(seen);
@@ -210,9 +187,9 @@ TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
   std::ofstream(folder_ / "copy.yml") << document.text;
   const RobotConfig copy = load_robot_config((folder_ / "copy.yml").string());
   EXPECT_EQ(copy.session.documents, config.session.documents);
-  EXPECT_EQ(std::get<0>(copy.simulation).description.finger_height, 0.31);
+  EXPECT_EQ(copy.simulation.description.finger_height, 0.31);
 
-  const Simulation<TriFinger> simulation(std::get<0>(config.simulation), config.session);
+  const Simulation simulation(config.simulation, config.session);
   const std::vector<Document> documents = simulation.connect().session().documents();
   ASSERT_EQ(documents.size(), 4U);
   EXPECT_EQ(documents[0], document);
@@ -224,10 +201,8 @@ TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
 
 TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
   // Limits are written twice: in the model, for programs without a file, and in the files.
-  const auto expect_same = [](const auto& options) {
-    const auto of_figures = default_limits<std::conditional_t<
-        std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>, Finger,
-        TriFinger>>(options.description);
+  const auto expect_same = [](const SimulationOptions& options) {
+    const std::vector<JointLimit> of_figures = default_limits(options.description);
     for (std::size_t i = 0; i < of_figures.size(); ++i) {
       for (const JointLimitField& field : JointLimit::fields()) {
         EXPECT_EQ((*options.limits)[i].*field.value, of_figures[i].*field.value) << field.name;
@@ -247,14 +222,13 @@ TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
   };
   for (const std::string& name : config_names()) {
     SCOPED_TRACE(name);
-    const AnyRobotConfig config = load_any_robot_config(name);
+    const SimulationOptions simulation = load_robot_config(name).simulation;
     // Robots for a skill differ in what the skill needs.
     const std::set<std::string> for_skills{"catch",      "pushing", "sim_balance",
                                            "sim_cuboid", "throw",   "throw_far"};
     if (for_skills.contains(name)) continue;
     // Those from a file have their limits there alone.
-    if (std::holds_alternative<FileRobotConfig>(config)) continue;
-    std::visit(expect_same, std::get<RobotConfig>(config).simulation);
+    if (simulation.file == nullptr) expect_same(simulation);
   }
 }
 
@@ -301,7 +275,7 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
   EXPECT_EQ(config.backend.max_rejected_actions, 9U);
   EXPECT_EQ(config.backend.first_action_timeout, std::chrono::milliseconds(1500));
   EXPECT_EQ(config.session.history, 1024U);
-  const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  const auto& options = config.simulation;
   EXPECT_EQ(options.description.variant, Variant::kPro);
   EXPECT_EQ(options.description.finger_height, 0.3);
   EXPECT_FALSE(options.description.soft_tips);
@@ -342,8 +316,7 @@ TEST_F(RobotConfigFile, ReadsObjects) {
                "  - {name: dice, type: cube, size: [0.04], orientation: [1, 0, 0, 1], "
                "velocity: [0.1, 0, 2], angular_velocity: [1, 2, 3], "
                "colours: [red, red, blue, cyan, magenta, green]}\n"));
-  const auto& objects =
-      std::get<SimulationOptions<TriFinger>>(config.simulation).description.objects;
+  const auto& objects = config.simulation.description.objects;
   ASSERT_EQ(objects.size(), 4U);
   EXPECT_EQ(objects[0].size, (Triple{0.02, 0.08, 0.03}));
   EXPECT_EQ(objects[0].mass, 0.02);
@@ -404,7 +377,7 @@ TEST_F(RobotConfigFile, OfAnOlderVersionIsTheSameRobot) {
   ASSERT_LT(without.size(), base.str().size());
   std::ofstream(folder_ / "trifinger_edu.yml") << without;
   const auto description = [](const std::string& name) {
-    return std::get<0>(load_robot_config(name).simulation).description;
+    return load_robot_config(name).simulation.description;
   };
   EXPECT_EQ(export_mjcf(description(path)), export_mjcf(description("trifinger_edu")));
 }
@@ -456,7 +429,7 @@ TEST_F(RobotConfigFile, NamesAnInitialPositionBeyondTheSoftLimits) {
 
 TEST_F(RobotConfigFile, HasNoOrderlyStopUnlessItSaysSo) {
   const RobotConfig config = load_robot_config("sim");
-  const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  const auto& options = config.simulation;
   EXPECT_EQ(options.stop.damping_time, Nanoseconds::zero());
   EXPECT_FALSE(options.stop.rest_position.has_value());
 }
@@ -464,9 +437,9 @@ TEST_F(RobotConfigFile, HasNoOrderlyStopUnlessItSaysSo) {
 TEST_F(RobotConfigFile, SaysHowTheRobotComesToRest) {
   const RobotConfig config = load_robot_config(
       extended("stop: {damping_time: 0.5, rest_position: [0, 0.9, -1.7], move_time: 4}\n"));
-  const auto& stop = std::get<SimulationOptions<TriFinger>>(config.simulation).stop;
+  const auto& stop = config.simulation.stop;
   EXPECT_EQ(stop.damping_time, std::chrono::milliseconds(500));
-  EXPECT_EQ(stop.rest_position, (JointVector<9>{0, 0.9, -1.7, 0, 0.9, -1.7, 0, 0.9, -1.7}));
+  EXPECT_EQ(stop.rest_position, (std::vector{0.0, 0.9, -1.7, 0.0, 0.9, -1.7, 0.0, 0.9, -1.7}));
   EXPECT_EQ(stop.move_time, std::chrono::seconds(4));
 }
 

@@ -16,8 +16,8 @@ inline constexpr Arrangement kArrangement =
 
 /// Returns the default simulation of a variant as an R.
 template <class R>
-SimulationOptions<R> options_of(Variant variant = Variant::kEdu) {
-  SimulationOptions<R> options;
+SimulationOptions options_of(Variant variant = Variant::kEdu) {
+  SimulationOptions options;
   options.description.variant = variant;
   options.description.arrangement = kArrangement<R>;
   return options;
@@ -25,8 +25,8 @@ SimulationOptions<R> options_of(Variant variant = Variant::kEdu) {
 
 /// Returns every variant as an R, upright and flipped.
 template <class R>
-std::vector<SimulationOptions<R>> all_variants() {
-  std::vector<SimulationOptions<R>> all;
+std::vector<SimulationOptions> all_variants() {
+  std::vector<SimulationOptions> all;
   for (const Variant variant : kVariants) {
     for (const bool flipped : {false, true}) {
       all.push_back(options_of<R>(variant));
@@ -36,8 +36,7 @@ std::vector<SimulationOptions<R>> all_variants() {
   return all;
 }
 
-template <class R>
-std::string label(const SimulationOptions<R>& options) {
+inline std::string label(const SimulationOptions& options) {
   return std::string(figures(options.description).name) +
          (options.description.flipped ? " flipped" : " upright");
 }

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -18,7 +19,6 @@
 #include <string>
 #include <thread>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "support/message_of.hpp"
@@ -28,8 +28,9 @@
 #include "trifinger/dynamixel/emulator.hpp"
 #include "trifinger/dynamixel/stepped_motors.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_plant.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/servo_plant.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -52,16 +53,15 @@ struct Observation {
   JointVector<kJoints + 1> joint_velocity{};
 };
 
-FileRobotConfig load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return std::get<FileRobotConfig>(
-      load_any_robot_config(std::string(TRIFINGER_CONFIG_DIR "/") + name + ".yml", overrides));
+RobotConfig load(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return load_robot_config(std::string(TRIFINGER_CONFIG_DIR "/") + name + ".yml", overrides);
 }
 
 // D'Claw on emulated motors in simulated time.
 class Claw {
  public:
-  explicit Claw(FileRobotConfig config, const dynamixel::LineFaults& faults = {})
-      : plant(config.robot, *config.servos),
+  explicit Claw(RobotConfig config, const dynamixel::LineFaults& faults = {})
+      : plant(config.simulation, *config.servos),
         line(servos::emulated_motors(*config.servos), plant, kBegin, {.faults = faults}) {
     auto port = std::make_unique<dynamixel::EmulatedPort>(line, config.servos->baud, kBegin);
     auto group = std::make_unique<dynamixel::MotorGroup>(
@@ -88,7 +88,7 @@ class Claw {
     return std::string(robot->fault_text(report.fault_code));
   }
 
-  FilePlant plant;
+  ServoPlant plant;
   dynamixel::EmulatedBus line;
   std::unique_ptr<servos::ServoRobot> robot;
   Observation observation{};
@@ -104,7 +104,7 @@ Action to_finger(const std::array<double, 3>& angles) {
 
 TEST(DClawOnMotors, HasTheElementsOfTheSimulatedOne) {
   Claw claw(load("dclaw_emulated"));
-  const FileRobot simulated(load("dclaw").robot);
+  const SimulatedRobot simulated(load("dclaw").simulation);
   EXPECT_EQ(claw.robot->description().type, simulated.description().type);
   EXPECT_EQ(claw.robot->description().observation.text(),
             simulated.description().observation.text());
@@ -202,10 +202,60 @@ TEST(DClawOnMotors, SurvivesALineThatLosesAndDamagesPackets) {
   EXPECT_GT(claw.report.lost_frames + claw.robot->motors().counts.missing, 0U);
 }
 
-// ---- its configuration ----
+// ---- a TriFinger on such motors ----
+
+RobotConfig trifinger_on_motors() {
+  const std::string path = testing::TempDir() + "trifinger_on_motors.yml";
+  std::ofstream file(path);
+  file << "extends: " TRIFINGER_CONFIG_DIR "/trifinger_pro.yml\n"
+       << "driver: dynamixel\n"
+       << "stop: {damping_time: 0.1, rest_position: [0, 0.9, -1.7], move_time: 4}\n"
+       << "dynamixel:\n  port: emulated\n  baud: 4000000\n  mode: torque\n"
+       << "  torque_constant: 1.3\n  max_current: 1\n  motors:\n";
+  int id = 10;
+  for (const std::string& joint : joint_names(RobotDescription{.variant = Variant::kPro})) {
+    file << "    " << joint << ": {id: " << id++ << "}\n";
+  }
+  file.close();
+  return load_robot_config(path);
+}
+
+TEST(TriFingerOnMotors, IsATriFingerWithoutSensorsAtItsTips) {
+  Claw robot(trifinger_on_motors());
+  EXPECT_EQ(robot.robot->description().type, TriFinger::kType);
+  EXPECT_EQ(robot.robot->description().observation, describe<TriFinger::Observation>());
+  robot.begin();
+  ASSERT_TRUE(robot.step(Action{}));
+  TriFinger::Observation y;
+  ASSERT_EQ(robot.robot->get_latest_observation(&y).state, DriverReport::State::kReady);
+  EXPECT_THAT(y.tip_force, testing::Each(testing::IsNan()));
+}
+
+TEST(TriFingerOnMotors, FollowsPositionsAndComesToRestAfterASession) {
+  Claw robot(trifinger_on_motors());
+  robot.begin();
+  const Action there = to_finger({0.1, 1.1, -1.9});
+  for (int i = 0; i < 3000; ++i) ASSERT_TRUE(robot.step(there)) << robot.fault();
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(robot.observation.position[i], there.position[i], 0.1) << i;
+  }
+  TimeIndex step = 0;
+  for (; step < 4100; ++step) {
+    ASSERT_EQ(robot.robot->stop(step).state, DriverReport::State::kBusy)
+        << step << ": " << robot.robot->fault_text(0);
+  }
+  static_cast<void>(robot.robot->get_latest_observation(&robot.observation));
+  const Action rest = to_finger({0.0, 0.9, -1.7});
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(robot.observation.position[i], rest.position[i], 0.1) << i;
+  }
+  while (robot.robot->stop(step).state == DriverReport::State::kBusy) ASSERT_LT(++step, 4200);
+}
+
+// ---- the configuration of D'Claw ----
 
 TEST(DClawOnMotors, IsReadFromItsConfiguration) {
-  const FileRobotConfig config = load("dclaw_dynamixel");
+  const RobotConfig config = load("dclaw_dynamixel");
   ASSERT_TRUE(config.servos.has_value());
   EXPECT_EQ(config.name, "dclaw-dynamixel");
   EXPECT_EQ(config.backend.period, 1ms);
@@ -217,7 +267,7 @@ TEST(DClawOnMotors, IsReadFromItsConfiguration) {
   EXPECT_NEAR(robot.motors[6].zero, -1.5707963, 1e-9);
   EXPECT_EQ(robot.reset.first, (std::vector<std::size_t>{1, 4, 7}));
   EXPECT_EQ(robot.reset.untangle.size(), 3U);
-  EXPECT_EQ(robot.damping_time, 500ms);
+  EXPECT_EQ(robot.stop.damping_time, 500ms);
   EXPECT_EQ(robot.limits[0].max_torque, 3.0);
 }
 
@@ -257,7 +307,7 @@ class DClawAtATerminal : public testing::Test {
     servos.loop.realtime = {.demand = Demand::kOff};
   }
   void start() {
-    plant_ = std::make_unique<FilePlant>(config_.robot, *config_.servos);
+    plant_ = std::make_unique<ServoPlant>(config_.simulation, *config_.servos);
     emulator_ = std::make_unique<dynamixel::Emulator>(servos::emulated_motors(*config_.servos),
                                                       *plant_, dynamixel::EmulatedBusOptions{},
                                                       servos::emulated_port("claw").string());
@@ -273,8 +323,8 @@ class DClawAtATerminal : public testing::Test {
   }
 
   SessionFolder folder_;
-  FileRobotConfig config_{load("dclaw_emulated")};
-  std::unique_ptr<FilePlant> plant_;
+  RobotConfig config_{load("dclaw_emulated")};
+  std::unique_ptr<ServoPlant> plant_;
   std::unique_ptr<dynamixel::Emulator> emulator_;
 };
 

@@ -25,8 +25,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Poses are delayed all the time, and noise is drawn.
 template <class R>
-SimulationOptions<R> noisy_options() {
-  SimulationOptions<R> options;
+SimulationOptions noisy_options() {
+  SimulationOptions options;
   if constexpr (std::is_same_v<R, Finger>) {
     options.description.arrangement = Arrangement::kSingleFinger;
   }
@@ -45,8 +45,8 @@ class SavedState : public testing::Test {
 
   Poking<R> poking() const { return Poking<R>(options.description, centre, 1); }
 
-  const SimulationOptions<R> options = noisy_options<R>();
-  const Triple centre = SimulatedRobot<R>(options).object_pose("cube").position;
+  const SimulationOptions options = noisy_options<R>();
+  const Triple centre = SimulatedRobot(options).object_pose("cube").position;
 };
 
 using Robots = testing::Types<TriFinger, Finger>;
@@ -69,19 +69,19 @@ std::string first_difference_from(const Recording<R>& whole, int first, const Re
 TYPED_TEST(SavedState, GoesOnBitForBitInANewSession) {
   using R = TypeParam;
   for (const int first : {1, 6, 7, 8, 23, 150, 399}) {
-    const Simulation<R> simulation(this->options);
+    const Simulation simulation(this->options);
     auto policy = this->poking();
     Recording<R> whole;
     SimulationState state;
     {
-      auto robot = simulation.connect();
+      auto robot = simulation.connect<R>();
       record(robot, policy, first, whole);
       state = simulation.robot().save();
       auto same_policy = policy;
       record(robot, same_policy, this->kSteps, whole);
     }
     simulation.robot().restore(state);
-    auto robot = simulation.connect();
+    auto robot = simulation.connect<R>();
     Recording<R> rest;
     record(robot, policy, this->kSteps, rest);
     EXPECT_EQ(first_difference_from(whole, first, rest), "") << "saved before step " << first;
@@ -91,8 +91,8 @@ TYPED_TEST(SavedState, GoesOnBitForBitInANewSession) {
 TYPED_TEST(SavedState, GoesOnBitForBitInAnotherSimulation) {
   using R = TypeParam;
   constexpr int kFirst = 200;
-  const Simulation<R> simulation(this->options);
-  auto robot = simulation.connect();
+  const Simulation simulation(this->options);
+  auto robot = simulation.connect<R>();
   auto policy = this->poking();
   Recording<R> whole;
   record(robot, policy, kFirst, whole);
@@ -100,9 +100,9 @@ TYPED_TEST(SavedState, GoesOnBitForBitInAnotherSimulation) {
   auto same_policy = policy;
   record(robot, same_policy, this->kSteps, whole);
 
-  const Simulation<R> other(this->options);
+  const Simulation other(this->options);
   other.robot().restore(state);
-  auto other_robot = other.connect();
+  auto other_robot = other.connect<R>();
   Recording<R> rest;
   record(other_robot, policy, this->kSteps, rest);
   EXPECT_EQ(first_difference_from(whole, kFirst, rest), "");
@@ -111,8 +111,8 @@ TYPED_TEST(SavedState, GoesOnBitForBitInAnotherSimulation) {
 TYPED_TEST(SavedState, TakesEffectAtOnceInASessionThatGoesOn) {
   using R = TypeParam;
   constexpr int kFirst = 200;
-  const Simulation<R> simulation(this->options);
-  auto robot = simulation.connect({.strict = false});
+  const Simulation simulation(this->options);
+  auto robot = simulation.connect<R>({.strict = false});
   auto policy = this->poking();
   Recording<R> before;
   record(robot, policy, kFirst, before);
@@ -134,9 +134,9 @@ TYPED_TEST(SavedState, TakesEffectAtOnceInASessionThatGoesOn) {
 
 TYPED_TEST(SavedState, IsTheSameHoweverOftenItIsRestored) {
   using R = TypeParam;
-  const Simulation<R> simulation(this->options);
+  const Simulation simulation(this->options);
   {
-    auto robot = simulation.connect();
+    auto robot = simulation.connect<R>();
     auto policy = this->poking();
     Recording<R> unused;
     record(robot, policy, 100, unused);
@@ -147,7 +147,7 @@ TYPED_TEST(SavedState, IsTheSameHoweverOftenItIsRestored) {
 }
 
 TEST(SimulatedRobot, BeginsASessionWhereItWasPutDuringTheOneBefore) {
-  const Simulation<TriFinger> simulation;
+  const Simulation simulation;
   const JointVector<9> position{0.1, 0.8, -1.6, 0.2, 0.7, -1.5, 0.0, 1.0, -1.8};
   {
     auto robot = simulation.connect();
@@ -161,34 +161,35 @@ TEST(SimulatedRobot, BeginsASessionWhereItWasPutDuringTheOneBefore) {
 }
 
 TEST(SimulatedRobot, BeginsInTheInitialPoseOfItsOptions) {
-  SimulationOptions<TriFinger> options;
-  options.initial_position = {0.1, 0.8, -1.6, 0.2, 0.7, -1.5, 0.0, 1.0, -1.8};
-  EXPECT_EQ(simulate(options).latest_observation().position, *options.initial_position);
+  SimulationOptions options;
+  options.initial_position = std::vector{0.1, 0.8, -1.6, 0.2, 0.7, -1.5, 0.0, 1.0, -1.8};
+  EXPECT_THAT(simulate(options).latest_observation().position,
+              testing::ElementsAreArray(*options.initial_position));
 }
 
 TEST(SimulatedRobot, RefusesTheStateOfAnotherModel) {
-  const auto state_of = [](const SimulationOptions<TriFinger>& options) {
-    return SimulatedRobot<TriFinger>(options).save();
+  const auto state_of = [](const SimulationOptions& options) {
+    return SimulatedRobot(options).save();
   };
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   const auto is_refused = ThrowsMessage<InvalidArgument>(HasSubstr("saved from another model"));
-  SimulationOptions<TriFinger> pro;
+  SimulationOptions pro;
   pro.description.variant = Variant::kPro;
   EXPECT_THAT([&] { robot.restore(state_of(pro)); }, is_refused);
-  SimulationOptions<TriFinger> heavy;
+  SimulationOptions heavy;
   heavy.description.objects[0].mass = 0.2;
   EXPECT_THAT([&] { robot.restore(state_of(heavy)); }, is_refused);
-  SimulationOptions<TriFinger> two;
+  SimulationOptions two;
   two.description.objects.push_back(ball());
   EXPECT_THAT([&] { robot.restore(state_of(two)); }, is_refused);
-  SimulationOptions<TriFinger> late;
+  SimulationOptions late;
   late.object_delay = 3;
   EXPECT_THAT([&] { robot.restore(state_of(late)); }, is_refused);
   EXPECT_NO_THROW(robot.restore(state_of({.seed = 7})));
 }
 
 TEST(SimulatedRobot, RefusesBytesThatAreNoState) {
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   const auto is_refused =
       ThrowsMessage<InvalidArgument>(HasSubstr("not the saved state of a simulation"));
   EXPECT_THAT([&] { robot.restore({}); }, is_refused);
@@ -199,7 +200,7 @@ TEST(SimulatedRobot, RefusesBytesThatAreNoState) {
 }
 
 TEST(SimulatedRobot, RefusesToBeginBeyondAHardLimit) {
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   for (const double bad : {2.0, -2.1, kNan, kInfinity}) {
     JointVector<9> position{0, 0.9, -1.7, 0, 0.9, -1.7, 0, 0.9, -1.7};
     position[3] = bad;
@@ -210,7 +211,7 @@ TEST(SimulatedRobot, RefusesToBeginBeyondAHardLimit) {
 }
 
 TEST(SimulationState, PushesAnObjectForAsLongAsItIsTold) {
-  const Simulation<TriFinger> simulation;
+  const Simulation simulation;
   simulation.robot().place_object("cube", {.position = {0.0, 0.0, 1.0}});
   auto robot = simulation.connect();
   const auto hold = hold_position(robot.latest_observation());
@@ -232,7 +233,7 @@ TEST(SimulationState, PushesAnObjectForAsLongAsItIsTold) {
 }
 
 TEST(PlaceObject, PutsItThereAtRestAndNormalisesTheOrientation) {
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   robot.place_object("cube", {.position = {0.05, -0.02, 0.0325}, .orientation = {3, 0, 0, 4}});
   const ObjectPose pose = robot.object_pose("cube");
   EXPECT_THAT(pose.position, ElementsAre(0.05, -0.02, 0.0325));
@@ -240,7 +241,7 @@ TEST(PlaceObject, PutsItThereAtRestAndNormalisesTheOrientation) {
 }
 
 TEST(PlaceObject, IsSeenInTheNextSession) {
-  const Simulation<TriFinger> simulation({.object_delay = 50});
+  const Simulation simulation({.object_delay = 50});
   const ObjectPose pose{.position = {0.05, -0.02, 0.0325}, .orientation = {0.6, 0, 0, 0.8}};
   {
     auto robot = simulation.connect();
@@ -253,7 +254,7 @@ TEST(PlaceObject, IsSeenInTheNextSession) {
 }
 
 TEST(PlaceObject, RefusesWhatIsNoPose) {
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   const auto is_refused =
       ThrowsMessage<InvalidArgument>(HasSubstr("object 'cube' cannot be placed"));
   EXPECT_THAT([&] { robot.place_object("cube", {.position = {kNan, 0, 0}}); }, is_refused);
@@ -266,9 +267,9 @@ TEST(PlaceObject, RefusesWhatIsNoPose) {
 }
 
 TEST(PlaceObject, NamesTheObjectsThereAre) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.objects = {cube("red"), cube("blue")};
-  SimulatedRobot<TriFinger> robot(options);
+  SimulatedRobot robot(options);
   const auto names_them = ThrowsMessage<InvalidArgument>(
       AllOf(HasSubstr("'green'"), HasSubstr("red"), HasSubstr("blue")));
   EXPECT_THAT([&] { robot.place_object("green", {}); }, names_them);

@@ -24,7 +24,7 @@ using ::testing::ThrowsMessage;
 constexpr double kGravity = 9.81;
 
 // Holds for a number of steps. Returns where the cube is.
-ObjectPose wait(Frontend<TriFinger>& robot, const Simulation<TriFinger>& simulation, int steps) {
+ObjectPose wait(Frontend<TriFinger>& robot, const Simulation& simulation, int steps) {
   const auto hold = hold_position(robot.latest_observation());
   for (int i = 0; i < steps; ++i) (void)robot.get_observation(robot.append_desired_action(hold));
   return simulation.robot().object_pose("cube");
@@ -32,7 +32,7 @@ ObjectPose wait(Frontend<TriFinger>& robot, const Simulation<TriFinger>& simulat
 
 TEST(Variation, OfTheMassIsFeltByAForceAndNotByGravity) {
   for (const double factor : {0.5, 1.0, 3.0}) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     simulation.robot().vary({.object_mass = factor});
     simulation.robot().reset();
     simulation.robot().place_object("cube", {.position = {0.0, 0.0, 1.0}});
@@ -46,7 +46,7 @@ TEST(Variation, OfTheMassIsFeltByAForceAndNotByGravity) {
 
 TEST(Variation, OfTheFrictionDecidesHowFarAnObjectSlides) {
   const auto slide = [](double factor) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     simulation.robot().vary({.friction = factor});
     simulation.robot().reset();
     auto robot = simulation.connect();
@@ -64,7 +64,7 @@ TEST(Variation, OfTheFrictionDecidesHowFarAnObjectSlides) {
 
 TEST(Variation, OfThePairsIsForThemAlone) {
   const auto slide = [](SurfacePair pair, double factor) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     Variation variation;
     variation.pair_friction[pair] = factor;
     simulation.robot().vary(variation);
@@ -82,7 +82,7 @@ TEST(Variation, OfThePairsIsForThemAlone) {
 
 TEST(Variation, OfTheContactsDecidesHowFarADroppedCubeSinks) {
   const auto sink = [](double factor) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     simulation.robot().vary({.contact_time = factor});
     simulation.robot().reset();
     simulation.robot().place_object("cube", {.position = {0.0, 0.0, 0.08}});
@@ -97,10 +97,10 @@ TEST(Variation, OfTheContactsDecidesHowFarADroppedCubeSinks) {
 
 // Checks what is set in the model, including joints and the pairs that the description has.
 TEST(Variation, ReachesTheModel) {
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.actuator = ActuatorParameters{.friction = 0.01};
   options.description.contact.friction = {{SurfacePair::kTipObject, 0.8}};
-  const Simulator<TriFinger> simulator(options);
+  const Simulator simulator(options);
   Variation variation{.friction = 0.5,
                       .contact_time = 2.0,
                       .rotor_inertia = 3.0,
@@ -109,7 +109,7 @@ TEST(Variation, ReachesTheModel) {
                       .stop_margin = 0.5};
   variation.pair_friction[SurfacePair::kTipObject] = 0.25;
   variation.pair_friction[SurfacePair::kObjectTable] = 0.3;
-  const RobotModel::Compiled varied = simulator.make_varied_model(variation);
+  const SceneModel::Compiled varied = simulator.make_varied_model(variation);
   const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(varied.get()), mj_deleteData);
   const mjModel& usual = *simulator.model().mujoco();
   // Done twice: only the model counts, not what was varied before.
@@ -142,7 +142,7 @@ TEST(Variation, ReachesTheModel) {
 TimeIndex steps_until_felt(TimeIndex delay) {
   constexpr TimeIndex kChange = 20;
   const auto run = [&](double torque) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     simulation.robot().vary({.torque_delay = delay});
     auto robot = simulation.connect();
     std::vector<double> positions;
@@ -169,7 +169,7 @@ TEST(Variation, OfTheDelayMovesTheTorqueByThatManySteps) {
 
 TEST(Variation, OfTheMotorsIsNotSeenInTheirTorque) {
   const auto run = [](double gain) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     simulation.robot().vary({.motor_gain = gain});
     auto robot = simulation.connect();
     JointVector<9> torques{};
@@ -199,7 +199,7 @@ TEST(Variation, StaysWhateverIsResetAndGoesIntoSavedStates) {
                       .joint_friction = 0.005,
                       .stop_margin = 0.5};
   variation.pair_friction[SurfacePair::kObjectTable] = 0.6;
-  const Simulation<TriFinger> simulation;
+  const Simulation simulation;
   simulation.robot().vary(variation);
   simulation.robot().reset();
   simulation.robot().place_object("cube", {.position = {0.0, 0.0, 0.1}});
@@ -207,7 +207,7 @@ TEST(Variation, StaysWhateverIsResetAndGoesIntoSavedStates) {
   auto robot = simulation.connect();
   const ObjectPose first = wait(robot, simulation, 300);
 
-  const Simulation<TriFinger> other;
+  const Simulation other;
   other.robot().restore(state);
   auto other_robot = other.connect();
   const ObjectPose second = wait(other_robot, other, 300);
@@ -221,7 +221,7 @@ TEST(Variation, LeavesNothingOfTheOneBefore) {
   pairs.pair_friction[SurfacePair::kObjectTable] = 0.3;
   const Variation variation{.object_mass = 2.0, .joint_damping = 3.0};
   const auto result = [](std::initializer_list<Variation> all) {
-    const Simulation<TriFinger> simulation;
+    const Simulation simulation;
     for (const Variation& one : all) simulation.robot().vary(one);
     auto robot = simulation.connect();
     static_cast<void>(wait(robot, simulation, 100));
@@ -233,14 +233,14 @@ TEST(Variation, LeavesNothingOfTheOneBefore) {
 }
 
 TEST(Variation, OfNothingChangesNothing) {
-  const Simulation<TriFinger> simulation;
+  const Simulation simulation;
   const SimulationState before = simulation.robot().save();
   simulation.robot().vary({});
   EXPECT_EQ(simulation.robot().save(), before);
 }
 
 TEST(Variation, IsRefusedWhereItMakesNoSense) {
-  SimulatedRobot<TriFinger> robot;
+  SimulatedRobot robot;
   const auto refuses = [&](const Variation& variation, const char* name) {
     EXPECT_THAT([&] { robot.vary(variation); },
                 ThrowsMessage<InvalidArgument>(AllOf(HasSubstr(name), HasSubstr("must be"))));

@@ -82,7 +82,7 @@ struct BoardRobotOptions {
   bool self_test{false};      ///< Tests the wiring before every homing, see `WiringTest`.
   JointVector<kJoints> initial_position{};         ///< Where the robot moves after homing [rad].
   Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of this movement.
-  OrderlyStopOptions<kJoints> stop{};
+  OrderlyStopOptions stop{};
   BoardOptions board{};
   Nanoseconds period{std::chrono::milliseconds(1)};  ///< Period of the back-end.
   /// Returns the torques that carry the weight of the joints at a position; default: none. It runs
@@ -253,7 +253,7 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   const Clock& clock_;
   SafetyChain<R> safety_;
   SafetyState<R::kJoints> state_{};
-  OrderlyStop<R> stop_;
+  OrderlyStop stop_;
   std::vector<Board> boards_;
   Preparation<R::kJoints> preparation_{};
   // Both atomics carry nothing but themselves between two threads, a few times per minute, so the

@@ -67,7 +67,7 @@ class PlanningModel {
   [[nodiscard]] const mjModel_* mujoco() const noexcept { return model_.get(); }
   /// The model, for those who change masses or frictions before it is used.
   [[nodiscard]] mjModel_* mujoco() noexcept { return model_.get(); }
-  [[nodiscard]] RobotModel::Compiled copy() const;
+  [[nodiscard]] SceneModel::Compiled copy() const;
 
   [[nodiscard]] Seconds time_step() const noexcept;
   [[nodiscard]] int num_joints() const noexcept { return static_cast<int>(joints_.size()); }
@@ -98,7 +98,7 @@ class PlanningModel {
   void check(const PlanningState& state) const;
 
  private:
-  RobotModel::Compiled model_;
+  SceneModel::Compiled model_;
   std::vector<PlannedJoint> joints_;
   std::vector<int> tip_sites_;
   std::vector<ObjectAddress> objects_;

@@ -19,9 +19,7 @@ struct GuidedRobot {
   JointValues home{};
 };
 
-/// The robot R with the limits and the initial pose of its variant.
-/// @throws InvalidArgument if R has another number of joints than the description
-template <class R>
+/// The robot with the limits and the initial pose of its variant.
 [[nodiscard]] GuidedRobot guided_robot(const RobotDescription& description);
 
 /// The robot of `session`, from the configuration that its back-end has used.

@@ -16,7 +16,7 @@
 #include "trifinger/realtime/annotations.hpp"
 
 /// \file
-/// Robots whose joints are counted when they are loaded, such as those from a file. Users see the
+/// Robots whose joints are counted when they are made, such as simulated ones. Users see the
 /// same elements as those of a `JointRobot` with as many joints: `JointAction<N>` and so on. Inside
 /// the driver they are the types below, so that one `SafetyChain` serves robots of any number.
 
@@ -39,6 +39,10 @@ class PerJoint {
   PerJoint() noexcept = default;
   /// `size` must be at most `kMaxCountedJoints`.
   PerJoint(std::size_t size, T value) noexcept : size_(size) { std::ranges::fill(*this, value); }
+  /// There must be at most `kMaxCountedJoints` values.
+  explicit PerJoint(std::span<const T> values) noexcept : size_(values.size()) {
+    std::ranges::copy(values, begin());
+  }
   PerJoint(const PerJoint& other) noexcept : size_(other.size_) { copy(other); }
   PerJoint& operator=(const PerJoint& other) noexcept {
     if (this == &other) return *this;
@@ -141,10 +145,10 @@ void write_element(const CountedAction& action, void* element) noexcept TRIFINGE
 void write_element(const CountedObservation& observation,
                    void* element) noexcept TRIFINGER_REALTIME;
 void write_element(const CountedAppliedAction& applied, void* element) noexcept TRIFINGER_REALTIME;
-/// For a robot that measures more joints than it drives: `joint_position` and `joint_velocity`
-/// follow the observation.
+/// For a robot that measures more than its driven joints: `joint_position` and `joint_velocity` of
+/// all its joints, and `tip_force`, follow the observation.
 void write_element(const CountedObservation& observation, std::span<const double> joint_position,
-                   std::span<const double> joint_velocity,
+                   std::span<const double> joint_velocity, std::span<const double> tip_force,
                    void* element) noexcept TRIFINGER_REALTIME;
 /// @}
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -113,6 +114,13 @@ static_assert(kJointLimitFields.size() * sizeof(double) == sizeof(JointLimit),
 
 }  // namespace detail
 
+namespace detail {
+
+// Throws InvalidArgument if a robot has another number of joints.
+void require_count(std::size_t found, std::size_t expected);
+
+}  // namespace detail
+
 constexpr std::span<const JointLimitField> JointLimit::fields() noexcept {
   return detail::kJointLimitFields;
 }
@@ -120,6 +128,16 @@ constexpr std::span<const JointLimitField> JointLimit::fields() noexcept {
 /// The limits of N joints.
 template <std::size_t N>
 using JointLimits = std::array<JointLimit, N>;
+
+/// The same limits, for a program that knows how many joints its robot has.
+/// @throws InvalidArgument if there are more or fewer
+template <std::size_t N>
+[[nodiscard]] JointLimits<N> limits_of(std::span<const JointLimit> limits) {
+  detail::require_count(limits.size(), N);
+  JointLimits<N> result;
+  std::copy_n(limits.begin(), N, result.begin());
+  return result;
+}
 
 /// A limit that makes no sense.
 struct JointLimitProblem {

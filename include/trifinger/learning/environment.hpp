@@ -19,8 +19,8 @@
 #include "trifinger/learning/environment_options.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/annotations.hpp"
-#include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/object_observation.hpp"
+#include "trifinger/sim/simulator.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace trifinger::learning {
@@ -36,7 +36,7 @@ struct Measurement {
   const ObjectPose* object{nullptr};  ///< Pose of the task's object; nullptr if it has none.
   /// True pose of that object, by which the outcome is judged. nullptr: `object` is true enough.
   const ObjectPose* true_object{nullptr};
-  std::span<const double> torque{};  ///< Joint torques [Nm], [N]; for robots from files.
+  std::span<const double> torque{};  ///< Joint torques [Nm], [N].
   /// @name All hinges and slides of a robot from a file, if not all of them are driven one by one
   /// @{
   std::span<const double> model_position{};
@@ -132,15 +132,15 @@ class Environment {
   Environment(const TaskDescription& task, const EnvironmentOptions& options,
               const RobotDescription& description,
               Nanoseconds period = std::chrono::milliseconds(1));
-  /// Makes an environment of a robot from a file.
+  /// Makes an environment of a simulated robot, also from a file.
   Environment(const TaskDescription& task, const EnvironmentOptions& options,
-              const FileRobotOptions& robot);
+              const SimulationOptions& robot);
   /// Makes an environment of the task with this name.
   Environment(std::string_view task, const EnvironmentOptions& options,
               const RobotDescription& description,
               Nanoseconds period = std::chrono::milliseconds(1));
   Environment(std::string_view task, const EnvironmentOptions& options,
-              const FileRobotOptions& robot);
+              const SimulationOptions& robot);
   Environment(Environment&&) noexcept;
   Environment& operator=(Environment&&) noexcept;
   ~Environment();

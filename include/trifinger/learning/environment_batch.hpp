@@ -13,8 +13,8 @@
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/task.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
-#include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/simulation_options.hpp"
+#include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::learning {
 
@@ -74,22 +74,14 @@ class EnvironmentBatch {
   /// processor that this process may use. Options that need
   /// cameras need `sight`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  template <class R>
   EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
-                   const SimulationOptions<R>& simulation, int size, int num_threads = 0,
+                   const SimulationOptions& simulation, int size, int num_threads = 0,
                    const std::optional<rendering::SightOptions>& sight = {});
-  /// Makes simulations of a robot from a file.
-  EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
-                   const FileRobotOptions& robot, int size, int num_threads = 0);
   /// Makes simulations for the task with this name.
-  template <class R>
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
-                   const SimulationOptions<R>& simulation, int size, int num_threads = 0,
+                   const SimulationOptions& simulation, int size, int num_threads = 0,
                    const std::optional<rendering::SightOptions>& sight = {})
       : EnvironmentBatch(find_task(task), options, simulation, size, num_threads, sight) {}
-  EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
-                   const FileRobotOptions& robot, int size, int num_threads = 0)
-      : EnvironmentBatch(find_task(task), options, robot, size, num_threads) {}
   ~EnvironmentBatch();
   EnvironmentBatch(const EnvironmentBatch&) = delete;
   EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;
@@ -122,18 +114,8 @@ class EnvironmentBatch {
 
  private:
   class Implementation;
-  template <class Physics>
-  class Typed;
+  class Simulations;
   std::unique_ptr<Implementation> implementation_;
 };
-
-extern template EnvironmentBatch::EnvironmentBatch(const TaskDescription&,
-                                                   const EnvironmentOptions&,
-                                                   const SimulationOptions<TriFinger>&, int, int,
-                                                   const std::optional<rendering::SightOptions>&);
-extern template EnvironmentBatch::EnvironmentBatch(const TaskDescription&,
-                                                   const EnvironmentOptions&,
-                                                   const SimulationOptions<Finger>&, int, int,
-                                                   const std::optional<rendering::SightOptions>&);
 
 }  // namespace trifinger::learning

@@ -12,7 +12,7 @@
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/model/contact_check.hpp"
 #include "trifinger/model/frames.hpp"
-#include "trifinger/sim/file_simulator.hpp"
+#include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::learning {
 
@@ -26,15 +26,17 @@ class FileBody {
   /// `frames` are names as for `Frames`.
   /// @throws InvalidArgument if there is no such frame, if there are too many of them, or if the
   /// model is too large
-  FileBody(const FileRobotOptions& robot, std::span<const std::string> frames);
+  FileBody(const SimulationOptions& robot, std::span<const std::string> frames);
 
-  [[nodiscard]] const ModelFile& model() const noexcept { return simulator_.model(); }
-  [[nodiscard]] std::span<const JointLimit> limits() const noexcept {
-    return simulator_.options().limits;
-  }
+  [[nodiscard]] const SceneModel& model() const noexcept { return simulator_.model(); }
+  [[nodiscard]] std::span<const JointLimit> limits() const noexcept { return simulator_.limits(); }
   /// Where the driven joints begin [rad], [m].
   [[nodiscard]] std::span<const double> initial_position() const noexcept {
     return simulator_.initial_position();
+  }
+  /// Where everything begins, in the order of MuJoCo's `qpos`.
+  [[nodiscard]] const std::vector<double>& initial_configuration() const noexcept {
+    return simulator_.initial_configuration();
   }
   [[nodiscard]] std::size_t num_joints() const noexcept { return simulator_.num_joints(); }
   [[nodiscard]] std::size_t num_frames() const noexcept { return frames_.size(); }
@@ -62,7 +64,7 @@ class FileBody {
                                    std::span<const double> high) const;
 
  private:
-  FileSimulator simulator_;
+  Simulator simulator_;
   Frames frames_;
   ContactCheck contacts_;
 };

@@ -19,7 +19,7 @@ class RecorderThread final : public Follower {
  public:
   /// Sets `options.is_follower`. The robot must be given the recorder:
   ///
-  ///     trifinger::Simulation<trifinger::TriFinger> simulation;
+  ///     trifinger::Simulation simulation;
   ///     auto recorder = std::make_shared<trifinger::log::RecorderThread>(
   ///         "sim", trifinger::log::RecorderOptions{.folder = "logs"});
   ///     simulation.follow(recorder);

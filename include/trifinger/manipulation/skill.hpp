@@ -32,7 +32,7 @@ struct SkillContext {
 };
 
 /// What the checks of a robot allow: the limits of its configuration, or those of its variant.
-[[nodiscard]] control::SafetyLimits safety_limits_of(const SimulationOptions<TriFinger>& options);
+[[nodiscard]] control::SafetyLimits safety_limits_of(const SimulationOptions& options);
 
 /// A pose of the object, and the step at which it was seen.
 struct SeenPose {

@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "trifinger/model/model_file.hpp"
+#include "trifinger/model/scene_model.hpp"
 
 namespace trifinger {
 
-/// Tells whether a pose of a model from a file is free of contacts.
+/// Tells whether a pose of a model is free of contacts.
 ///
 /// Many threads may share one; each waits until the one before it is done.
 class ContactCheck {
@@ -19,7 +19,7 @@ class ContactCheck {
   /// Parts that touch at `usual`, positions in the order of MuJoCo's `qpos`, may always touch: for
   /// example an object and the table.
   /// @throws Error if there is no memory for it
-  ContactCheck(std::shared_ptr<const ModelFile> model, std::span<const double> usual);
+  ContactCheck(std::shared_ptr<const SceneModel> model, std::span<const double> usual);
 
   /// True if no other parts touch at this pose. Takes no memory from the heap.
   [[nodiscard]] bool is_free(std::span<const double> configuration) const noexcept;
@@ -27,9 +27,9 @@ class ContactCheck {
  private:
   void find_contacts(std::span<const double> configuration) const noexcept;
 
-  std::shared_ptr<const ModelFile> model_;
+  std::shared_ptr<const SceneModel> model_;
   mutable std::mutex mutex_;
-  RobotModel::Data data_;
+  SceneModel::Data data_;
   std::vector<std::pair<int, int>> usual_;  // geoms that may touch
 };
 

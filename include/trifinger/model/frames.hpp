@@ -7,18 +7,18 @@
 #include <string>
 #include <vector>
 
-#include "trifinger/model/model_file.hpp"
+#include "trifinger/model/scene_model.hpp"
 
 namespace trifinger {
 
-/// Where named frames of a model from a file are: forward kinematics without any other physics.
+/// Where named frames of a model are: forward kinematics without any other physics.
 ///
 /// It is constant: any number of threads may share it. Only the constructor allocates or throws.
 class Frames {
  public:
   /// `names` are those of sites, bodies or geoms; a site goes before a body of the same name.
   /// @throws InvalidArgument that names the frames there are, or one that no joint moves
-  Frames(std::shared_ptr<const ModelFile> model, std::span<const std::string> names);
+  Frames(std::shared_ptr<const SceneModel> model, std::span<const std::string> names);
 
   [[nodiscard]] std::size_t size() const noexcept { return chains_.size(); }
   /// Computes x, y, z of each frame in the world frame [m], in the order of the names.
@@ -32,7 +32,7 @@ class Frames {
     const double* offset;  // three numbers of the model; null: the body itself
   };
 
-  std::shared_ptr<const ModelFile> model_;
+  std::shared_ptr<const SceneModel> model_;
   std::vector<Chain> chains_;
 };
 

@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <iterator>
 #include <memory>
+#include <span>
 
 #include "trifinger/model/robot_description.hpp"
 
@@ -23,6 +25,10 @@ template <std::size_t N>
 [[nodiscard]] JointValues joint_values(const std::array<double, N>& numbers) noexcept {
   static_assert(N <= kMaxJoints);
   return JointValues::Map(numbers.data(), N);
+}
+/// There must be at most `kMaxJoints` numbers.
+[[nodiscard]] inline JointValues joint_values(std::span<const double> numbers) noexcept {
+  return JointValues::Map(numbers.data(), std::ssize(numbers));
 }
 
 /// Whether a finger can bring its tip to a point.

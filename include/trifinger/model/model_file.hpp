@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "trifinger/base/time.hpp"
-#include "trifinger/model/robot_model.hpp"
+#include "trifinger/model/robot_description.hpp"
+#include "trifinger/model/scene_model.hpp"
 
 struct mjSpec_;
 
@@ -35,36 +36,23 @@ struct ModelFileOptions {
   /// of the joint and its actuators in the file. Many files leave it out, although behind a gear it
   /// is most of what a motor feels.
   std::function<std::optional<double>(const std::string& joint)> armature{};
+  /// The key frame in which every session begins, by its name. Default: the file's first one; the
+  /// zero pose of the model if it has none.
+  std::optional<std::string> keyframe{};
+  /// Joints that begin elsewhere, driven or not [rad], [m].
+  std::function<std::optional<double>(const ModelJoint& joint)> initial_position{};
   /// Objects in addition to those of the file. Each needs a position and a name that no body of the
   /// file has.
   std::vector<ObjectDescription> objects{};
 };
 
-/// What a file says about one driven joint. Nothing where it says nothing, or nothing that one
-/// motor could obey.
-struct FileJoint {
-  std::string name;      ///< Of the joint or of the tendon.
-  bool is_slide{false};  ///< It slides: metres and newtons instead of radians and newton metres.
-  std::optional<std::array<double, 2>> range{};  ///< Where its stops are [rad], [m].
-  std::optional<double> max_torque{};            ///< [Nm], [N]
-  std::optional<double> kp{};                    ///< Stiffness of its position actuator [Nm/rad].
-  std::optional<double> kd{};                    ///< Its damping [Nms/rad].
-};
-
-/// A hinge or a slide of the model, driven or not.
-struct ModelJoint {
-  std::string name;
-  bool is_slide{false};
-};
-
-/// The robot and the scene of an MJCF or URDF file as a MuJoCo model. It is immutable, so any
-/// number of threads may simulate it.
+/// The robot and the scene of an MJCF or URDF file as a MuJoCo model.
 ///
-/// Each driven joint has one motor, `ctrl`, which gives the joint exactly this torque. So whatever
-/// its actuators were in the file (motors, position or velocity controllers, with gears or
-/// without), the torque that the safety chain allows is the torque that acts. Actuators of joints
-/// that are not driven do nothing.
-class ModelFile {
+/// Whatever the actuators of the driven joints were in the file (motors, position or velocity
+/// controllers, with gears or without), the torque that the safety chain allows is the torque that
+/// acts. Actuators of joints that are not driven do nothing. Names of objects are those of their
+/// bodies, with '_' for spaces; "body3" for a body without one.
+class ModelFile final : public SceneModel {
  public:
   /// Reads the file and what it includes.
   /// @throws InvalidArgument that names the file and what is wrong with it, or the joint that
@@ -72,99 +60,42 @@ class ModelFile {
   explicit ModelFile(ModelFileOptions options);
   ModelFile(ModelFile&&) noexcept;
   ModelFile& operator=(ModelFile&&) noexcept;
-  ~ModelFile();
+  ~ModelFile() override;
 
   [[nodiscard]] const ModelFileOptions& options() const noexcept { return options_; }
   /// The name of the model in the file; that of the file if it has none.
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
-  /// The `mjModel`, for those who include MuJoCo's own header. It is valid as long as this object.
-  [[nodiscard]] const mjModel_* mujoco() const noexcept { return model_.get(); }
-  /// The `mjData` of one simulation.
-  /// @throws Error if there is no memory for it
-  [[nodiscard]] RobotModel::Data make_data() const;
+  void reset(mjData_& data) const noexcept override;
 
   /// Length of a step of the robot.
   [[nodiscard]] Nanoseconds period() const noexcept { return period_; }
   /// Steps of the physics in one step of the robot.
   [[nodiscard]] int substeps() const noexcept { return substeps_; }
 
-  /// The driven joints.
-  [[nodiscard]] const std::vector<FileJoint>& joints() const noexcept { return joints_; }
-  /// All hinges and slides, driven or not, in the order of the model.
-  [[nodiscard]] const std::vector<ModelJoint>& model_joints() const noexcept {
-    return model_joints_;
-  }
-  /// True if the driven joints are exactly these, in this order.
-  [[nodiscard]] bool drives_all() const noexcept { return drives_all_; }
-  /// Bodies that float freely, with all that hangs at them: objects, and the base of a robot that
-  /// walks or flies. Names are as in the file, with '_' for spaces; "body3" for a body without one.
-  [[nodiscard]] const std::vector<ObjectAddress>& free_bodies() const noexcept {
-    return free_bodies_;
-  }
-
-  /// @name One driven joint of a simulation
-  /// Nothing here allocates or throws.
-  /// @{
-  [[nodiscard]] double position(std::size_t joint, const mjData_& data) const noexcept;
-  [[nodiscard]] double velocity(std::size_t joint, const mjData_& data) const noexcept;
-  /// Moves the joint there; coupled joints share the way as the torque of their motor would.
-  void set_position(std::size_t joint, double position, mjData_& data) const noexcept;
-  /// Moves the joint in `configuration`, positions in the order of MuJoCo's `qpos`.
-  void set_position(std::size_t joint, double position,
-                    std::span<double> configuration) const noexcept;
-  /// Sets the torque of its motor.
-  void set_torque(std::size_t joint, double torque, mjData_& data) const noexcept;
-  /// The torque that acts on this joint if `force` acts on the model's degrees of freedom.
-  [[nodiscard]] double torque_of(std::size_t joint, const double* force) const noexcept;
-  /// @}
-  /// Position and velocity of an entry of `model_joints`.
-  [[nodiscard]] double model_position(std::size_t joint, const mjData_& data) const noexcept;
-  [[nodiscard]] double model_velocity(std::size_t joint, const mjData_& data) const noexcept;
-  void set_model_position(std::size_t joint, double position, mjData_& data) const noexcept;
-  void set_model_position(std::size_t joint, double position,
-                          std::span<double> configuration) const noexcept;
-
-  /// The model in MuJoCo's format. It needs no other file: meshes are part of the text. Meshes that
-  /// only look are made coarser where nobody can see it, and pictures on surfaces become their mean
-  /// colour. It has the motors of this object, not the actuators of the file.
-  /// @throws Error if MuJoCo cannot write it
-  [[nodiscard]] std::string mjcf() const;
+  /// Meshes are part of the text. Meshes that only look are made coarser where nobody can see it,
+  /// and pictures on surfaces become their mean colour.
+  [[nodiscard]] std::string mjcf() const override;
 
  private:
   struct DeleteSpec {
     void operator()(mjSpec_* spec) const noexcept;
   };
-  // A share of a joint of the model in a driven joint: 1, or the coefficient in a tendon.
-  struct Part {
-    int position;  // in qpos
-    int velocity;  // in qvel
-    double share;
-  };
-  struct Motor {
-    int actuator{-1};
-    int ctrl{-1};  // its input
-    std::vector<Part> parts{};
-    double sum_of_squares{1.0};  // of the shares
-  };
-
   bool name_joints();
   void find_joints();
   void add_motors();
   void set_step();
+  void find_objects();
+  void find_start();
 
   ModelFileOptions options_;
   std::string name_;
   std::unique_ptr<mjSpec_, DeleteSpec> spec_;
-  RobotModel::Compiled model_;
   Nanoseconds period_{0};
   int substeps_{1};
-  std::vector<FileJoint> joints_;
-  std::vector<Motor> motors_;
-  std::vector<ModelJoint> model_joints_;
-  std::vector<Part> model_parts_;
-  bool drives_all_{false};
-  std::vector<ObjectAddress> free_bodies_;
+  int key_{-1};  // the key frame in which sessions begin
+  std::vector<std::pair<std::size_t, double>> initial_position_;        // of driven joints
+  std::vector<std::pair<std::size_t, double>> initial_model_position_;  // of other ones
 };
 
 }  // namespace trifinger

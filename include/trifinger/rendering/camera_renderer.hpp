@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "trifinger/camera/camera.hpp"
-#include "trifinger/model/robot_description.hpp"
+#include "trifinger/model/scene_model.hpp"
 #include "trifinger/rendering/options.hpp"
+#include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::rendering {
 
@@ -23,12 +24,14 @@ namespace trifinger::rendering {
 class CameraRenderer {
  public:
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  CameraRenderer(const RobotDescription& description, std::vector<camera::Camera> cameras,
+  CameraRenderer(const SimulationOptions& robot, std::vector<camera::Camera> cameras,
                  const RenderingOptions& options = {});
   CameraRenderer(CameraRenderer&&) noexcept;
   CameraRenderer& operator=(CameraRenderer&&) noexcept;
   ~CameraRenderer();
 
+  /// What is drawn.
+  [[nodiscard]] const SceneModel& model() const noexcept;
   /// The cameras as they are said to be.
   [[nodiscard]] const std::vector<camera::Camera>& cameras() const noexcept;
   /// The cameras as they are: others if the options have an error of the calibration.

@@ -30,7 +30,6 @@ namespace trifinger::rendering {
 /// A session begins with images of its first state, at step -1. Images that are under way are no
 /// part of the state that `SimulatedRobot::save` returns. Times of images are those of simulated
 /// time, from step 0.
-template <class R>
 class DriverWithCameras final : public UntypedDriver {
  public:
   /// Fault code in addition to those of `SimulatedRobot`: drawing or finding has failed.
@@ -39,7 +38,7 @@ class DriverWithCameras final : public UntypedDriver {
   /// `robot` must outlive the driver. With `varies`, each session looks different; see
   /// `Sight::vary`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  DriverWithCameras(SimulatedRobot<R>& robot, const std::vector<camera::Camera>& cameras,
+  DriverWithCameras(SimulatedRobot& robot, const std::vector<camera::Camera>& cameras,
                     const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
                     std::unique_ptr<ObjectFinder> finder = nullptr, bool varies = false);
 
@@ -69,7 +68,7 @@ class DriverWithCameras final : public UntypedDriver {
   [[nodiscard]] bool get_images(std::span<std::byte> element);
   [[nodiscard]] bool get_poses(TimeIndex time_index, std::byte* element);
 
-  SimulatedRobot<R>& robot_;
+  SimulatedRobot& robot_;
   Eyes eyes_;
   Sight sight_;
   std::vector<CompanionDescription> companions_;
@@ -83,36 +82,34 @@ class DriverWithCameras final : public UntypedDriver {
 /// A simulation with cameras, without real time: see `Simulation` and `DriverWithCameras`. Sessions
 /// have the calibration, so `camera::CameraReader` reads the images.
 ///
-///     rendering::SimulationWithCameras<TriFinger> simulation(options, calibration);
+///     rendering::SimulationWithCameras simulation(options, calibration);
 ///     auto robot = simulation.connect();
 ///     const camera::CameraReader cameras(robot);
 ///     const auto images = cameras.get_latest_at(t);
-template <class R>
 class SimulationWithCameras {
  public:
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  SimulationWithCameras(SimulationOptions<R> options, const camera::Calibration& calibration,
+  SimulationWithCameras(SimulationOptions options, const camera::Calibration& calibration,
                         const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
                         std::unique_ptr<ObjectFinder> finder = nullptr, SessionOptions session = {},
                         BackendOptions backend = {}, const std::string& name = {})
-      : simulation_(
-            std::move(options),
-            [&](SimulatedRobot<R>& robot) {
-              auto driver = std::make_unique<DriverWithCameras<R>>(
-                  robot, calibration.cameras, capture, rendering, std::move(finder));
-              driver_ = driver.get();
-              return driver;
-            },
-            with_document(std::move(session), calibration), backend, name) {}
+      : simulation_(std::move(options), with_document(std::move(session), calibration), backend,
+                    name, [&](SimulatedRobot& robot) {
+                      auto driver = std::make_unique<DriverWithCameras>(
+                          robot, calibration.cameras, capture, rendering, std::move(finder));
+                      driver_ = driver.get();
+                      return driver;
+                    }) {}
 
-  [[nodiscard]] const Simulation<R>& simulation() const noexcept { return simulation_; }
-  [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return simulation_.robot(); }
+  [[nodiscard]] const Simulation& simulation() const noexcept { return simulation_; }
+  [[nodiscard]] SimulatedRobot& robot() const noexcept { return simulation_.robot(); }
   /// What draws the images. Change its options between sessions.
   [[nodiscard]] CameraRenderer& renderer() const noexcept { return driver_->renderer(); }
   /// Controls the robot in a new session.
   /// @throws ControlHeld while another front-end controls it
+  template <class R = TriFinger>
   [[nodiscard]] Frontend<R> connect(FrontendOptions options = {.strict = true}) const {
-    return simulation_.connect(options);
+    return simulation_.connect<R>(options);
   }
 
  private:
@@ -123,11 +120,8 @@ class SimulationWithCameras {
     return session;
   }
 
-  DriverWithCameras<R>* driver_{nullptr};  // before the simulation, which sets it
-  Simulation<R> simulation_;
+  DriverWithCameras* driver_{nullptr};  // before the simulation, which sets it
+  Simulation simulation_;
 };
-
-extern template class DriverWithCameras<TriFinger>;
-extern template class DriverWithCameras<Finger>;
 
 }  // namespace trifinger::rendering

@@ -51,7 +51,7 @@ class Eyes {
  public:
   /// Without `finder` nothing is found.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  Eyes(const RobotDescription& description, const std::vector<camera::Camera>& cameras,
+  Eyes(const SimulationOptions& robot, const std::vector<camera::Camera>& cameras,
        const RenderingOptions& rendering, std::unique_ptr<ObjectFinder> finder);
 
   /// Draws the images of a configuration; see `CameraRenderer::render`. Then finds the objects in

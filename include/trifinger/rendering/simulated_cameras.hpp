@@ -24,10 +24,10 @@ namespace trifinger::rendering {
 /// takes longer than a period, images are left out: their numbers have gaps.
 class SimulatedCameras final : public camera::Source {
  public:
-  /// Draws an image every `period` at most, with the configuration `description` of the robot
+  /// Draws an image every `period` at most, as `simulation` says, of the robot
   /// `robot`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  SimulatedCameras(std::string robot, const RobotDescription& description,
+  SimulatedCameras(std::string robot, const SimulationOptions& simulation,
                    std::vector<camera::Camera> cameras, Nanoseconds period,
                    const RenderingOptions& options = {});
 

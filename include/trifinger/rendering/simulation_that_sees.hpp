@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,7 @@ namespace trifinger::rendering {
 /// There are poses only if all objects were found and are sure.
 /// @throws InvalidArgument if an object has no faces with different colours, or the images none
 [[nodiscard]] std::unique_ptr<ObjectFinder> make_object_finder(
-    const RobotDescription& description, const std::vector<camera::Camera>& cameras);
+    std::span<const ObjectDescription> objects, const std::vector<camera::Camera>& cameras);
 
 /// How a simulated robot sees, without real time.
 struct SightOptions {
@@ -50,8 +51,7 @@ struct SightOptions {
   return capture.pose_delay.value_or(capture.delay) + capture.period - 1;
 }
 /// The same for poses that a simulation says.
-template <class R>
-[[nodiscard]] TimeIndex oldest_sure_age(const SimulationOptions<R>& simulation) {
+[[nodiscard]] inline TimeIndex oldest_sure_age(const SimulationOptions& simulation) {
   return simulation.object_delay + simulation.object_period - 1;
 }
 /// The same in a simulation of a configured robot, without real time.
@@ -62,23 +62,21 @@ template <class R>
 
 /// The eyes of a robot that sees, with a tracker if it has to find its objects.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-[[nodiscard]] Eyes make_eyes(const RobotDescription& description, const SightOptions& options);
+[[nodiscard]] Eyes make_eyes(const SimulationOptions& robot, const SightOptions& options);
 
 /// The driver of a configured robot that sees, for a simulation without real time: with its
 /// cameras, if it has simulated ones, and with poses that a tracker has found, if its configuration
 /// says so. Nothing if the robot sees nothing. `name` is that of the robot's session.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-template <class R>
-[[nodiscard]] std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
-    SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
+[[nodiscard]] std::unique_ptr<DriverWithCameras> make_driver_with_cameras(
+    SimulatedRobot& robot, const RobotConfig& config, const std::string& name,
     const std::optional<RenderingOptions>& look = {});
 
 /// A simulation of a configured robot in this process, without real time, with the cameras and the
 /// tracker of its configuration. The same configuration gives the same observations, poses
 /// and images, bit for bit.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-template <class R>
-[[nodiscard]] Simulation<R> make_simulation(const RobotConfig& config,
-                                            const std::optional<RenderingOptions>& look = {});
+[[nodiscard]] Simulation make_simulation(const RobotConfig& config,
+                                         const std::optional<RenderingOptions>& look = {});
 
 }  // namespace trifinger::rendering

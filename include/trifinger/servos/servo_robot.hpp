@@ -21,6 +21,7 @@
 #include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/counted_chain.hpp"
 #include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/orderly_stop.hpp"
 
 namespace trifinger::servos {
 
@@ -88,12 +89,15 @@ struct ServoRobotOptions {
   /// If the observation also has "joint_position" and "joint_velocity": which of `motors`, followed
   /// by `sensors`, measures each of these; nothing: nobody does, and it is not a number.
   std::vector<std::optional<std::size_t>> all_joints{};
+  /// Number of "tip_force" in the observation, for robots that usually measure these. No motor
+  /// does, so they are not numbers.
+  std::size_t num_tips{0};
   ServoMode mode{ServoMode::kTorque};
   double torque_constant{1.3};  ///< Torque of a motor's shaft per ampere, behind its gear [Nm/A].
   double max_current{1.0};      ///< No motor ever gets more [A].
   std::vector<double> initial_position{};  ///< Where sessions begin [rad], [m].
   ResetOptions reset{};
-  Nanoseconds damping_time{0};  ///< After a session joints are only damped for so long.
+  OrderlyStopOptions stop{};                         ///< What happens after a session.
   Nanoseconds period{std::chrono::milliseconds(1)};  ///< Period of the back-end.
   /// Writes the torques that carry the weight of the joints at a position; default: none. It runs
   /// in the loop.
@@ -187,6 +191,8 @@ class ServoRobot final : public UntypedDriver {
   bool may_have_torque_{false};   // since the request to start; only a release takes it away
   bool is_running_{false};        // Motors have started, and the robot knows where they are.
 
+  OrderlyStop stop_;
+  bool has_fault_{false};  // A safety check has ended the session.
   Phase phase_{Phase::kStarting};
   TimeIndex phase_steps_{0};
   int attempts_{0};
@@ -197,6 +203,7 @@ class ServoRobot final : public UntypedDriver {
   // Of `all_joints`; NaN where nobody measures.
   std::vector<double> all_positions_;
   std::vector<double> all_velocities_;
+  std::vector<double> tip_force_;
   std::array<double, dynamixel::kMaxMotors> sent_{};
 
   CountedObservation observation_;

@@ -10,7 +10,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
-#include "trifinger/model/robot_description.hpp"
+#include "trifinger/model/scene_model.hpp"
 
 // A hand that pulls at a tip or at an object of a simulated robot: the mouse of a user, or a script
 // that teaches. docs/simulation.md says how it feels.
@@ -78,7 +78,7 @@ inline constexpr Nanoseconds kHandPatience = std::chrono::milliseconds(200);
 
 /// Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
 /// objects.
-[[nodiscard]] std::vector<std::string> pullable_bodies(const RobotDescription& description);
+[[nodiscard]] std::vector<std::string> pullable_bodies(const SceneModel& model);
 
 /// The number of a body in `pullable_bodies`.
 /// @throws InvalidArgument that names the bodies

@@ -47,14 +47,12 @@ struct CubeObservation {
 /// Name of the companion with the poses of the objects.
 inline constexpr const char* kObjectCompanion = "object";
 
-/// Describes the companion "object" of a robot: one pose for each object of its scene, in their
-/// order. Nothing if the scene has no objects.
+/// Describes the companion "object" of a robot: one pose for each of these objects, in their order.
+/// Nothing if there are none.
 [[nodiscard]] std::optional<CompanionDescription> object_companion(
-    const RobotDescription& description);
-
-/// Describes the same companion for objects of these names.
+    std::span<const std::string> names);
 [[nodiscard]] std::optional<CompanionDescription> object_companion(
-    std::span<const std::string> objects);
+    std::span<const ObjectDescription> objects);
 
 /// Writes an element of that companion.
 void write_objects(const Stamp& stamp, std::span<const ObjectPose> objects,

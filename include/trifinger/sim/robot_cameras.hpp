@@ -14,6 +14,11 @@ namespace trifinger {
 /// Bayer mosaic. Those of a flipped platform turn with it. None if the description has none.
 [[nodiscard]] camera::Calibration calibration_of_figures(const RobotDescription& description);
 
+/// The cameras that stand in the scene of a file, with images in a Bayer mosaic; 540 pixels high
+/// and wide unless the file says it (`resolution`). None if it has none; those that move are left
+/// out.
+[[nodiscard]] camera::Calibration calibration_of_file(const ModelFile& model);
+
 /// The cameras of a configured robot whose session is called `robot`.
 /// @throws InvalidArgument if it has none, or what `camera::resolve_calibration` throws
 [[nodiscard]] camera::Calibration camera_calibration(const RobotConfig& config,

@@ -12,7 +12,8 @@
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/sim/simulated_robot.hpp"
+#include "trifinger/servos/read_options.hpp"
+#include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger {
 
@@ -22,13 +23,15 @@ struct BoardsConfig {
   std::variant<boards::BoardRobotOptions<TriFinger>, boards::BoardRobotOptions<Finger>> options;
 };
 
-/// All settings of a robot in a configuration file. config/trifinger_edu.yml documents every key.
+/// All settings of a robot in a configuration file. config/trifinger_edu.yml documents every key,
+/// docs/any_robot.md those of a robot from a file.
 struct RobotConfig {
   std::string name;  ///< Name of the session.
-  /// The robot, and how it is simulated; of a robot on boards, its model and its plant in an
-  /// emulator.
-  std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
+  /// The robot, and how it is simulated; of a robot on boards or motors, its model and its plant in
+  /// an emulator.
+  SimulationOptions simulation;
   std::optional<BoardsConfig> boards{};            ///< Only for a robot on motor boards.
+  std::optional<servos::ServoConfig> servos{};     ///< Only for a robot on Dynamixel motors.
   std::optional<camera::CameraOptions> cameras{};  ///< Only for a robot with cameras.
   /// A simulated robot knows its objects only from the images of its cameras.
   bool tracks_objects{false};
@@ -51,6 +54,16 @@ struct RobotConfig {
 /// The names of the configurations that come with the program.
 [[nodiscard]] std::vector<std::string> config_names(const std::string& folder = "");
 
+/// Loads the configuration file `name`, see `find_config`. The path of a robot's file counts from
+/// the folder of the configuration that names it; here it is made absolute, so that the text of the
+/// configuration means the same everywhere.
+/// @throws config::ConfigError, InvalidArgument, SystemError
+[[nodiscard]] config::File load_config_file(const std::string& name,
+                                            const std::vector<std::string>& overrides = {});
+
+/// Whether a configuration that has been loaded is that of a robot from a file.
+[[nodiscard]] bool is_from_file(const config::File& file);
+
 /// Reads the configuration `name`, see `find_config`, with `overrides` such as
 /// "fingers.height=0.3".
 /// @throws config::ConfigError at the value that is wrong, InvalidArgument, SystemError
@@ -58,9 +71,13 @@ struct RobotConfig {
                                             const std::vector<std::string>& overrides = {});
 
 /// Reads a configuration that has been loaded, such as the document "configuration.yml" of a
-/// session.
+/// session. The file of the robot must still be where it was.
 /// @throws config::ConfigError at the value that is wrong, InvalidArgument
 [[nodiscard]] RobotConfig read_robot_config(const config::File& file);
+
+/// The description of a configured robot, for what knows only TriFingers and single fingers.
+/// @throws InvalidArgument if the robot is from a file
+[[nodiscard]] const RobotDescription& description_of(const RobotConfig& config);
 
 /// A value that differs between two configurations. Empty where a configuration does not have it.
 struct ConfigDifference {

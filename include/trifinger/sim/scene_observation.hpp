@@ -5,7 +5,7 @@
 #include <span>
 
 #include "trifinger/core/driver.hpp"
-#include "trifinger/model/robot_description.hpp"
+#include "trifinger/model/scene_model.hpp"
 
 namespace trifinger {
 
@@ -15,10 +15,10 @@ inline constexpr const char* kSceneCompanion = "scene";
 
 /// Describes this companion. An element has a stamp and MuJoCo's configuration: "position", that is
 /// `qpos`, and "velocity", that is `qvel`. `SimulatedRobot::configuration` gives the same numbers.
-[[nodiscard]] CompanionDescription scene_companion(const RobotDescription& description);
+[[nodiscard]] CompanionDescription scene_companion(const SceneModel& model);
 
 /// Number of values of "position" and of "velocity" together.
-[[nodiscard]] std::size_t configuration_size(const RobotDescription& description) noexcept;
+[[nodiscard]] std::size_t configuration_size(const SceneModel& model) noexcept;
 
 /// Writes an element of that companion.
 void write_scene(const Stamp& stamp, std::span<const double> position,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -9,7 +10,7 @@
 
 #include "trifinger/boards/emulator.hpp"
 #include "trifinger/core/sensor.hpp"
-#include "trifinger/model/robot_model.hpp"
+#include "trifinger/model/scene_model.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulator.hpp"
 
@@ -22,23 +23,26 @@ class SimulatedPlant final : public boards::Plant<R> {
   using typename boards::Plant<R>::Joints;
 
   /// The robot begins at rest at its initial position. @throws InvalidArgument
-  explicit SimulatedPlant(SimulationOptions<R> options);
+  explicit SimulatedPlant(SimulationOptions options);
 
-  [[nodiscard]] Joints position() const noexcept override { return state_.observation.position; }
-  [[nodiscard]] Joints velocity() const noexcept override { return state_.observation.velocity; }
+  [[nodiscard]] Joints position() const noexcept override {
+    return array_of<R::kJoints>(state_.observation.position);
+  }
+  [[nodiscard]] Joints velocity() const noexcept override {
+    return array_of<R::kJoints>(state_.observation.velocity);
+  }
   [[nodiscard]] std::array<double, R::kTips> tip_force() const noexcept override {
-    return state_.observation.tip_force;
+    return array_of<R::kTips>(state_.tip_force);
   }
   void step(const Joints& torque) noexcept override;
 
-  [[nodiscard]] const SimulationOptions<R>& options() const noexcept {
-    return simulator_.options();
-  }
+  [[nodiscard]] const SimulationOptions& options() const noexcept { return simulator_.options(); }
+  [[nodiscard]] const SceneModel& model() const noexcept { return simulator_.model(); }
   /// The poses of all objects that arrive from the cameras now; nullptr if none do. Call it once
   /// after each step. Steps count from 1.
-  [[nodiscard]] const typename Simulator<R>::Capture* receive_poses() noexcept;
+  [[nodiscard]] const Simulator::Capture* receive_poses() noexcept;
   /// The number of steps so far.
-  [[nodiscard]] TimeIndex step_count() const noexcept { return state_.memory.step; }
+  [[nodiscard]] TimeIndex step_count() const noexcept { return state_.memory.counters.step; }
   /// The object's pose now, without delay and noise.
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
@@ -52,9 +56,16 @@ class SimulatedPlant final : public boards::Plant<R> {
   [[nodiscard]] bool has_diverged() const noexcept { return has_diverged_; }
 
  private:
-  Simulator<R> simulator_;
-  RobotModel::Data data_;
-  typename Simulator<R>::State state_;
+  template <std::size_t N>
+  [[nodiscard]] static std::array<double, N> array_of(std::span<const double> values) noexcept {
+    std::array<double, N> result{};
+    std::ranges::copy(values.first(N), result.begin());
+    return result;
+  }
+
+  Simulator simulator_;
+  SceneModel::Data data_;
+  Simulator::State state_;
   std::vector<ObjectPose> initial_poses_;
   bool has_diverged_{false};
 };

@@ -8,17 +8,17 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "trifinger/base/random.hpp"
-#include "trifinger/base/text.hpp"
-#include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
+#include "trifinger/core/robot.hpp"
 #include "trifinger/core/sensor.hpp"
+#include "trifinger/joint/counted.hpp"
+#include "trifinger/joint/counted_chain.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
-#include "trifinger/joint/safety.hpp"
-#include "trifinger/joint/types.hpp"
-#include "trifinger/model/robot_model.hpp"
+#include "trifinger/model/scene_model.hpp"
 #include "trifinger/sim/hand.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulation_options.hpp"
@@ -27,80 +27,86 @@
 
 namespace trifinger {
 
-/// The scene as documents of its sessions: "model.xml" in MuJoCo's format, and for viewers
-/// "robot.urdf" and "frames.txt". The last one says how the links follow from the measurements.
-/// @throws InvalidArgument if the description cannot be built
-[[nodiscard]] std::vector<Document> model_documents(const RobotDescription& description);
-
 /// All data that decides how a simulation continues, as bytes. It can only be restored in the model
 /// from which it was saved.
 using SimulationState = std::vector<std::byte>;
 
-/// The robot R in MuJoCo, with the same safety chain as the real robot. It is a driver like any
-/// other.
+/// A robot in MuJoCo, with the same safety chain as the real robot. It is a driver like any other.
 ///
-/// It does one step of physics per action. It is deterministic: options, state and actions decide
-/// the series, bit for bit, on one machine.
+/// It does one step of the robot per action. It is deterministic: options, state and actions decide
+/// the series, bit for bit, on one machine. `robot_types_of` says what its elements are. Loose
+/// objects are in the companion "object".
 ///
-/// `R` is TriFinger or Finger. The functions after the driver's own are for the owner of the
-/// simulation. They must not be called while another thread runs the back-end. Every session begins
-/// in the state that the last `reset`, `place_object`, `set_object_velocity` or `restore` has left.
-/// During a session they take effect at once and are visible from the next observation on. The end
-/// of a session moves nothing unless `stop` says so: `save` after the session ended captures the
-/// state after the last action.
-template <class R>
-class SimulatedRobot final : public Driver<R> {
+/// The functions after the driver's own are for the owner of the simulation. They must not be
+/// called while another thread runs the back-end. Every session begins in the state that the last
+/// `reset`, `place_object`, `set_object_velocity` or `restore` has left. During a session they take
+/// effect at once and are visible from the next observation on. The end of a session moves nothing
+/// unless `stop` says so: `save` after the session ended captures the state after the last action.
+class SimulatedRobot final : public UntypedDriver {
  public:
-  using typename Driver<R>::Action;
-  using typename Driver<R>::AppliedAction;
-  using typename Driver<R>::Observation;
-  using Options = SimulationOptions<R>;
-  using Joints = JointVector<R::kJoints>;
+  using Options = SimulationOptions;
 
   /// Fault codes in addition to those of `SafetyFault`.
-  static constexpr std::int32_t kDiverged = Simulator<R>::kDiverged;
+  static constexpr std::int32_t kDiverged = Simulator::kDiverged;
 
   /// @throws InvalidArgument
-  explicit SimulatedRobot(Options options = {});
+  explicit SimulatedRobot(SimulationOptions options = {});
   ~SimulatedRobot() override;
 
-  using Driver<R>::apply_action;
-  using Driver<R>::get_latest_observation;
-  using Driver<R>::hold;
-
+  [[nodiscard]] const RobotTypes& description() const noexcept override { return chain_.types(); }
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
+    return companions_;
+  }
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
-  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
-  [[nodiscard]] DriverReport apply_action(const Action& desired,
-                                          AppliedAction& applied) noexcept override;
-  [[nodiscard]] DriverReport hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
-  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
+  void cut() noexcept override {}
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
   [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
-  [[nodiscard]] const Options& options() const noexcept { return simulator_.options(); }
-  [[nodiscard]] const RobotModel& model() const noexcept { return simulator_.model(); }
-  /// The checks between desired and applied actions. Add your own checks here, before the first
-  /// session.
-  [[nodiscard]] SafetyChain<R>& safety() noexcept { return simulator_.safety(); }
+  [[nodiscard]] const SimulationOptions& options() const noexcept { return simulator_.options(); }
+  [[nodiscard]] const SceneModel& model() const noexcept { return simulator_.model(); }
+  /// Limits of the driven joints.
+  [[nodiscard]] const std::vector<JointLimit>& limits() const noexcept { return chain_.limits(); }
 
-  /// Joint positions at the beginning of every session, unless `reset` sets others [rad].
-  [[nodiscard]] const Joints& initial_position() const noexcept {
+  /// Adds a check after the existing ones, between desired and applied actions, before the first
+  /// session. It sees the elements of the session.
+  void add_check(CountedChain::Check check);
+  /// Adds a check for the elements of robot R: `check(observation, action)`.
+  /// @throws InvalidArgument if this robot has other elements
+  template <class R, class Check>
+  void add_check(Check check) {
+    require_elements(describe_robot<R>());
+    add_check([check = std::move(check)](const void* observation, void* action) {
+      check(*static_cast<const typename R::Observation*>(observation),
+            *static_cast<typename R::Action*>(action));
+    });
+  }
+
+  /// Positions of the driven joints at the beginning of every session, unless `reset` sets others
+  /// [rad], [m].
+  [[nodiscard]] const std::vector<double>& initial_position() const noexcept {
     return simulator_.initial_position();
   }
   /// Resets the simulation: initial pose, initial poses and velocities of the objects, and the
   /// seed.
   void reset();
-  /// Resets the simulation with the joints at `position` [rad] and with other random numbers.
-  /// @throws InvalidArgument if a joint would be beyond its hard limit or is not a number
-  void reset(const Joints& position, const Random& random);
+  /// Resets the simulation with the driven joints at `position` [rad], [m], and with other random
+  /// numbers. `model_position` are positions of the first hinges and slides of the model, driven or
+  /// not; NaN: as always.
+  /// @throws InvalidArgument if there are more or fewer positions than joints, or if one is beyond
+  /// its hard limit or not a number
+  void reset(std::span<const double> position, const Random& random,
+             std::span<const double> model_position = {});
   /// Makes the robot differ from its description from now on. A reset does not change this.
   /// @throws InvalidArgument
   void vary(const Variation& variation);
   /// The random numbers of the noise on poses.
-  [[nodiscard]] const Random& random() const noexcept { return state_.memory.random; }
+  [[nodiscard]] const Random& random() const noexcept { return state_.memory.counters.random; }
   /// Places an object at rest at `pose`. The orientation is normalized.
   /// @throws InvalidArgument that names the existing objects, or if the pose is not valid
   void place_object(const std::string& name, const ObjectPose& pose);
@@ -153,10 +159,12 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] std::vector<double> configuration() const;
 
  private:
-  using Memory = typename Simulator<R>::Memory;
+  using Memory = Simulator::Memory;
 
   // The model that is simulated: the description's own, or a varied copy.
   [[nodiscard]] const mjModel_& mujoco() const noexcept;
+  [[nodiscard]] std::size_t num_joints() const noexcept { return simulator_.num_joints(); }
+  void require_elements(const RobotTypes& types) const;
   void vary_model(const Variation& variation);
   void begin_here() noexcept;
   [[nodiscard]] bool get_poses(TimeIndex time_index, void* element) noexcept;
@@ -168,7 +176,7 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] std::uint64_t fingerprint() const;
   [[nodiscard]] std::size_t state_size() const noexcept;
   void write_state(std::span<std::byte> state) const noexcept;
-  void write_state(std::span<std::byte> state, std::span<const double> physics,
+  void write_state(std::span<std::byte> state, std::span<const JointMemory> safety,
                    const Memory& memory) const noexcept;
   void read_state(std::span<const std::byte> state) noexcept;
 
@@ -177,19 +185,20 @@ class SimulatedRobot final : public Driver<R> {
   void keep_state_before_step() noexcept;
   void keep_state_before_divergence() noexcept;
 
-  Simulator<R> simulator_;
-  RobotModel::Data data_;
-  RobotModel::Compiled varied_;
-  typename Simulator<R>::State state_;
-  OrderlyStop<R> stop_;
+  Simulator simulator_;
+  CountedChain chain_;
+  SceneModel::Data data_;
+  SceneModel::Compiled varied_;  // null as long as nothing differs from the model
+  Simulator::State state_;
+  CountedAction desired_;
+  OrderlyStop stop_;
   bool has_safety_fault_{false};  // A safety check has ended the session.
-  std::vector<std::string> joint_names_;
-  FixedText rejection_text_;
   // "object" if there are any, then "scene" and "hand".
   std::vector<CompanionDescription> companions_;
   TimeIndex next_scene_{-1};
 
   std::unique_ptr<detail::Puller> puller_;
+  std::vector<std::string> bodies_;         // that can be pulled
   std::unique_ptr<LoopSensorReader> hand_;  // in another process
   HandObservation own_pull_;                // of the owner
   HandObservation acting_;                  // in the last step
@@ -199,6 +208,7 @@ class SimulatedRobot final : public Driver<R> {
   std::uint64_t fingerprint_;
   SimulationState begin_state_;  // Every session begins here.
   Memory memory_before_step_;
+  std::vector<JointMemory> safety_before_step_;
   std::vector<double> before_step_;
   std::vector<std::span<const double>> changed_by_step_;
   std::vector<double> after_step_;
@@ -206,8 +216,5 @@ class SimulatedRobot final : public Driver<R> {
   SimulationState spare_state_;          // Memory for `state_before_divergence_`.
   mutable std::vector<double> physics_;  // MuJoCo's part of a state that is saved or restored.
 };
-
-extern template class SimulatedRobot<TriFinger>;
-extern template class SimulatedRobot<Finger>;
 
 }  // namespace trifinger

@@ -13,6 +13,7 @@
 #include "trifinger/core/follower.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/joint/types.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger {
@@ -20,37 +21,31 @@ namespace trifinger {
 /// A simulated robot in this process, with an inline back-end: no threads, no waits, as fast as the
 /// physics.
 ///
-///     trifinger::Simulation<trifinger::TriFinger> simulation;
+///     trifinger::Simulation simulation;
 ///     auto robot = simulation.connect();
 ///     auto t = robot.append_desired_action(trifinger::hold_position(robot.latest_observation()));
 ///     auto y = robot.get_observation(t);
 ///
 /// Copies refer to the same simulation. It lives as long as one of the copies or one of its
 /// front-ends.
-template <class R>
 class Simulation {
  public:
-  /// Adds the model and the description of the scene to the documents of `session`. The simulation
-  /// sets mode and period of `backend`: it waits for every action. `name` is what errors and logs
-  /// call the robot, like the name in a `RobotConfig`. The default is its type and variant, for
-  /// example "trifinger-pro".
+  /// Returns a driver that uses the robot, with more sensors, and that the back-end then uses
+  /// instead of it; nullptr for the robot itself.
+  using Around = std::function<std::unique_ptr<UntypedDriver>(SimulatedRobot&)>;
+
+  /// Adds the documents of the model to those of `session`. The simulation sets mode and period of
+  /// `backend`: it waits for every action. `name` is what errors and logs call the robot, like the
+  /// name in a `RobotConfig`; default: `default_name`.
   /// @throws InvalidArgument
-  explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {},
-                      BackendOptions backend = {}, const std::string& name = {})
-      : Simulation(
-            std::move(options), [](SimulatedRobot<R>&) { return nullptr; }, std::move(session),
-            backend, name) {}
-  /// The simulated robot with more sensors: `around` returns a driver that uses the robot, and that
-  /// the back-end then uses instead of it; nullptr for the robot itself.
-  /// @throws InvalidArgument
-  Simulation(SimulationOptions<R> options,
-             const std::function<std::unique_ptr<UntypedDriver>(SimulatedRobot<R>&)>& around,
-             SessionOptions session = {}, BackendOptions backend = {}, const std::string& name = {})
+  explicit Simulation(SimulationOptions options = {}, SessionOptions session = {},
+                      BackendOptions backend = {}, const std::string& name = {},
+                      const Around& around = {})
       : parts_(std::make_shared<Parts>(std::move(options), around, std::move(session), backend,
                                        name)) {}
 
   /// The robot itself: reset it, place objects, save and restore its state.
-  [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
+  [[nodiscard]] SimulatedRobot& robot() const noexcept { return parts_->robot; }
 
   /// Lets `follower` see every session from the next one on. `log::Recorder` uses this to record
   /// without loss. The simulation keeps the follower as long as it lives.
@@ -59,35 +54,30 @@ class Simulation {
     parts_->backend.follow(*parts_->followers.back());
   }
 
-  /// Controls the robot in a new session.
-  /// @throws ControlHeld while another front-end controls it
+  /// Controls the robot, of type R, in a new session.
+  /// @throws ControlHeld while another front-end controls it, Error if its type is another
+  template <class R = TriFinger>
   [[nodiscard]] Frontend<R> connect(FrontendOptions options = {.strict = true}) const {
     return Frontend<R>(parts_->backend, options, parts_);
   }
-  /// Controls the robot in programs that do not know R.
+  /// Controls the robot in programs that do not know its type.
   [[nodiscard]] UntypedFrontend connect_untyped(FrontendOptions options = {.strict = true}) const {
     return UntypedFrontend(parts_->backend, options, parts_);
   }
 
  private:
   struct Parts {
-    Parts(SimulationOptions<R> options,
-          const std::function<std::unique_ptr<UntypedDriver>(SimulatedRobot<R>&)>& around,
-          SessionOptions session, const BackendOptions& backend_options, const std::string& name)
+    Parts(SimulationOptions options, const Around& around, SessionOptions session,
+          const BackendOptions& backend_options, const std::string& name)
         : robot(std::move(options)),
-          outer(around(robot)),
-          host(SessionHost::anonymous(with_model(std::move(session), robot.options().description),
-                                      name.empty() ? default_name() : name)),
+          outer(around ? around(robot) : nullptr),
+          host(SessionHost::anonymous(with_model(std::move(session), robot.options()),
+                                      name.empty() ? default_name(robot.options()) : name)),
           backend(outer ? *outer : static_cast<UntypedDriver&>(robot), host,
                   without_deadlines(backend_options, robot.options().period)) {}
 
-    [[nodiscard]] std::string default_name() const {
-      const Variant variant = robot.options().description.variant;
-      return std::string(R::kType) + "-" + std::string(variant_figures(variant).name);
-    }
-
-    static SessionOptions with_model(SessionOptions session, const RobotDescription& description) {
-      std::ranges::move(model_documents(description), std::back_inserter(session.documents));
+    static SessionOptions with_model(SessionOptions session, const SimulationOptions& options) {
+      std::ranges::move(model_documents(options), std::back_inserter(session.documents));
       return session;
     }
     static BackendOptions without_deadlines(BackendOptions options, Nanoseconds period) noexcept {
@@ -96,7 +86,7 @@ class Simulation {
       return options;
     }
 
-    SimulatedRobot<R> robot;
+    SimulatedRobot robot;
     std::unique_ptr<UntypedDriver> outer;
     SessionHost host;
     std::vector<std::shared_ptr<Follower>> followers;
@@ -108,10 +98,10 @@ class Simulation {
 
 /// Starts a simulated robot in this process and controls it strictly: an action that would be late
 /// on a real robot throws. For a robot that runs elsewhere, use `connect`.
-template <class R>
-[[nodiscard]] Frontend<R> simulate(SimulationOptions<R> options = {},
+template <class R = TriFinger>
+[[nodiscard]] Frontend<R> simulate(SimulationOptions options = {},
                                    FrontendOptions frontend = {.strict = true}) {
-  return Simulation<R>(std::move(options)).connect(frontend);
+  return Simulation(std::move(options)).connect<R>(frontend);
 }
 
 }  // namespace trifinger

@@ -3,37 +3,50 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "trifinger/base/time.hpp"
+#include "trifinger/core/document.hpp"
+#include "trifinger/core/robot.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
-#include "trifinger/joint/types.hpp"
+#include "trifinger/joint/read_limits.hpp"
+#include "trifinger/model/model_file.hpp"
 #include "trifinger/model/robot_description.hpp"
+#include "trifinger/model/robot_model.hpp"
+#include "trifinger/model/scene_model.hpp"
 
 namespace trifinger {
 
-/// One step of the physics.
+/// One step of the physics of a robot from a description.
 inline constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 
 /// The limits of the real robot of this variant, from its figures.
-/// @throws InvalidArgument if R has another number of joints than the arrangement
-template <class R>
-[[nodiscard]] JointLimits<R::kJoints> default_limits(const RobotDescription& description);
+[[nodiscard]] std::vector<JointLimit> default_limits(const RobotDescription& description);
+
+/// What `ModelFile` knows of the limits of its joints, for `read_limits_by_name`: largest torques,
+/// stops as hard limits, and the gains of position actuators.
+[[nodiscard]] std::vector<NamedJoint> joints_of(const ModelFile& model);
 
 /// The settings of a simulated robot. The default is the paper's robot with a cube on the table.
-template <class R>
 struct SimulationOptions {
   RobotDescription description{};
-  /// Limits of the joints; default: `default_limits`.
-  std::optional<JointLimits<R::kJoints>> limits{};
-  /// Joint positions at the beginning of every session [rad]; default: the variant's initial pose.
-  std::optional<JointVector<R::kJoints>> initial_position{};
+  /// The robot and the scene of this file, in place of `description`.
+  std::shared_ptr<const ModelFile> file{};
+  /// Limits of the joints; default: `default_limits`. A robot from a file has no default.
+  std::optional<std::vector<JointLimit>> limits{};
+  /// Positions of the driven joints at the beginning of every session [rad], [m]; default: the
+  /// variant's initial pose, or where the file says.
+  std::optional<std::vector<double>> initial_position{};
   /// What happens after the end of a session; default: nothing moves any more.
-  OrderlyStopOptions<R::kJoints> stop{};
+  OrderlyStopOptions stop{};
   /// Seed of all random numbers. The same seed gives the same series.
   std::uint64_t seed{0};
-  /// Length of a step: a whole number of `kPhysicsStep`, that is of milliseconds.
+  /// Length of a step: a whole number of `kPhysicsStep`, that is of milliseconds; of a robot from a
+  /// file that of the file.
   Nanoseconds period{std::chrono::milliseconds(1)};
   TimeIndex object_period{10};           ///< Steps between two poses of the objects.
   TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
@@ -53,7 +66,28 @@ struct SimulationOptions {
   void validate() const;
 };
 
-extern template struct SimulationOptions<TriFinger>;
-extern template struct SimulationOptions<Finger>;
+/// The objects of the description, or those that were added to the scene of the file.
+[[nodiscard]] const std::vector<ObjectDescription>& objects_of(const SimulationOptions& options);
+
+/// Makes the model for the physics, or for pictures, or takes that of the file, which serves both.
+/// @throws InvalidArgument if the description cannot be built
+[[nodiscard]] std::shared_ptr<const SceneModel> make_model(const SimulationOptions& options,
+                                                           Detail detail = Detail::kPhysics);
+
+/// The elements of a session of this robot: those of `TriFinger` or `Finger`, or as many joints as
+/// the file has. If a file has joints that are not driven one by one, the observation also has
+/// "joint_position" and "joint_velocity" of all hinges and slides, in the order of the model.
+[[nodiscard]] RobotTypes robot_types_of(const SimulationOptions& options);
+[[nodiscard]] RobotTypes robot_types_of(const ModelFile& model);
+
+/// The documents of its sessions: "model.xml" in MuJoCo's format, which needs no other file. Those
+/// of a description have also "robot.urdf" and "frames.txt" for viewers; the last one says how the
+/// links follow from the measurements.
+/// @throws InvalidArgument if the description cannot be built, Error
+[[nodiscard]] std::vector<Document> model_documents(const SimulationOptions& options);
+
+/// What errors and logs call such a robot if nobody gives it a name: "trifinger-pro", or the name
+/// of the file's model.
+[[nodiscard]] std::string default_name(const SimulationOptions& options);
 
 }  // namespace trifinger

@@ -71,11 +71,9 @@ class PythonDirect {
  public:
   explicit PythonDirect(const RobotConfig& config)
       : name_(config.name),
-        steps_(std::visit(
-            []<class R>(const SimulationOptions<R>& options) {
-              return Steps(std::in_place_type<DirectSteps<R>>, options);
-            },
-            config.simulation)) {}
+        steps_(description_of(config).arrangement == Arrangement::kTriFinger
+                   ? Steps(std::in_place_type<DirectSteps<TriFinger>>, config.simulation)
+                   : Steps(std::in_place_type<DirectSteps<Finger>>, config.simulation)) {}
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 

@@ -23,7 +23,7 @@ class DirectSteps {
   /// What is kept of a step: torque and position that were asked for, then its observation.
   static constexpr std::size_t kRow = 5 * R::kJoints + R::kTips;
 
-  explicit DirectSteps(SimulationOptions<R> options) : simulation(std::move(options)) {}
+  explicit DirectSteps(SimulationOptions options) : simulation(std::move(options)) {}
 
   void desire(const Action& asked, const typename Direct::Control& control) noexcept {
     desired = asked;

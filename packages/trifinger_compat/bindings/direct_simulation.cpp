@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::bindings {
 namespace {
@@ -43,10 +45,9 @@ double or_else(double value, double other) noexcept { return std::isnan(value) ?
 double clipped(double torque, double limit) noexcept { return std::clamp(torque, -limit, limit); }
 
 // Motors that deliver each torque at each speed.
-template <class R>
-SimulationOptions<R> with_ideal_motors(SimulationOptions<R> options) {
+SimulationOptions with_ideal_motors(SimulationOptions options) {
   // The limits of the joints do not act, but a simulator has some.
-  if (!options.limits) options.limits = default_limits<R>(options.description);
+  if (!options.limits) options.limits = default_limits(options.description);
   ActuatorParameters motors = actuator(options.description);
   motors.torque_limit = kLargestTorque;
   motors.stall_torque = 1e3;
@@ -58,18 +59,25 @@ SimulationOptions<R> with_ideal_motors(SimulationOptions<R> options) {
 }  // namespace
 
 template <class R>
-DirectSimulation<R>::DirectSimulation(SimulationOptions<R> options)
+DirectSimulation<R>::DirectSimulation(SimulationOptions options)
     : simulator_(with_ideal_motors(std::move(options))),
       model_(simulator_.model().copy()),
       data_(simulator_.model().make_data()),
       state_(simulator_.make_state()) {
-  simulator_.reset(simulator_.initial_position(), Random{}, *model_, *data_, state_);
+  simulator_.reset(simulator_.initial_position(), Random{}, *data_, state_);
+  observe();
+}
+
+template <class R>
+void DirectSimulation<R>::observe() noexcept {
+  simulator_.observe(*data_, state_);
+  simulator_.write_observation(state_, &observation_);
 }
 
 template <class R>
 void DirectSimulation<R>::apply_control(const Action& action, const Control& control,
                                         Action& applied) const noexcept {
-  const Observation& now = state_.observation;
+  const Observation& now = observation_;
   applied.position = action.position;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     applied.position_kp[i] = or_else(action.position_kp[i], control.kp[i]);
@@ -84,13 +92,13 @@ void DirectSimulation<R>::apply_control(const Action& action, const Control& con
 template <class R>
 bool DirectSimulation<R>::step(const Joints& torque) noexcept {
   const bool is_finite =
-      simulator_.move(torque, *model_, *data_, state_) &&
+      simulator_.move(PerJoint<double>(std::span(torque)), *model_, *data_, state_) &&
       std::ranges::none_of(torque, [](double value) { return std::isnan(value); });
-  state_.memory.torque = torque;
+  std::ranges::copy(torque, state_.memory.torque.begin());
   if (std::exchange(was_pushed_, false)) {
     std::fill_n(data_->xfrc_applied, 6 * static_cast<std::size_t>(model_->nbody), 0.0);
   }
-  simulator_.observe(*data_, state_);
+  observe();
   return is_finite;
 }
 
@@ -100,7 +108,7 @@ void DirectSimulation<R>::set_joints(const Joints& position, const Joints& veloc
   require_all_finite(velocity, "velocity");
   std::ranges::copy(position, data_->qpos);
   std::ranges::copy(velocity, data_->qvel);
-  simulator_.observe(*data_, state_);
+  observe();
 }
 
 template <class R>
@@ -111,7 +119,7 @@ void DirectSimulation<R>::place_object(const std::string& name, const ObjectPose
   require(std::ranges::any_of(pose.orientation, [](double value) { return value != 0.0; }),
           "orientation is zero, must be a quaternion");
   simulator_.place(object, pose, *data_, state_);
-  simulator_.observe(*data_, state_);
+  observe();
 }
 
 template <class R>
@@ -175,7 +183,7 @@ void DirectSimulation<R>::use_physics(const Physics& physics) {
     model_->jnt_range[2 * i] = lower;
     model_->jnt_range[2 * i + 1] = upper;
   }
-  const auto& surfaces = simulator_.model().surfaces();
+  const auto& surfaces = dynamic_cast<const RobotModel&>(simulator_.model()).surfaces();
   for (std::size_t geom = 0; geom < surfaces.size(); ++geom) {
     const auto decide = [&](double friction, int priority) {
       model_->geom_friction[3 * geom] = friction;
@@ -193,7 +201,7 @@ void DirectSimulation<R>::use_physics(const Physics& physics) {
 // This works with data of its own, so that the simulation goes on where it is.
 template <class R>
 void DirectSimulation<R>::update_constants() {
-  const RobotModel::Data scratch = simulator_.model().make_data();
+  const SceneModel::Data scratch = simulator_.model().make_data();
   mj_setConst(model_.get(), scratch.get());
 }
 
@@ -221,7 +229,7 @@ void DirectSimulation<R>::continue_from(const DirectSimulation& other) {
   }
   state_.memory.torque = other.state_.memory.torque;
   state_.memory.tip_force = other.state_.memory.tip_force;
-  simulator_.observe(*data_, state_);
+  observe();
 }
 
 template <class R>

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "trifinger/joint/types.hpp"
-#include "trifinger/model/robot_model.hpp"
+#include "trifinger/model/scene_model.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 #include "trifinger/sim/simulator.hpp"
@@ -53,13 +53,11 @@ class DirectSimulation {
 
   /// The robot begins at rest at its initial position, objects where the description says.
   /// @throws InvalidArgument
-  explicit DirectSimulation(SimulationOptions<R> options);
+  explicit DirectSimulation(SimulationOptions options);
 
-  [[nodiscard]] const SimulationOptions<R>& options() const noexcept {
-    return simulator_.options();
-  }
+  [[nodiscard]] const SimulationOptions& options() const noexcept { return simulator_.options(); }
   /// The measurements now. `torque` and `tip_force` [N] are those of the last step.
-  [[nodiscard]] const Observation& observation() const noexcept { return state_.observation; }
+  [[nodiscard]] const Observation& observation() const noexcept { return observation_; }
 
   /// The torques of `action` now: its torques and those of its positions, clipped, damped and
   /// clipped again. A position that is NaN asks for nothing, and a gain that is NaN stands for that
@@ -108,12 +106,14 @@ class DirectSimulation {
   [[nodiscard]] std::span<const double> configuration_velocity() const noexcept;
 
  private:
+  void observe() noexcept;
   void update_constants();
 
-  Simulator<R> simulator_;
-  RobotModel::Compiled model_;
-  RobotModel::Data data_;
-  typename Simulator<R>::State state_;
+  Simulator simulator_;
+  SceneModel::Compiled model_;
+  SceneModel::Data data_;
+  Simulator::State state_;
+  Observation observation_{};
   bool was_pushed_{false};
 };
 

@@ -11,7 +11,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -47,21 +47,10 @@ std::span<const double> numbers(const std::byte* element, std::size_t offset, st
   return {reinterpret_cast<const double*>(element + offset), count};
 }
 
-template <class R>
-std::vector<JointLimit> limits_in(const SimulationOptions<R>& options) {
-  const JointLimits<R::kJoints> limits =
-      options.limits.value_or(default_limits<R>(options.description));
-  return {limits.begin(), limits.end()};
-}
-
 }  // namespace
 
 std::vector<JointLimit> limits_of(const Session& session) {
-  const AnyRobotConfig any = read_any_robot_config(config_file_of(session));
-  if (const auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
-    return from_file->robot.limits;
-  }
-  const auto& config = std::get<RobotConfig>(any);
+  const RobotConfig config = robot_config_of(session);
   if (config.boards) {
     return std::visit(
         [](const auto& boards) {
@@ -69,7 +58,7 @@ std::vector<JointLimit> limits_of(const Session& session) {
         },
         config.boards->options);
   }
-  return std::visit([](const auto& options) { return limits_in(options); }, config.simulation);
+  return config.simulation.limits.value();
 }
 
 RunningRobot::RunningRobot(std::string name, const std::atomic<bool>& stop)

@@ -16,8 +16,7 @@
 #include "trifinger/boards/emulated_fault.hpp"
 #include "trifinger/boards/emulator.hpp"
 #include "trifinger/can/memory_bus.hpp"
-#include "trifinger/sim/any_robot_config.hpp"
-#include "trifinger/sim/file_robot.hpp"
+#include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_plant.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
@@ -134,7 +133,7 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
   using typename Driver<R>::AppliedAction;
   using typename Driver<R>::Observation;
 
-  BoardWorld(boards::BoardRobotOptions<R> boards, const SimulationOptions<R>& simulation,
+  BoardWorld(boards::BoardRobotOptions<R> boards, const SimulationOptions& simulation,
              ManualClock& clock)
       : options_(std::move(boards)), clock_(clock), plant_(simulation) {
     make();
@@ -218,33 +217,23 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
 
 SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>& stop)
     : options_(std::move(options)), stop_(stop) {
-  AnyRobotConfig any = load_any_robot_config(options_.robot, options_.overrides);
-  if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
-    if (from_file->servos) {
-      throw InvalidArgument("'" + options_.robot +
-                            "' is on motors, which run in real time only: --robot drives it");
-    }
-    name_ = from_file->name;
-    backend_options_ = from_file->backend;
-    session_options_ = std::move(from_file->session);
-    world_ = std::make_unique<OtherWorld>(std::make_unique<FileRobot>(std::move(from_file->robot)),
-                                          clock_);
-  } else {
-    RobotConfig config = std::get<RobotConfig>(std::move(any));
-    name_ = config.name;
-    backend_options_ = config.backend;
-    session_options_ = std::move(config.session);
+  RobotConfig config = load_robot_config(options_.robot, options_.overrides);
+  if (config.servos) {
+    throw InvalidArgument("'" + options_.robot +
+                          "' is on motors, which run in real time only: --robot drives it");
+  }
+  name_ = config.name;
+  backend_options_ = config.backend;
+  session_options_ = std::move(config.session);
+  if (config.boards) {
     std::visit(
-        [&]<class R>(SimulationOptions<R>& simulation) {
-          if (config.boards) {
-            auto& boards = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
-            world_ = std::make_unique<BoardWorld<R>>(std::move(boards), simulation, clock_);
-            return;
-          }
-          world_ = std::make_unique<OtherWorld>(
-              std::make_unique<SimulatedRobot<R>>(std::move(simulation)), clock_);
+        [&]<class R>(boards::BoardRobotOptions<R>& boards) {
+          world_ = std::make_unique<BoardWorld<R>>(std::move(boards), config.simulation, clock_);
         },
-        config.simulation);
+        config.boards->options);
+  } else {
+    world_ = std::make_unique<OtherWorld>(
+        std::make_unique<SimulatedRobot>(std::move(config.simulation)), clock_);
   }
   backend_options_.mode = BackendOptions::Mode::kNonRealTime;
   begin();

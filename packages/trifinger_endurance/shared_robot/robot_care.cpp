@@ -9,7 +9,6 @@
 #include <optional>
 #include <thread>
 #include <utility>
-#include <variant>
 
 #include "robot/session_state.hpp"
 #include "shared_robot/cube_care.hpp"
@@ -17,8 +16,8 @@
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/model/kinematics.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -29,16 +28,11 @@ constexpr Nanoseconds kPause = std::chrono::milliseconds(50);
 // Returns what carries the joints, from the model of the robot; nothing if it is not known.
 WeightOf weights_of(const Session& session) {
   try {
-    const RobotConfig config = robot_config_of(session);
-    const RobotDescription& description = std::visit(
-        [](const auto& options) -> const RobotDescription& { return options.description; },
-        config.simulation);
-    const auto kinematics = std::make_shared<Kinematics>(description);
-    return [kinematics](const std::vector<double>& position) {
-      kinematics->update(
-          JointValues::Map(position.data(), static_cast<Eigen::Index>(position.size())));
-      const JointValues torques = kinematics->gravity_torques();
-      return std::vector<double>(torques.begin(), torques.end());
+    return [weight = weight_of(make_model(robot_config_of(session).simulation))](
+               const std::vector<double>& position) {
+      std::vector<double> torque(position.size());
+      weight(position, torque);
+      return torque;
     };
   } catch (const Error&) {
     return {};

@@ -62,7 +62,7 @@ class ObjectObserver {
   control::PlanningModel model_;
   ObjectAddress object_;
   double gain_;
-  RobotModel::Data data_;
+  SceneModel::Data data_;
   bool is_known_{false};
   control::PlanningState seen_;   // At the newest pose.
   control::PlanningState state_;  // What was asked for last.

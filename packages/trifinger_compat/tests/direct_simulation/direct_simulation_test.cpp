@@ -37,7 +37,7 @@ JointVector<9> all(double value) {
 }
 
 TEST(DirectSimulation, BeginsAtRestInTheInitialPoseOfEachVariant) {
-  for (const SimulationOptions<Finger>& options : all_variants<Finger>()) {
+  for (const SimulationOptions& options : all_variants<Finger>()) {
     const DirectSimulation<Finger> direct(options);
     EXPECT_THAT(direct.observation().velocity, Each(0.0)) << label(options);
     EXPECT_THAT(direct.observation().torque, Each(0.0)) << label(options);
@@ -138,7 +138,7 @@ TEST(DirectSimulation, ContinuesFromAnotherOneWithTheObjectsThatBothHave) {
   first.place_object("cube", {.position = {0.02, 0, 0.3}});
   first.set_object_mass("cube", 0.5);
   ASSERT_TRUE(first.step(all(0.1)));
-  SimulationOptions<TriFinger> options;
+  SimulationOptions options;
   options.description.objects.push_back(ball());
   options.description.objects.back().position = {{0, 0, 0.7}};
   Direct second(options);
@@ -166,8 +166,8 @@ Direct::Physics locked(const Direct& direct) {
 constexpr double kDieMass = 0.05;  // [kg]
 
 // A cube of 20 mm.
-SimulationOptions<TriFinger> with_die() {
-  SimulationOptions<TriFinger> options;
+SimulationOptions with_die() {
+  SimulationOptions options;
   ObjectDescription& die = options.description.objects.front();
   die.size = {0.02, 0.02, 0.02};
   die.mass = kDieMass;
@@ -200,7 +200,7 @@ TEST(DirectSimulation, LetsBodiesTouchFromTheirMarginsAway) {
   EXPECT_NEAR(direct.object_pose("cube").position[2], 0.0325 + kMargin, 1.5e-4);
 
   // Below the tip of finger 0, a gap below the two margins is a contact, and a wider one is none.
-  const SimulationOptions<TriFinger> options = with_die();
+  const SimulationOptions options = with_die();
   const double radius = figures(options.description).tip_radius;
   const Eigen::Vector3d tip = Kinematics(options.description).tip_positions().head<3>();
   for (const double gap : {2 * kMargin - 1e-4, 2 * kMargin + 1e-4}) {

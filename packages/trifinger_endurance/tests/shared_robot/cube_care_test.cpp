@@ -11,7 +11,6 @@
 #include <optional>
 #include <string>
 #include <utility>
-#include <variant>
 
 #include "shared_robot/robot_care.hpp"
 #include "support/session_folder.hpp"
@@ -35,7 +34,7 @@ class RobotWithCube {
  public:
   explicit RobotWithCube(const std::string& place)
       : config_(load_robot_config("sim", {"objects.0.position=" + place})),
-        driver_(std::get<SimulationOptions<TriFinger>>(config_.simulation)),
+        driver_(config_.simulation),
         host_(SessionHost::named(kName, config_.session)),
         backend_(driver_, host_, options(config_)),
         loop_(backend_) {
@@ -53,7 +52,7 @@ class RobotWithCube {
 
   test::SessionFolder folder_;
   RobotConfig config_;
-  SimulatedRobot<TriFinger> driver_;
+  SimulatedRobot driver_;
   SessionHost host_;
   Backend backend_;
   BackendThread loop_;

@@ -17,7 +17,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 // Puts the cuboid on the tip of finger 0 as a hand would: 1 to 5 degrees off the vertical, its
 // middle up to 2 mm off the tip's, turned by any angle.
 void put_on_tip(SkillTrial& trial, TrialRandom& random) {
-  SimulationOptions<TriFinger>& simulation = trial.simulation;
+  SimulationOptions& simulation = trial.simulation;
   const Kinematics kinematics(simulation.description);
   const Eigen::Vector3d tip =
       kinematics.tip_positions(joint_values(simulation.initial_position.value())).head<3>();

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/any_robot_config.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mujoco/mujoco.h>
@@ -9,11 +7,11 @@
 #include <chrono>
 #include <filesystem>
 #include <string>
-#include <variant>
 
 #include "model/file_robots.hpp"
 #include "support/config_message.hpp"
 #include "support/folder.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -23,9 +21,9 @@ using testing::HasSubstr;
 
 constexpr const char* kHead = "name: arm\ndriver: simulation\nrobot: {mjcf: models/arm.xml}\n";
 
-class AnyRobotConfigFile : public testing::Test {
+class FileRobotConfig : public testing::Test {
  protected:
-  AnyRobotConfigFile() {
+  FileRobotConfig() {
     std::filesystem::create_directory(folder_ / "models");
     write(folder_ / "models" / "arm.xml", kArm);
   }
@@ -33,9 +31,9 @@ class AnyRobotConfigFile : public testing::Test {
     write(folder_ / "my.yml", text);
     return (folder_ / "my.yml").string();
   }
-  [[nodiscard]] FileRobotConfig load(const std::string& text,
-                                     const std::vector<std::string>& overrides = {}) const {
-    return std::get<FileRobotConfig>(load_any_robot_config(path_of(text), overrides));
+  [[nodiscard]] RobotConfig load(const std::string& text,
+                                 const std::vector<std::string>& overrides = {}) const {
+    return load_robot_config(path_of(text), overrides);
   }
   // Returns the error for the text, from the name of the file on.
   [[nodiscard]] std::string message(const std::string& text) const {
@@ -50,13 +48,13 @@ class AnyRobotConfigFile : public testing::Test {
   Folder folder_;
 };
 
-TEST_F(AnyRobotConfigFile, TakesFromTheFileWhatItDoesNotSay) {
-  const FileRobotConfig config = load(std::string(kHead) + kArmSafety);
+TEST_F(FileRobotConfig, TakesFromTheFileWhatItDoesNotSay) {
+  const RobotConfig config = load(std::string(kHead) + kArmSafety);
   EXPECT_EQ(config.name, "arm");
   EXPECT_EQ(config.backend.period, microseconds(2000));
   EXPECT_EQ(config.backend.mode, BackendOptions::Mode::kRealTime);
-  ASSERT_EQ(config.robot.limits.size(), 4U);
-  const JointLimit& shoulder = config.robot.limits[0];
+  ASSERT_EQ(config.simulation.limits->size(), 4U);
+  const JointLimit& shoulder = config.simulation.limits->at(0);
   EXPECT_EQ(shoulder.max_torque, 12.0);
   EXPECT_EQ(shoulder.hard_lower, -2.0);
   EXPECT_EQ(shoulder.soft_upper, 1.8);
@@ -66,11 +64,11 @@ TEST_F(AnyRobotConfigFile, TakesFromTheFileWhatItDoesNotSay) {
   EXPECT_EQ(shoulder.max_kp, 20.0);
   EXPECT_EQ(shoulder.continuous_torque, std::numeric_limits<double>::infinity());
   // A row of a joint goes before that of every joint.
-  EXPECT_EQ(config.robot.limits[2].safety_kd, 0.1);
-  EXPECT_EQ(config.robot.limits[3].max_torque, 15.0);
+  EXPECT_EQ(config.simulation.limits->at(2).safety_kd, 0.1);
+  EXPECT_EQ(config.simulation.limits->at(3).max_torque, 15.0);
 }
 
-TEST_F(AnyRobotConfigFile, AsksForAllThatIsMissingByName) {
+TEST_F(FileRobotConfig, AsksForAllThatIsMissingByName) {
   EXPECT_EQ(message(kHead),
             "my.yml:1:1: neither 'safety' nor the robot's file says all that the safety chain "
             "needs. Fill this in; 'every_joint' is for all joints that do not say otherwise:\n"
@@ -87,7 +85,7 @@ TEST_F(AnyRobotConfigFile, AsksForAllThatIsMissingByName) {
   EXPECT_THAT(message(kHead), testing::EndsWith(limits_to_fill_in(joints_of(model))));
 }
 
-TEST_F(AnyRobotConfigFile, AcceptsTheTextItAskedForOnceItIsFilledIn) {
+TEST_F(FileRobotConfig, AcceptsTheTextItAskedForOnceItIsFilledIn) {
   const std::string asked = message(kHead);
   std::string text = asked.substr(asked.find("safety:"));
   EXPECT_THAT(message(kHead + text), HasSubstr("FILL_IN"));
@@ -106,19 +104,18 @@ TEST_F(AnyRobotConfigFile, AcceptsTheTextItAskedForOnceItIsFilledIn) {
   EXPECT_EQ(message(kHead + text), "no error");
 }
 
-TEST_F(AnyRobotConfigFile, LetsAJointTurnForEver) {
-  const FileRobotConfig config =
-      load(std::string(kHead) + kArmSafety,
-           {"safety.rail.soft_lower=-.inf", "safety.rail.hard_lower=-.inf"});
-  EXPECT_EQ(config.robot.limits[3].soft_lower, -kLargestJointLimit);
+TEST_F(FileRobotConfig, LetsAJointTurnForEver) {
+  const RobotConfig config = load(std::string(kHead) + kArmSafety,
+                                  {"safety.rail.soft_lower=-.inf", "safety.rail.hard_lower=-.inf"});
+  EXPECT_EQ(config.simulation.limits->at(3).soft_lower, -kLargestJointLimit);
 }
 
-TEST_F(AnyRobotConfigFile, GivesJointsTheRotorsThatTheFileLacks) {
+TEST_F(FileRobotConfig, GivesJointsTheRotorsThatTheFileLacks) {
   const std::string head =
       "name: arm\ndriver: simulation\nrobot:\n  mjcf: models/arm.xml\n"
       "  armature: {every_joint: 0.02, elbow: 0.3}\n";
-  const FileRobotConfig config = load(head + kArmSafety);
-  const mjModel_& model = *config.robot.model->mujoco();
+  const RobotConfig config = load(head + kArmSafety);
+  const mjModel_& model = *config.simulation.file->mujoco();
   const std::vector<double> armature(model.dof_armature, model.dof_armature + model.nv);
   EXPECT_EQ(std::vector(armature.begin(), armature.begin() + 4),
             (std::vector{0.02, 0.02, 0.3, 0.02}));
@@ -126,7 +123,7 @@ TEST_F(AnyRobotConfigFile, GivesJointsTheRotorsThatTheFileLacks) {
   EXPECT_EQ(armature[6], 0.0);
 }
 
-TEST_F(AnyRobotConfigFile, GivesItsRotorsInsteadOfThoseOfTheFilesActuators) {
+TEST_F(FileRobotConfig, GivesItsRotorsInsteadOfThoseOfTheFilesActuators) {
   std::string text = kArm;
   for (const std::string motor : {R"(name="drive")", R"(name="servo")"}) {
     text.insert(text.find(motor), R"(armature="0.5" )");
@@ -135,23 +132,23 @@ TEST_F(AnyRobotConfigFile, GivesItsRotorsInsteadOfThoseOfTheFilesActuators) {
   const std::string head =
       "name: arm\ndriver: simulation\nrobot:\n  mjcf: models/arm.xml\n"
       "  armature: {elbow: 0.3}\n";
-  const FileRobotConfig config = load(head + kArmSafety);
-  const mjModel_& model = *config.robot.model->mujoco();
+  const RobotConfig config = load(head + kArmSafety);
+  const mjModel_& model = *config.simulation.file->mujoco();
   EXPECT_EQ(model.actuator_armature[1], 0.0);
   EXPECT_EQ(model.actuator_armature[0], 2.0);  // as it is at the joint, after a gear of 2
 }
 
-TEST_F(AnyRobotConfigFile, ChecksUnitsByTheKindOfAJoint) {
+TEST_F(FileRobotConfig, ChecksUnitsByTheKindOfAJoint) {
   const std::string text = std::string(kHead) + kArmSafety;
   EXPECT_EQ(load(text, {"safety.rail.soft_lower=-0.5 m", "safety.rail.default_kp=90 N/m"})
-                .robot.limits[3]
+                .simulation.limits->at(3)
                 .default_kp,
             90.0);
   EXPECT_THAT(message_of([&] { (void)load(text, {"safety.rail.max_torque=10 Nm"}); }),
               HasSubstr("has the unit 'Nm', must be in 'N'"));
 }
 
-TEST_F(AnyRobotConfigFile, NamesKeysThatNobodyKnows) {
+TEST_F(FileRobotConfig, NamesKeysThatNobodyKnows) {
   EXPECT_THAT(message(std::string(kHead) + kArmSafety + "  elbov: {soft_lower: 0}\n"),
               HasSubstr("safety.elbov"));
   EXPECT_THAT(message(std::string(kHead) + kArmSafety + "fingers: {height: 1}\n"),
@@ -164,35 +161,64 @@ TEST_F(AnyRobotConfigFile, NamesKeysThatNobodyKnows) {
       testing::StartsWith("my.yml:3:15: models/arm.xml: no joint or fixed tendon 'knee' can be"));
 }
 
-TEST_F(AnyRobotConfigFile, HasAPeriodOfItsOwn) {
+TEST_F(FileRobotConfig, HasAPeriodOfItsOwn) {
   const std::string backend =
       "backend: {mode: non_real_time, period: 0.005, history: 64, access: owner, late_action: "
       "{policy: stop}, max_rejected_actions: 3, max_skipped_ticks: 1, max_late_steps: 1, "
       "max_measurement_age: .inf, first_action_timeout: 2}\n"
       "simulation: {object_period: 0.01}\n";
-  const FileRobotConfig config = load(std::string(kHead) + kArmSafety + backend);
+  const RobotConfig config = load(std::string(kHead) + kArmSafety + backend);
   EXPECT_EQ(config.backend.period, microseconds(5000));
-  EXPECT_EQ(config.robot.model->substeps(), 3);
-  EXPECT_EQ(config.robot.object_period, 2);
+  EXPECT_EQ(config.simulation.file->substeps(), 3);
+  EXPECT_EQ(config.simulation.object_period, 2);
   EXPECT_EQ(config.backend.max_rejected_actions, 3U);
 }
 
-TEST_F(AnyRobotConfigFile, MeansTheSameWhereverItsTextIsRead) {
-  const FileRobotConfig config = load(std::string(kHead) + kArmSafety);
+TEST_F(FileRobotConfig, MeansTheSameWhereverItsTextIsRead) {
+  const RobotConfig config = load(std::string(kHead) + kArmSafety);
   const std::string& text = config.session.documents.at(0).text;
-  const auto again = std::get<FileRobotConfig>(
-      read_any_robot_config(config::File::parse(text, "configuration.yml")));
-  EXPECT_TRUE(again.robot.model->options().path.is_absolute());
-  EXPECT_EQ(again.robot.limits.size(), 4U);
+  const RobotConfig again = read_robot_config(config::File::parse(text, "configuration.yml"));
+  EXPECT_TRUE(again.simulation.file->options().path.is_absolute());
+  EXPECT_EQ(again.simulation.limits->size(), 4U);
   EXPECT_EQ(again.session.documents.at(0).text, text);
 }
 
-TEST_F(AnyRobotConfigFile, IsNotTakenForATriFinger) {
+TEST_F(FileRobotConfig, IsNotTakenForATriFinger) {
   const std::string path = path_of(std::string(kHead) + kArmSafety);
-  EXPECT_THAT(message_of([&] { (void)load_robot_config(path); }),
-              HasSubstr("robot is from a file; this is for a TriFinger"));
+  EXPECT_TRUE(is_from_file(load_config_file(path)));
+  EXPECT_THAT([&] { (void)description_of(load_robot_config(path)); },
+              testing::ThrowsMessage<InvalidArgument>(
+                  "robot 'arm' is from a file; this is for a TriFinger or one of its fingers"));
   ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1);
-  EXPECT_TRUE(std::holds_alternative<RobotConfig>(load_any_robot_config("sim")));
+  EXPECT_FALSE(is_from_file(load_config_file("sim")));
+  EXPECT_EQ(description_of(load_robot_config("sim")).objects.size(), 1U);
+}
+
+TEST_F(FileRobotConfig, HasWhatEverySimulatedRobotMayHave) {
+  const std::string text = std::string(kHead) + kArmSafety +
+                           "simulation: {seed: 7, object_period: 0.01, object_delay: 0.03, "
+                           "object_position_noise: 0.001, object_orientation_noise: 0.02, "
+                           "object_loss: 0.1, hand: true}\n"
+                           "stop: {damping_time: 0.5, rest_position: [0.5, 1, 0.2, 0], "
+                           "move_time: 4}\n";
+  const SimulationOptions options = load(text).simulation;
+  EXPECT_EQ(options.seed, 7U);
+  EXPECT_EQ(options.object_period, 5);
+  EXPECT_EQ(options.object_delay, 15);
+  EXPECT_EQ(options.object_position_noise, 0.001);
+  EXPECT_EQ(options.object_orientation_noise, 0.02);
+  EXPECT_EQ(options.object_loss, 0.1);
+  EXPECT_TRUE(options.has_hand);
+  EXPECT_EQ(options.stop.damping_time, std::chrono::milliseconds(500));
+  EXPECT_EQ(options.stop.rest_position, (std::vector{0.5, 1.0, 0.2, 0.0}));
+  EXPECT_EQ(options.stop.move_time, std::chrono::seconds(4));
+  EXPECT_THAT(
+      message_of([&] { (void)load(text, {"stop.rest_position=[0, 0, 0.5, 1]"}); }),
+      HasSubstr("stop.rest_position has 1 m for joint 3 (rail), must be within its soft limits"));
+  EXPECT_THAT(message_of([&] { (void)load(text, {"stop.rest_position=[0, 0, 1]"}); }),
+              HasSubstr("has 3 numbers, must have 4"));
+  EXPECT_THAT(message_of([&] { (void)load(text, {"simulation.object_loss=2"}); }),
+              HasSubstr("simulation.object_loss is 2, must be 0 to 1"));
 }
 
 }  // namespace

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "trifinger/config/file.hpp"
 #include "trifinger/config/node.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::detail {
 
@@ -10,5 +12,11 @@ namespace trifinger::detail {
   const auto robot = root.optional_section("robot");
   return robot && (robot->find("mjcf") || robot->find("urdf"));
 }
+
+// The node that names this file.
+[[nodiscard]] config::Node file_node(const config::Node& root);
+
+// Reads the configuration of such a robot. Throws config::ConfigError at the value that is wrong.
+[[nodiscard]] RobotConfig read_file_robot(const config::File& file);
 
 }  // namespace trifinger::detail

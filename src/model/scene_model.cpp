@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/scene_model.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger {
+
+void SceneModel::Delete::operator()(mjModel_* model) const noexcept { mj_deleteModel(model); }
+void SceneModel::Delete::operator()(mjData_* data) const noexcept { mj_deleteData(data); }
+
+SceneModel::Compiled SceneModel::copy() const {
+  Compiled copied(mj_copyModel(nullptr, model_.get()));
+  if (copied == nullptr) throw Error("MuJoCo has no memory for the model");
+  return copied;
+}
+
+SceneModel::Data SceneModel::make_data() const {
+  Data data(mj_makeData(model_.get()));
+  if (data == nullptr) throw Error("MuJoCo has no memory for the scene");
+  return data;
+}
+
+std::vector<std::string> SceneModel::joint_names() const {
+  std::vector<std::string> names;
+  names.reserve(joints_.size());
+  for (const DrivenJoint& joint : joints_) names.push_back(joint.name);
+  return names;
+}
+
+const ObjectAddress& SceneModel::object(const std::string& name) const {
+  const auto found = std::ranges::find(objects_, name, &ObjectAddress::name);
+  if (found != objects_.end()) return *found;
+  std::string known;
+  for (const ObjectAddress& other : objects_) known += (known.empty() ? "" : ", ") + other.name;
+  throw InvalidArgument("There is no object '" + name + "'; " +
+                        (known.empty() ? "the scene has none." : "the scene has " + known + "."));
+}
+void SceneModel::set_velocity(const ObjectAddress& object, const std::array<double, 3>& linear,
+                              const std::array<double, 3>& angular, mjData_& data) noexcept {
+  double* const values = data.qvel + object.velocity;
+  std::ranges::copy(linear, values);
+  // MuJoCo expresses the rotation of a free body in the body's frame.
+  std::array<double, 4> inverse{};
+  mju_negQuat(inverse.data(), data.qpos + object.position + 3);
+  mju_rotVecQuat(values + 3, angular.data(), inverse.data());
+}
+
+double SceneModel::position(std::size_t joint, const mjData_& data) const noexcept {
+  double position = 0.0;
+  for (const Part& part : motors_[joint].parts) position += part.share * data.qpos[part.position];
+  return position;
+}
+
+double SceneModel::velocity(std::size_t joint, const mjData_& data) const noexcept {
+  double velocity = 0.0;
+  for (const Part& part : motors_[joint].parts) velocity += part.share * data.qvel[part.velocity];
+  return velocity;
+}
+
+void SceneModel::set_position(std::size_t joint, double position, mjData_& data) const noexcept {
+  set_position(joint, position, std::span(data.qpos, static_cast<std::size_t>(model_->nq)));
+}
+
+void SceneModel::set_position(std::size_t joint, double position,
+                              std::span<double> configuration) const noexcept {
+  const auto at = [&](const Part& part) -> double& {
+    return configuration[static_cast<std::size_t>(part.position)];
+  };
+  const std::vector<Part>& parts = motors_[joint].parts;
+  if (parts.size() == 1 && parts[0].share == 1.0) {
+    at(parts[0]) = position;
+    return;
+  }
+  double present = 0.0;
+  for (const Part& part : parts) present += part.share * at(part);
+  const double way = (position - present) / motors_[joint].sum_of_squares;
+  for (const Part& part : parts) at(part) += part.share * way;
+}
+
+void SceneModel::set_torque(std::size_t joint, double torque, mjData_& data) const noexcept {
+  data.ctrl[motors_[joint].ctrl] = torque;
+}
+
+double SceneModel::torque_of(std::size_t joint, const double* force) const noexcept {
+  double torque = 0.0;
+  for (const Part& part : motors_[joint].parts) torque += part.share * force[part.velocity];
+  return torque / motors_[joint].sum_of_squares;
+}
+
+double SceneModel::model_position(std::size_t joint, const mjData_& data) const noexcept {
+  return data.qpos[model_parts_[joint].position];
+}
+
+double SceneModel::model_velocity(std::size_t joint, const mjData_& data) const noexcept {
+  return data.qvel[model_parts_[joint].velocity];
+}
+
+void SceneModel::set_model_position(std::size_t joint, double position,
+                                    mjData_& data) const noexcept {
+  data.qpos[model_parts_[joint].position] = position;
+}
+
+void SceneModel::set_model_position(std::size_t joint, double position,
+                                    std::span<double> configuration) const noexcept {
+  configuration[static_cast<std::size_t>(model_parts_[joint].position)] = position;
+}
+
+bool SceneModel::is_finite(const mjModel& model, const mjData& data) noexcept {
+  const auto all_finite = [](const double* values, auto count) {
+    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
+  };
+  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
+         data.warning[mjWARN_BADQACC].number == 0;
+}
+
+void SceneModel::compute_weight(const mjModel_& model, mjData_& data,
+                                std::span<double> torque) const noexcept {
+  // These calls compute only what the inverse dynamics of a robot at rest needs.
+  mj_kinematics(&model, &data);
+  mj_comPos(&model, &data);
+  mj_tendon(&model, &data);
+  mj_comVel(&model, &data);
+  mj_passive(&model, &data);
+  // qfrc_inverse only serves as memory of the right size: no step reads it.
+  mj_rne(&model, &data, 0, data.qfrc_inverse);
+  mju_subFrom(data.qfrc_inverse, data.qfrc_spring, static_cast<int>(model.nv));
+  mju_subFrom(data.qfrc_inverse, data.qfrc_gravcomp, static_cast<int>(model.nv));
+  for (std::size_t i = 0; i < torque.size(); ++i) torque[i] = torque_of(i, data.qfrc_inverse);
+}
+
+}  // namespace trifinger

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "read_file_robot.hpp"
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "in_seconds.hpp"
+#include "read_object.hpp"
+#include "read_servos.hpp"
+#include "read_simulation.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "trifinger/joint/read_backend.hpp"
+#include "trifinger/joint/read_limits.hpp"
+
+namespace trifinger {
+namespace {
+
+using config::File;
+using config::Node;
+
+// What holds if a configuration has no section "backend". The period is that of the robot's file.
+constexpr const char* kUsualBackend = R"(
+mode: real_time
+history: 16384
+access: owner
+late_action: {policy: repeat, max_repeats: 100}
+max_skipped_ticks: 100
+max_late_steps: 1000000
+max_measurement_age: .inf
+max_rejected_actions: 10
+first_action_timeout: .inf
+)";
+
+// The node that names the robot's file.
+Node file_node(const Node& robot) {
+  const auto mjcf = robot.find("mjcf");
+  const auto urdf = robot.find("urdf");
+  if (mjcf && urdf) urdf->fail("is a second file of the robot, beside robot.mjcf");
+  return mjcf ? *mjcf : *urdf;
+}
+
+std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optional<Node>& period) {
+  const Node robot = root.section("robot");
+  const Node path = file_node(robot);
+  ModelFileOptions options{.path = path.as<std::string>()};
+  if (const auto meshes = robot.find("mesh_folder")) {
+    // Beside the file, unless it says otherwise.
+    options.mesh_folder = options.path.parent_path() / meshes->as<std::string>();
+  }
+  options.joints = robot.optional<std::vector<std::string>>("joints", {});
+  if (period) options.period = read_period(*period);
+  if (const auto objects = root.find("objects")) options.objects = detail::read_objects(*objects);
+  const auto armature = robot.optional_section("armature");
+  const auto every = armature ? armature->find("every_joint") : std::nullopt;
+  options.armature = [&](const std::string& joint) -> std::optional<double> {
+    const auto own = armature ? armature->find(joint) : std::nullopt;
+    if (!own && !every) return std::nullopt;
+    return (own ? *own : *every).as<double>({.min = 0, .max = 1e3});
+  };
+  if (const auto keyframe = robot.find("keyframe")) options.keyframe = keyframe->as<std::string>();
+  const auto start = robot.optional_section("initial_position");
+  options.initial_position = [&](const ModelJoint& joint) -> std::optional<double> {
+    const auto value = start ? start->find(joint.name) : std::nullopt;
+    if (!value) return std::nullopt;
+    return value->as<double>({.unit = joint.is_slide ? "m" : "rad"});
+  };
+  try {
+    return std::make_shared<const ModelFile>(std::move(options));
+  } catch (const InvalidArgument& error) {
+    throw config::ConfigError(path.location(), error.what());
+  }
+}
+
+}  // namespace
+
+namespace detail {
+
+Node file_node(const Node& root) { return trifinger::file_node(root.section("robot")); }
+
+RobotConfig read_file_robot(const File& file) {
+  const Node root = file.root();
+  RobotConfig config;
+  SimulationOptions& simulation = config.simulation;
+  config.name = root.required<std::string>("name");
+  const bool is_on_motors =
+      root.required_choice<bool>("driver", {{"simulation", false}, {"dynamixel", true}});
+  const auto backend = root.optional_section("backend");
+  const std::optional<Node> period = backend ? backend->find("period") : std::nullopt;
+  simulation.file = read_model(root, period);
+  if (backend) {
+    config.backend = read_backend(*backend, config.session);
+  } else {
+    const File usual =
+        File::parse(std::string(kUsualBackend) +
+                        "period: " + detail::text_of(detail::in_seconds(simulation.file->period())),
+                    "backend");
+    config.backend = read_backend(usual.root(), config.session);
+    config.backend.period = simulation.file->period();
+  }
+  simulation.period = config.backend.period;
+  simulation.limits = read_limits_by_name(root, joints_of(*simulation.file));
+  simulation.stop = read_stop(root, simulation);
+  if (const auto section = root.optional_section("simulation")) {
+    read_simulation(*section, Missing::kUsual, simulation);
+  }
+  read_sight(root, config);
+  if (is_on_motors) {
+    // What hardware needs must not be guessed.
+    static_cast<void>(root.section("backend"));
+    config.servos = read_servos(root, simulation);
+  }
+  file.reject_unknown_keys();
+  config.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
+  return config;
+}
+
+}  // namespace detail
+}  // namespace trifinger
