@@ -82,7 +82,7 @@ Cameras cameras_of(const CamerasOptions& options) {
     try {
       const Session session = Session::open(name);
       if (session.info().backend_is_alive) {
-        const RobotConfig config = robot_config_of(session);
+        const RobotConfig config = read_robot_config(config_file_of(session));
         const std::vector<camera::Camera> cameras = camera::calibration_of(session).cameras;
         return {.robot = name,
                 .simulation = config.simulation,

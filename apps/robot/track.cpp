@@ -130,7 +130,7 @@ int track(const TrackOptions& options) {
   const Signals signals;
   if (options.parent > 0) end_with_parent(options.parent);
   const Session session = Session::open(options.robot);
-  const RobotConfig config = robot_config_of(session);
+  const RobotConfig config = read_robot_config(config_file_of(session));
   const std::vector<ObjectDescription>& objects = objects_of(config.simulation);
   const std::optional<CompanionDescription> companion = object_companion(objects);
   if (!companion) {

@@ -76,6 +76,9 @@ std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
 void PythonSimulation::reset(const std::optional<std::vector<double>>& position,
                              std::optional<std::uint64_t> seed, std::uint64_t episode,
                              const std::optional<std::vector<double>>& joints) const {
+  if (joints && robot().options().file == nullptr) {
+    throw InvalidArgument("joints are for robots from files");
+  }
   robot().reset(position.value_or(robot().initial_position()),
                 Random{.seed = seed.value_or(robot().options().seed), .episode = episode},
                 joints.value_or(std::vector<double>()));

@@ -27,6 +27,9 @@ Nanoseconds OrderlyStopOptions::shortest_move_time(
   constexpr double kDamping = 0.5;
   double shortest = 0.0;
   for (std::size_t i = 0; rest_position && i < rest_position->size(); ++i) {
+    const bool has_ends =
+        limits[i].soft_lower > -kLargestJointLimit && limits[i].soft_upper < kLargestJointLimit;
+    if (!has_ends) continue;
     const double rest = (*rest_position)[i];
     const double distance = std::max(limits[i].soft_upper - rest, rest - limits[i].soft_lower);
     shortest = std::max(shortest,

@@ -485,7 +485,9 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
       configuration.insert(configuration.end(), data.qvel, data.qvel + model.nv);
       one.sight->capture(step, std::move(configuration));
     }
-    if (one.objects.empty() || is_tracked_) return;
+    // Tasks see all bodies of a robot from a file.
+    const bool sees_objects = has_object_ || simulator_.options().file != nullptr;
+    if (!sees_objects || one.objects.empty() || is_tracked_) return;
     const auto* const received = simulator_.receive_poses(step, data, one.state);
     if (received == nullptr) return;
     std::ranges::copy(received->objects, one.objects.begin());

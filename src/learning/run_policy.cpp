@@ -166,9 +166,11 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
       object = object_at(process.time_index());
       if (!object) throw InvalidArgument("nobody has said where the object is");
     }
-    return environment.observe(
-        {.position = y.position, .velocity = y.velocity, .object = object ? &*object : nullptr},
-        episode, observation, achieved, desired);
+    return environment.observe({.position = y.position,
+                                .velocity = y.velocity,
+                                .object = object ? &*object : nullptr,
+                                .torque = y.torque},
+                               episode, observation, achieved, desired);
   };
 
   auto y = process.begin();

@@ -88,27 +88,21 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
     text << name << "=" << std::setprecision(17) << value;
     overrides.push_back(text.str());
   };
-  if (is_from_file) {
-    // The usual period need not fit the steps of this robot.
-    const auto add_if_unusual = [&](const char* name, double EnvironmentOptions::* value) {
-      if (options.*value != EnvironmentOptions{}.*value) add(name, options.*value);
-    };
-    add_if_unusual("simulation.object_period", &EnvironmentOptions::object_period);
-    add_if_unusual("simulation.object_delay", &EnvironmentOptions::object_delay);
-    add_if_unusual("simulation.object_position_noise", &EnvironmentOptions::object_position_noise);
-    add_if_unusual("simulation.object_orientation_noise",
-                   &EnvironmentOptions::object_orientation_noise);
-    add_if_unusual("simulation.object_loss", &EnvironmentOptions::object_loss);
-    return overrides;
-  }
   const bool is_tracked = options.object_poses == ObjectPoses::kTracked;
-  overrides.push_back(
-      text_of("simulation.object_poses=", is_tracked ? "\"tracked\"" : "\"exact\""));
-  add("simulation.object_period", options.object_period);
-  add("simulation.object_delay", options.object_delay);
-  add("simulation.object_position_noise", options.object_position_noise);
-  add("simulation.object_orientation_noise", options.object_orientation_noise);
-  add("simulation.object_loss", options.object_loss);
+  // Poses of a robot from a file are as its configuration says, unless somebody asks for others:
+  // the usual period need not fit its steps.
+  const auto add_poses = [&](const char* name, double EnvironmentOptions::* value) {
+    if (!is_from_file || options.*value != EnvironmentOptions{}.*value) add(name, options.*value);
+  };
+  if (!is_from_file || is_tracked) {
+    overrides.push_back(
+        text_of("simulation.object_poses=", is_tracked ? "\"tracked\"" : "\"exact\""));
+  }
+  add_poses("simulation.object_period", &EnvironmentOptions::object_period);
+  add_poses("simulation.object_delay", &EnvironmentOptions::object_delay);
+  add_poses("simulation.object_position_noise", &EnvironmentOptions::object_position_noise);
+  add_poses("simulation.object_orientation_noise", &EnvironmentOptions::object_orientation_noise);
+  add_poses("simulation.object_loss", &EnvironmentOptions::object_loss);
   if (!options.needs_cameras()) return overrides;
   overrides.emplace_back("cameras.source=\"simulated\"");
   add("cameras.rate", options.camera_rate);

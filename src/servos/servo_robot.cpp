@@ -131,7 +131,7 @@ void ServoRobotOptions::validate() const {
        {reset.first_time, reset.move_time, reset.settle_time, reset.release_time}) {
     require(time >= Nanoseconds::zero(), "a time of the reset is negative");
   }
-  stop.validate(limits);
+  stop.validate(limits_of(*this));
   require(period > Nanoseconds::zero(), "period must be above 0");
 }
 
@@ -421,7 +421,7 @@ DriverReport ServoRobot::apply_action(const void* desired, void* applied) noexce
   FixedText refusal;
   const bool has_refused = refuse_torques(refusal);
   const DriverReport report = chain_.apply(desired_, observation_, options_.period);
-  has_fault_ = report.state != DriverReport::State::kReady;
+  has_fault_ = report.state == DriverReport::State::kFault;
   if (has_refused) chain_.set_rejection_text(refusal);
   send();
   write_element(chain_.applied(), applied);

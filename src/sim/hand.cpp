@@ -10,6 +10,7 @@
 #include <mutex>
 #include <new>
 #include <stop_token>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -19,6 +20,7 @@
 #include "trifinger/core/sensor.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
+#include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger {
@@ -53,7 +55,20 @@ std::vector<std::string> bodies_of(const std::string& robot) {
               session.companion_names().end(),
           "robot '" + robot +
               "' cannot be pulled: only a simulation that 'trifinger run' runs has a hand");
-  return pullable_bodies(*make_model(robot_config_of(session).simulation));
+  if (!is_from_file(config_file_of(session))) {
+    return pullable_bodies(*make_model(robot_config_of(session).simulation));
+  }
+  // The session says which objects there are; the file of a stranger's robot is not opened.
+  std::vector<std::string> names;
+  const auto& companions = session.companion_names();
+  if (std::ranges::find(companions, kObjectCompanion) == companions.end()) return names;
+  constexpr std::string_view kPosition = ".position";
+  const Session objects = session.companion(kObjectCompanion);
+  for (const FieldDescription& field : objects.element(Series::kObservation).fields()) {
+    if (!field.name.ends_with(kPosition)) continue;
+    names.push_back(field.name.substr(0, field.name.size() - kPosition.size()));
+  }
+  return names;
 }
 
 }  // namespace

@@ -70,8 +70,8 @@ void Puller::step(const mjModel_& model, mjData_& data, int steps) noexcept {
   const Map<const Vector3d> target(pull_.target.data());
   Vector3d sum = Vector3d::Zero();
   for (int i = 0; i < steps; ++i) {
-    // The two halves are mj_step; between them positions, velocities and the mass matrix are those
-    // of the beginning of the step.
+    // After the first half of mj_step, positions, velocities and the mass matrix are those of the
+    // beginning of the step.
     mj_step1(&model, &data);
     const Map<const Vector3d> origin(data.xpos + std::ptrdiff_t{3} * body_->index);
     const Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> rotation(
@@ -84,7 +84,12 @@ void Puller::step(const mjModel_& model, mjData_& data, int steps) noexcept {
     const Vector3d force =
         force_of(pull_.stiffness, target - point, velocity, mobility, model.opt.timestep);
     applied = jacobian.transpose().lazyProduct(force);
-    mj_step2(&model, &data);
+    // The second half alone would not be the integrator of Runge and Kutta.
+    if (model.opt.integrator == mjINT_RK4) {
+      mj_step(&model, &data);
+    } else {
+      mj_step2(&model, &data);
+    }
     sum += force;
   }
   // The hand is no part of the state: a saved simulation goes on without it.

@@ -107,12 +107,12 @@ RobotConfig read_file_robot(const File& file) {
   if (const auto section = root.optional_section("simulation")) {
     read_simulation(*section, Missing::kUsual, simulation);
   }
-  read_sight(root, config);
   if (is_on_motors) {
     // What hardware needs must not be guessed.
     static_cast<void>(root.section("backend"));
     config.servos = read_servos(root, simulation);
   }
+  read_sight(root, config);
   file.reject_unknown_keys();
   config.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
   return config;

@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <string>
@@ -12,7 +13,6 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/scene_model.hpp"
 #include "trifinger/sim/servo_plant.hpp"
-#include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::detail {
 
@@ -28,7 +28,12 @@ servos::ServoConfig read_servos(const config::Node& root, const SimulationOption
   config.robot.period = simulation.period;
   config.robot.stop = simulation.stop;
   config.robot.weight = weight_of(shared);
-  config.robot.initial_position = Simulator(simulation).initial_position();
+  const SceneModel::Data data = model.make_data();
+  model.reset(*data);
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    config.robot.initial_position.push_back(
+        simulation.initial_position ? (*simulation.initial_position)[i] : model.position(i, *data));
+  }
   config.robot.num_tips = model.tip_geoms().size();
   for (const std::string& name : config.sensor_names) {
     const mjModel& mujoco = *model.mujoco();

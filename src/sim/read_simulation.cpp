@@ -69,8 +69,9 @@ OrderlyStopOptions read_stop(const Node& root, const SimulationOptions& robot) {
   if (!section) return options;
   // If a motion is abandoned, the damping follows once more. Altogether 2 + 5.5 + 2 s stay below
   // the back-end's limit for the whole stop.
-  if (const auto damping_time = section->find("damping_time")) {
-    options.damping_time = read_time(*damping_time, {.unit = "s", .min = 0, .max = 2});
+  if (robot.file == nullptr || section->find("damping_time")) {
+    options.damping_time =
+        read_time(section->at("damping_time", "s"), {.unit = "s", .min = 0, .max = 2});
   }
   // This key is read without a rest position, too, so that removing the position needs no other
   // change.
@@ -118,6 +119,9 @@ void read_simulation(const Node& section, Missing missing, SimulationOptions& op
 void read_sight(const Node& root, RobotConfig& config) {
   if (const auto cameras = root.optional_section("cameras")) {
     config.cameras = camera::read_camera_options(*cameras);
+    if (config.servos) {
+      cameras->fail("are those of simulations and of robots on boards, not of Dynamixel motors");
+    }
   }
   SimulationOptions& options = config.simulation;
   const auto simulation = root.optional_section("simulation");

@@ -52,8 +52,10 @@ camera::Calibration calibration_of_file(const ModelFile& model) {
   for (int i = 0; i < static_cast<int>(mujoco.ncam); ++i) {
     const bool stands =
         mujoco.body_weldid[mujoco.cam_bodyid[i]] == 0 && mujoco.cam_mode[i] == mjCAMLIGHT_FIXED;
+    const bool has_usual_lens = mujoco.cam_projection[i] == mjPROJ_PERSPECTIVE &&
+                                mujoco.cam_sensorsize[std::ptrdiff_t{2} * i] == 0.0F;
     const char* const name = mj_id2name(&mujoco, mjOBJ_CAMERA, i);
-    if (!stands || name == nullptr) continue;
+    if (!stands || !has_usual_lens || name == nullptr) continue;
     camera::Camera camera;
     camera.name = name;
     const int* const resolution = mujoco.cam_resolution + std::ptrdiff_t{2} * i;
@@ -81,10 +83,16 @@ camera::Calibration camera_calibration(const RobotConfig& config, const std::str
     throw InvalidArgument("robot '" + robot +
                           "' has no cameras; its configuration needs a section 'cameras'");
   }
-  return camera::resolve_calibration(*config.cameras, robot, [&config] {
+  return camera::resolve_calibration(*config.cameras, robot, [&] {
     const SimulationOptions& simulation = config.simulation;
-    return simulation.file != nullptr ? calibration_of_file(*simulation.file)
-                                      : calibration_of_figures(simulation.description);
+    if (simulation.file == nullptr) return calibration_of_figures(simulation.description);
+    camera::Calibration calibration = calibration_of_file(*simulation.file);
+    if (calibration.cameras.empty()) {
+      throw InvalidArgument("the file of robot '" + robot +
+                            "' has no camera that has a name, stands still and is said by its "
+                            "'fovy'; name a calibration (cameras.calibration)");
+    }
+    return calibration;
   });
 }
 

@@ -4,13 +4,11 @@
 #include <dlfcn.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <set>
 #include <utility>
 
-#include "in_seconds.hpp"
 #include "read_file_robot.hpp"
 #include "read_object.hpp"
 #include "read_servos.hpp"
@@ -312,7 +310,12 @@ config::File config_file_of(const Session& session) {
 }
 
 RobotConfig robot_config_of(const Session& session) {
-  return read_robot_config(config_file_of(session));
+  const config::File file = config_file_of(session);
+  if (is_from_file(file)) {
+    throw InvalidArgument("robot '" + file.root().required<std::string>("name") +
+                          "' is from a file; this is for a TriFinger or one of its fingers");
+  }
+  return read_robot_config(file);
 }
 
 }  // namespace trifinger

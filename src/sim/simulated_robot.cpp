@@ -352,9 +352,19 @@ void SimulatedRobot::restore(std::span<const std::byte> state) {
   let_go();
   const TimeIndex now = state_.memory.counters.step;
   read_state(state);
-  // A damaged state must not lead to an index outside the ring.
-  std::uint64_t& pending = state_.memory.counters.pending_count;
-  pending = std::min<std::uint64_t>(pending, state_.captures.size());
+  // A damaged state must not lead to an index outside the ring, or to steps beyond all numbers.
+  Memory::Counters& read = state_.memory.counters;
+  read.pending_count = std::min<std::uint64_t>(read.pending_count, state_.captures.size());
+  const auto bound = [](TimeIndex& step) {
+    constexpr TimeIndex kMost = 1'000'000'000'000'000;
+    step = std::clamp(step, -kMost, kMost);
+  };
+  bound(read.step);
+  bound(read.next_capture);
+  for (Simulator::Capture& capture : state_.captures) {
+    bound(capture.capture_index);
+    bound(capture.arrival_index);
+  }
   simulator_.move_to_step(now, state_);
   begin_here();
 }

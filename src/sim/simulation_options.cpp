@@ -116,7 +116,7 @@ std::vector<NamedJoint> joints_of(const ModelFile& model) {
 
 void SimulationOptions::validate() const {
   if (file == nullptr) trifinger::validate(description);
-  for (const ObjectDescription& object : description.objects) {
+  for (const ObjectDescription& object : objects_of(*this)) {
     // The names become names of fields in the session "object".
     const bool is_name = std::ranges::all_of(object.name, [](char letter) {
       return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
@@ -127,7 +127,8 @@ void SimulationOptions::validate() const {
   }
   validate_limits(*this);
   require(file == nullptr || period == file->period(),
-          text_of("period is ", period.count(), " ns, must be that of the file"));
+          text_of("period is ", period.count(), " ns, must be that of the file, ",
+                  file != nullptr ? file->period().count() : 0, " ns"));
   require(
       file != nullptr || (period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero()),
       "period is " + std::to_string(period.count()) +

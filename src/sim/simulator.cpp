@@ -67,8 +67,8 @@ Simulator::Simulator(SimulationOptions options)
     initial_position_.push_back(model_->position(i, *data));
   }
   if (options_.initial_position) initial_position_ = *options_.initial_position;
-  check(initial_position_);
   if (described_ == nullptr) require_soft_limits();
+  check(initial_position_);
   put_at_start(*data);
   const mjModel& mujoco = *model_->mujoco();
   initial_configuration_.assign(data->qpos, data->qpos + mujoco.nq);

@@ -30,7 +30,7 @@ struct OrderlyStopOptions {
   Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of that movement.
 
   /// The shortest `move_time` in which every joint can follow, from any position within its soft
-  /// limits.
+  /// limits. Joints without ends are left out, because they may be anywhere.
   [[nodiscard]] Nanoseconds shortest_move_time(std::span<const JointLimit> limits) const noexcept;
 
   /// `limits` must be valid.

@@ -40,9 +40,9 @@ struct View {
   double time{0.0};                    ///< Since the episode began [s].
   std::span<const double> position{};  ///< Joint positions [rad], [m].
   std::span<const double> velocity{};  ///< Joint velocities [rad/s], [m/s].
+  std::span<const double> torque{};    ///< Joint torques [Nm], [N].
   /// @name Robots from files
   /// @{
-  std::span<const double> torque{};          ///< Joint torques [Nm], [N].
   std::span<const double> model_position{};  ///< Of all hinges and slides, driven or not.
   std::span<const double> model_velocity{};
   std::span<const ObjectPose> bodies{};  ///< Free bodies.

@@ -15,8 +15,8 @@ namespace trifinger {
 [[nodiscard]] camera::Calibration calibration_of_figures(const RobotDescription& description);
 
 /// The cameras that stand in the scene of a file, with images in a Bayer mosaic; 540 pixels high
-/// and wide unless the file says it (`resolution`). None if it has none; those that move are left
-/// out.
+/// and wide unless the file says it (`resolution`). Left out are those without a name, those that
+/// move, and those that are not said by their `fovy` alone.
 [[nodiscard]] camera::Calibration calibration_of_file(const ModelFile& model);
 
 /// The cameras of a configured robot whose session is called `robot`.

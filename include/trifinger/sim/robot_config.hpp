@@ -33,7 +33,7 @@ struct RobotConfig {
   std::optional<BoardsConfig> boards{};            ///< Only for a robot on motor boards.
   std::optional<servos::ServoConfig> servos{};     ///< Only for a robot on Dynamixel motors.
   std::optional<camera::CameraOptions> cameras{};  ///< Only for a robot with cameras.
-  /// A simulated robot knows its objects only from the images of its cameras.
+  /// Objects are known only from the images of cameras.
   bool tracks_objects{false};
   BackendOptions backend;
   SessionOptions session;  ///< Its documents include the configuration, but not the model.
@@ -97,8 +97,9 @@ struct ConfigDifference {
 /// @throws InvalidArgument if the session has none, config::ConfigError
 [[nodiscard]] config::File config_file_of(const Session& session);
 
-/// The configuration that a robot's back-end has used.
-/// @throws InvalidArgument if the session has none
+/// The configuration that a robot's back-end has used. No file is opened that a stranger has named:
+/// for a robot of one's own that is from a file, read what `config_file_of` returns.
+/// @throws InvalidArgument if the session has none, or if the robot is from a file
 [[nodiscard]] RobotConfig robot_config_of(const Session& session);
 
 }  // namespace trifinger

@@ -50,7 +50,7 @@ std::span<const double> numbers(const std::byte* element, std::size_t offset, st
 }  // namespace
 
 std::vector<JointLimit> limits_of(const Session& session) {
-  const RobotConfig config = robot_config_of(session);
+  const RobotConfig config = read_robot_config(config_file_of(session));
   if (config.boards) {
     return std::visit(
         [](const auto& boards) {

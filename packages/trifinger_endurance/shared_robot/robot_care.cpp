@@ -28,7 +28,7 @@ constexpr Nanoseconds kPause = std::chrono::milliseconds(50);
 // Returns what carries the joints, from the model of the robot; nothing if it is not known.
 WeightOf weights_of(const Session& session) {
   try {
-    return [weight = weight_of(make_model(robot_config_of(session).simulation))](
+    return [weight = weight_of(make_model(read_robot_config(config_file_of(session)).simulation))](
                const std::vector<double>& position) {
       std::vector<double> torque(position.size());
       weight(position, torque);
