@@ -227,8 +227,12 @@ Episodes::Seen Episodes::judge(const ElementDescription& type, std::span<const s
       measurement.model_velocity = std::span(model_velocity).first(count);
     }
     for (const ObjectAddress& body : model.objects()) {
-      if (objects.empty()) throw InvalidArgument("nobody has said where the " + body.name + " is");
-      bodies.push_back(read_pose(*objects_type, objects, body.name));
+      // A tracker may not have found anything yet.
+      if (objects.empty() && !config.tracks_objects) {
+        throw InvalidArgument("nobody has said where the " + body.name + " is");
+      }
+      bodies.push_back(objects.empty() ? ObjectPose{}
+                                       : read_pose(*objects_type, objects, body.name));
     }
     measurement.bodies = bodies;
   }

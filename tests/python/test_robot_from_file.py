@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import ARM, output_of
+from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger_view.scene import scene_of
 
 pytestmark = pytest.mark.bindings
@@ -119,7 +120,7 @@ SEEN = """<mujoco model="seen">
     <camera name="above" pos="0.2 0 1" xyaxes="0 -1 0 1 0 0" fovy="55" resolution="640 480"/>
     <body pos="-0.2 0 0.22">
       <joint name="yaw" axis="0 0 1" range="-150 150"/>
-      <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.03" rgba="0.9 0.5 0.1 1"/>
+      <geom name="hand" type="capsule" fromto="0 0 0 0.2 0 0" size="0.03" rgba="0.9 0.5 0.1 1"/>
       <camera name="at_the_arm"/>
     </body>
   </worldbody>
@@ -179,3 +180,22 @@ def test_a_hand_pulls_an_object_of_a_robot_from_a_file(seen: str) -> None:
     robot.wait_until_time_index(t)
     position, _ = simulation.object_pose("cube")
     np.testing.assert_allclose(position, [0.3, 0.1, 0.2], atol=0.01)
+
+
+@pytest.mark.parametrize("poses", ["exact", "tracked"])
+def test_an_environment_shows_the_images_of_these_cameras(seen: str, poses: str) -> None:
+    options = Options.of("reach", frames=("hand",), observation="images", camera_size=160)
+    settings = {"simulation.object_poses": poses}
+    one = Environment("reach", options=options, config=seen, config_overrides=settings)
+    many = VectorEnvironment("reach", 2, options=options, config=seen, config_overrides=settings)
+    alone, _ = one.reset(seed=3)
+    together, _ = many.reset(seed=3)
+    for _ in range(4):
+        assert alone["front"].shape == alone["above"].shape == (120, 160, 3)
+        assert alone["above"].max() > 150
+        for key, value in alone.items():
+            np.testing.assert_array_equal(value, together[key][0])
+        alone, *_ = one.step(np.full(1, 0.5, np.float32))
+        together, *_ = many.step(np.full((2, 1), 0.5, np.float32))
+    one.close()
+    many.close()
