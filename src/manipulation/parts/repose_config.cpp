@@ -6,6 +6,7 @@
 
 #include "parts/grasp_config.hpp"
 #include "parts/repose.hpp"
+#include "parts/rotation_between.hpp"
 #include "parts/settings.hpp"
 
 namespace trifinger::manipulation {
@@ -118,7 +119,7 @@ Eigen::Quaterniond lying_on(const Eigen::Vector3d& face, double turn) {
   // Half a turn has no shortest way; it is about x.
   const bool is_below = face.dot(z) < -0.5;
   const Eigen::Quaterniond up =
-      is_below ? Eigen::Quaterniond(0, 1, 0, 0) : Eigen::Quaterniond::FromTwoVectors(face, z);
+      is_below ? Eigen::Quaterniond(0, 1, 0, 0) : rotation_between(face, z);
   return Eigen::AngleAxisd(turn, z) * up;
 }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <utility>
 
+#include "parts/rotation_between.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {
@@ -222,8 +223,7 @@ Pose upright(const Pose& pose) noexcept {
   rotation.row(2).cwiseAbs().maxCoeff(&axis);
   const Eigen::Vector3d up = (rotation(2, axis) > 0.0 ? 1.0 : -1.0) * rotation.col(axis);
   return {pose.position,
-          (Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()) * pose.orientation)
-              .normalized()};
+          (rotation_between(up, Eigen::Vector3d::UnitZ()) * pose.orientation).normalized()};
 }
 
 TaskPlanner::TaskPlanner(const RobotDescription& description, ManipulationConfig config)

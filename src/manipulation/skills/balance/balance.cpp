@@ -12,6 +12,7 @@
 
 #include "parts/object_of.hpp"
 #include "parts/phase_clock.hpp"
+#include "parts/rotation_between.hpp"
 #include "parts/settings.hpp"
 #include "parts/tip_servo.hpp"
 #include "parts/tip_way.hpp"
@@ -339,7 +340,7 @@ const TriFinger::Action& Balance::update(TimeIndex step,
 
   state_.torque_share = share_;
   const Vector3d up(std::tan(estimate_.tilt.x()), std::tan(estimate_.tilt.y()), 1.0);
-  state_.object.pose.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), up);
+  state_.object.pose.orientation = rotation_between(Vector3d::UnitZ(), up);
   state_.object.pose.position =
       servo_.tip(finger_) + (box_.tip_radius + box_.half_height) * up.normalized();
   state_.desired.pose.position = start_ + (box_.tip_radius + box_.half_height) * Vector3d::UnitZ();

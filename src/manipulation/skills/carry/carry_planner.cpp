@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "parts/object_of.hpp"
+#include "parts/rotation_between.hpp"
 
 namespace trifinger::manipulation {
 namespace {
@@ -52,8 +53,7 @@ std::vector<Rest> CarryPlanner::rests(const Pose& now) const {
       const Vector3d tilted = goal_.orientation * face;
       const double tilt = angle_from_up(tilted);
       if (tilt > rests_.largest_tilt) continue;
-      const Quaterniond standing =
-          Quaterniond::FromTwoVectors(tilted, Vector3d::UnitZ()) * goal_.orientation;
+      const Quaterniond standing = rotation_between(tilted, Vector3d::UnitZ()) * goal_.orientation;
       const double flip = angle_from_up(now.orientation * face);
       for (const double share : rests_.places) {
         Vector3d place = share * goal_.position;

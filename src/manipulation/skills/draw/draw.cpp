@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "parts/object_of.hpp"
+#include "parts/rotation_between.hpp"
 #include "parts/settings.hpp"
 #include "parts/tips_skill.hpp"
 #include "parts/torque_figure.hpp"
@@ -471,7 +472,7 @@ void Draw::look(Seconds /*elapsed*/) noexcept {
 // From now on the pen is led.
 void Draw::hold() noexcept {
   const PenAxis pen = axis_of(average_.count() > 0 ? average_.mean() : rest_);
-  const Quaterniond turn = Quaterniond::FromTwoVectors(kDown, -pen.up);
+  const Quaterniond turn = rotation_between(kDown, -pen.up);
   tilt_ = control::rotation_vector(turn);
   turn_ = turn;
   upright_ = turn.conjugate() * rest_.orientation;

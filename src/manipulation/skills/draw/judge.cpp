@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "evaluation/skill_rows.hpp"
+#include "parts/rotation_between.hpp"
 #include "skills/draw/drawing.hpp"
 
 namespace trifinger::evaluation {
@@ -53,7 +54,7 @@ void vary_start(SkillTrial& trial, TrialRandom& random) {
                     std::cos(lean));
   const Eigen::Quaterniond turned =
       Eigen::AngleAxisd(random.between(-std::numbers::pi, std::numbers::pi), up) *
-      Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitX(), -up);
+      manipulation::rotation_between(Vector3d::UnitX(), -up);
   const double radius = pen.size[1] / 2;
   const Vector3d nib = place - (place.z() - radius) / up.z() * up;
   const Vector3d centre = nib + (pen.size[0] / 2 - radius) * up;

@@ -5,6 +5,7 @@
 
 #include "parts/object_of.hpp"
 #include "parts/repose.hpp"
+#include "parts/rotation_between.hpp"
 #include "skills/makers.hpp"
 
 namespace trifinger::manipulation {
@@ -22,8 +23,7 @@ std::unique_ptr<Skill> make_flip(const SkillContext& context, const config::Node
         if (number > 0) return std::nullopt;
         const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
         // The least turn that brings the face up.
-        const Eigen::Quaterniond turn =
-            Eigen::Quaterniond::FromTwoVectors(pose.orientation * face, z);
+        const Eigen::Quaterniond turn = rotation_between(pose.orientation * face, z);
         return Goal{.pose = {{0, 0, half.dot(face.cwiseAbs())}, turn * pose.orientation},
                     .axis = face,
                     .free_radius = radius};
