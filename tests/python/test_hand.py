@@ -127,6 +127,17 @@ def test_a_hand_pulls_at_a_robot_in_another_process(robot: trifinger.Frontend) -
 
 
 @pytest.mark.without_sanitizer
+def test_a_hand_pulls_at_a_robot_from_a_file(arm: str, start_program: StartProgram) -> None:
+    start_program("run", arm, "--non-real-time").wait_for("holds")
+    with trifinger.connect("arm") as robot, trifinger.hand("arm") as hand:
+        assert hand.bodies == ["ball"]
+        hand.pull("ball", TARGET)
+        assert until(robot, 0).process == os.getpid()
+        hand.let_go()
+        assert next(hands(robot)).body == -1
+
+
+@pytest.mark.without_sanitizer
 def test_a_second_hand_is_refused_until_the_first_has_ended(robot: trifinger.Frontend) -> None:
     with trifinger.hand("sim") as hand:
         with pytest.raises(trifinger.Error, match=str(os.getpid())):
