@@ -360,8 +360,10 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
     gate = start_view("sim", "--control")
     with browse(gate) as connection:
         driver = Steering(connection)
-        driver.take_control()
         driver.press("Recover")  # which is not shown: nothing happens
+        # The page must have dealt with that before it is stopped, or it would recover afterwards.
+        driver.take_control()
+        driver.watch()
         gate.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, gate.process.pid, os.WSTOPPED)
         robot.wait_for_end()
