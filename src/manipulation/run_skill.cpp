@@ -101,7 +101,7 @@ control::SafetyLimits safety_limits_of(const SimulationOptions& options) {
 
 SkillContext context_of(const Session& session) {
   const SimulationOptions options = robot_config_of(session).simulation;
-  if (robot_types_of(options).type != TriFinger::kType) {
+  if (options.description.arrangement != Arrangement::kTriFinger) {
     throw InvalidArgument("the robot has not three fingers");
   }
   const SessionInfo info = session.info();

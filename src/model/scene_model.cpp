@@ -39,6 +39,7 @@ const ObjectAddress& SceneModel::object(const std::string& name) const {
   throw InvalidArgument("There is no object '" + name + "'; " +
                         (known.empty() ? "the scene has none." : "the scene has " + known + "."));
 }
+
 void SceneModel::set_velocity(const ObjectAddress& object, const std::array<double, 3>& linear,
                               const std::array<double, 3>& angular, mjData_& data) noexcept {
   double* const values = data.qvel + object.velocity;

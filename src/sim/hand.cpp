@@ -55,9 +55,8 @@ std::vector<std::string> bodies_of(const std::string& robot) {
               session.companion_names().end(),
           "robot '" + robot +
               "' cannot be pulled: only a simulation that 'trifinger run' runs has a hand");
-  if (!is_from_file(config_file_of(session))) {
-    return pullable_bodies(*make_model(robot_config_of(session).simulation));
-  }
+  const config::File file = config_file_of(session);
+  if (!is_from_file(file)) return pullable_bodies(*make_model(read_robot_config(file).simulation));
   // The session says which objects there are; the file of a stranger's robot is not opened.
   std::vector<std::string> names;
   const auto& companions = session.companion_names();

@@ -172,6 +172,11 @@ std::map<std::string, std::string> noticed_values(const config::File& file) {
   return values;
 }
 
+[[noreturn]] void refuse_robot_from_file(const std::string& name) {
+  throw InvalidArgument("robot '" + name +
+                        "' is from a file; this is for a TriFinger or one of its fingers");
+}
+
 }  // namespace
 
 std::vector<std::filesystem::path> config_folders(const std::string& folder) {
@@ -281,10 +286,7 @@ RobotConfig read_robot_config(const config::File& file) {
 }
 
 const RobotDescription& description_of(const RobotConfig& config) {
-  if (config.simulation.file != nullptr) {
-    throw InvalidArgument("robot '" + config.name +
-                          "' is from a file; this is for a TriFinger or one of its fingers");
-  }
+  if (config.simulation.file != nullptr) refuse_robot_from_file(config.name);
   return config.simulation.description;
 }
 
@@ -311,10 +313,7 @@ config::File config_file_of(const Session& session) {
 
 RobotConfig robot_config_of(const Session& session) {
   const config::File file = config_file_of(session);
-  if (is_from_file(file)) {
-    throw InvalidArgument("robot '" + file.root().required<std::string>("name") +
-                          "' is from a file; this is for a TriFinger or one of its fingers");
-  }
+  if (is_from_file(file)) refuse_robot_from_file(file.root().required<std::string>("name"));
   return read_robot_config(file);
 }
 

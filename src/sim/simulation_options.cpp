@@ -50,25 +50,21 @@ std::vector<JointKind> kinds_of(const Joints& joints) {
 }
 
 void validate_limits(const SimulationOptions& options) {
-  if (options.file == nullptr) {
-    const auto joints = static_cast<std::size_t>(num_joints(options.description));
-    const auto limits = options.limits ? *options.limits : default_limits(options.description);
-    require(limits.size() == joints,
-            text_of("there are limits for ", limits.size(), " joints, but the robot has ", joints));
-    validate(limits);
-    options.stop.validate(limits);
-    return;
-  }
-  const ModelFile& model = *options.file;
-  const std::size_t joints = model.joints().size();
+  const bool is_from_file = options.file != nullptr;
+  const std::size_t joints = is_from_file
+                                 ? options.file->joints().size()
+                                 : static_cast<std::size_t>(num_joints(options.description));
   require(joints <= kMaxCountedJoints,
           text_of("the model has ", joints, " driven joints, a robot has at most ",
                   kMaxCountedJoints, "; name those to be driven (robot.joints)"));
-  require(options.limits.has_value(), "a robot from a file needs limits");
-  require(options.limits->size() == joints, text_of("there are limits for ", options.limits->size(),
-                                                    " joints, but the model has ", joints));
-  validate(*options.limits);
-  options.stop.validate(*options.limits);
+  require(options.limits.has_value() || !is_from_file, "a robot from a file needs limits");
+  const std::vector<JointLimit> limits =
+      options.limits ? *options.limits : default_limits(options.description);
+  require(limits.size() == joints,
+          text_of("there are limits for ", limits.size(), " joints, but the ",
+                  is_from_file ? "model" : "robot", " has ", joints));
+  validate(limits);
+  options.stop.validate(limits);
 }
 
 }  // namespace

@@ -129,7 +129,7 @@ constexpr std::span<const JointLimitField> JointLimit::fields() noexcept {
 template <std::size_t N>
 using JointLimits = std::array<JointLimit, N>;
 
-/// The same limits, for a program that knows how many joints its robot has.
+/// Copies limits to an array, for a program that knows how many joints its robot has.
 /// @throws InvalidArgument if there are more or fewer
 template <std::size_t N>
 [[nodiscard]] JointLimits<N> limits_of(std::span<const JointLimit> limits) {

@@ -33,7 +33,7 @@ struct ModelJoint {
 /// A driven joint, and what a file says about it. Nothing where it says nothing, or nothing that
 /// one motor could obey.
 struct DrivenJoint {
-  std::string name;                              ///< Of the joint or of the tendon.
+  std::string name;                              ///< That of the joint or of the tendon.
   bool is_slide{false};                          ///< See `ModelJoint`.
   std::optional<std::array<double, 2>> range{};  ///< Where its stops are [rad], [m].
   std::optional<double> max_torque{};            ///< [Nm], [N]

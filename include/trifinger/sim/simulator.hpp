@@ -76,13 +76,13 @@ class Simulator {
   /// One simulation.
   struct State {
     Memory memory{};
-    CountedSafetyState safety{};      ///< Of `step`; a `CountedChain` has its own.
+    CountedSafetyState safety{};      ///< `step` uses it; a `CountedChain` has its own.
     std::vector<Capture> captures{};  ///< A ring. Its front is the newest delivered pose.
     Observation observation{};        ///< The newest observation, which the checks use.
     /// @name The rest of it
     /// @{
     std::vector<double> tip_force{};
-    std::vector<double> model_position{};  ///< Of all hinges and slides; none if all are driven.
+    std::vector<double> model_position{};  ///< All hinges and slides; empty if all are driven.
     std::vector<double> model_velocity{};
     /// @}
     /// True poses of all objects at that observation.

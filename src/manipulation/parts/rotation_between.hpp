@@ -5,9 +5,8 @@
 
 namespace trifinger::manipulation {
 
-// The smallest rotation that turns `from` to `to`. Neither may be zero. It is Eigen's own, in a
-// file of its own, because each file that calls Eigen's compiles a singular value decomposition: 23
-// s.
+// The smallest rotation that turns `from` to `to`. Neither may be zero. It calls Eigen's function
+// once for all: each file that calls that one compiles a singular value decomposition for 23 s.
 [[nodiscard]] Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from,
                                                   const Eigen::Vector3d& to);
 
