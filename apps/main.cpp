@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
+#include "base/suggestion.hpp"
 #include "commands.hpp"
 #include "shared/external_command.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::apps {
 namespace {

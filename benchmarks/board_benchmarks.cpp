@@ -11,16 +11,17 @@
 #include <string>
 #include <vector>
 
+#include "boards/board_robot.hpp"
+#include "boards/emulator.hpp"
+#include "boards/read_options.hpp"
+#include "can/memory_bus.hpp"
 #include "harness.hpp"
+#include "sim/boards_config.hpp"
+#include "sim/simulated_plant.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/boards/board_robot.hpp"
-#include "trifinger/boards/emulator.hpp"
-#include "trifinger/boards/read_options.hpp"
-#include "trifinger/can/memory_bus.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/simulated_plant.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::benchmarks {

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "boards/rig.hpp"
+#include "can/memory_bus.hpp"
+#include "can/motor_board.hpp"
 #include "harness.hpp"
 #include "support/allocation_counter.hpp"
-#include "trifinger/can/memory_bus.hpp"
-#include "trifinger/can/motor_board.hpp"
 
 namespace trifinger::benchmarks {
 namespace {

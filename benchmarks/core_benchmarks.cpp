@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/fake_robot.hpp"
 #include "harness.hpp"
+#include "ipc/futex.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/ipc/futex.hpp"
 #include "trifinger/joint/types.hpp"
 
 namespace trifinger::benchmarks {

@@ -11,14 +11,14 @@
 #include <random>
 #include <thread>
 
+#include "core/fake_robot.hpp"
 #include "harness.hpp"
+#include "log/recorder.hpp"
 #include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/recorder.hpp"
 
 namespace trifinger::benchmarks {
 namespace {

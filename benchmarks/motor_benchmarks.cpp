@@ -9,14 +9,14 @@
 #include <variant>
 #include <vector>
 
+#include "dynamixel/emulator.hpp"
+#include "dynamixel/motor_loop.hpp"
+#include "dynamixel/port.hpp"
 #include "harness.hpp"
+#include "sim/servo_plant.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/dynamixel/emulator.hpp"
-#include "trifinger/dynamixel/motor_loop.hpp"
-#include "trifinger/dynamixel/port.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::benchmarks {
 namespace {
@@ -27,12 +27,15 @@ using dynamixel::MotorSnapshot;
 constexpr int kBaud = 4'000'000;
 
 // A file that has D'Claw's motors, without the one of its valve.
-RobotConfig nine_motors() {
+RobotConfig nine_motors(bool is_fast) {
   auto config = load_robot_config(
       "dclaw_dynamixel", {"dynamixel.port=emulated", "dynamixel.baud=" + std::to_string(kBaud)});
-  config.servos->group.watchdog = 2s;
-  config.servos->group.silent_after = 2s;
-  config.servos->slack = 100ms;
+  servos::ServoConfig servos = *config.servos;
+  servos.group.watchdog = 2s;
+  servos.group.silent_after = 2s;
+  servos.group.is_fast = is_fast;
+  servos.slack = 100ms;
+  config.servos = std::make_shared<const servos::ServoConfig>(servos);
   return config;
 }
 
@@ -84,8 +87,7 @@ std::vector<Row> motor_bus(const Effort& effort) {
   };
   std::vector<Row> rows;
   for (const Case& bus : {Case{"sync read", false, 1476.0}, Case{"fast sync read", true, 1852.0}}) {
-    RobotConfig config = nine_motors();
-    config.servos->group.is_fast = bus.is_fast;
+    const RobotConfig config = nine_motors(bus.is_fast);
     ServoPlant plant(config.simulation, *config.servos);
     static_cast<void>(enter_realtime({.demand = Demand::kTry, .priority = 82}));
     Samples rates;

@@ -13,10 +13,10 @@
 #include <stop_token>
 #include <thread>
 
+#include "core/fake_robot.hpp"
 #include "harness.hpp"
 #include "trifinger/control/online_planner.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
 namespace trifinger::benchmarks {

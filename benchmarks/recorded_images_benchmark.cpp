@@ -17,17 +17,17 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "harness.hpp"
+#include "log/logged_images.hpp"
+#include "log/recorder.hpp"
 #include "support/folder.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/sensor.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/logged_images.hpp"
-#include "trifinger/log/recorder.hpp"
 
 // A source of 100 triples of 540 x 540 pixels per second beside a robot at 1 kHz, all recorded.
 namespace trifinger::benchmarks {

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "harness.hpp"
+#include "rendering/context.hpp"
+#include "sim/robot_cameras.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/rendering/context.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::benchmarks {
 namespace {

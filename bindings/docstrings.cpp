@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Comments of the public headers, for Python. tools/write_docstrings.py writes this file.
+// Comments of headers, for Python. tools/write_docstrings.py writes this file.
 #include "docstrings.hpp"
 
 // clang-format off

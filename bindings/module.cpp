@@ -6,7 +6,7 @@
 #include "conversion/gil.hpp"
 #include "conversion/numpy.hpp"
 #include "guiding/guide.hpp"
-#include "log/recorder.hpp"
+#include "log/start_recorder.hpp"
 #include "session/running_backend.hpp"
 
 namespace nb = nanobind;

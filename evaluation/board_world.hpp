@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "trifinger/boards/board_robot.hpp"
-#include "trifinger/boards/emulator.hpp"
-#include "trifinger/can/memory_bus.hpp"
+#include "boards/board_robot.hpp"
+#include "boards/emulator.hpp"
+#include "can/memory_bus.hpp"
+#include "sim/simulated_plant.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/realtime/clock.hpp"
-#include "trifinger/sim/simulated_plant.hpp"
 
 namespace trifinger::evaluation {
 

@@ -14,7 +14,7 @@
 #include <string>
 #include <string_view>
 
-#include "skills/carry/carry_planner.hpp"
+#include "manipulation/skills/carry/carry_planner.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::evaluation {

@@ -14,7 +14,7 @@
 
 #include "evaluation/cube_trial.hpp"
 #include "evaluation/skill_rows.hpp"
-#include "skills/lift/lift.hpp"
+#include "manipulation/skills/lift/lift.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::evaluation {

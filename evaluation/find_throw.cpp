@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "evaluation/landing.hpp"
-#include "skills/throw/stroke.hpp"
+#include "manipulation/skills/throw/stroke.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/manipulation/run_skill.hpp"

@@ -14,9 +14,9 @@
 #include <thread>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "realtime/processors.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::evaluation {
 

@@ -12,6 +12,7 @@
 
 #include "evaluation/board_world.hpp"
 #include "evaluation/contact.hpp"
+#include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/session.hpp"

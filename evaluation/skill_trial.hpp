@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "trifinger/boards/board_robot.hpp"
+#include "boards/board_robot.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/timing.hpp"
 #include "trifinger/manipulation/run_skill.hpp"

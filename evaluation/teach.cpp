@@ -12,9 +12,9 @@
 #include <string_view>
 #include <vector>
 
+#include "base/regular_file.hpp"
 #include "evaluation/teaching.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/manipulation/skills.hpp"
 
 namespace trifinger::evaluation {

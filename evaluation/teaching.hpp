@@ -2,7 +2,7 @@
 #pragma once
 
 #include "evaluation/skill_trial.hpp"
-#include "trifinger/manipulation/taught_motion.hpp"
+#include "manipulation/taught_motion.hpp"
 
 namespace trifinger::evaluation {
 

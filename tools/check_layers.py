@@ -5,6 +5,9 @@ A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. Prog
 part of `apps`, and their bindings part of `bindings`. The table of layers in
 ARCHITECTURE.md says which layers each one is directly above. A layer may also include all layers
 further down. Tests may open any namespace.
+
+Public headers are those that docs/stability.md names, those that examples and templates of robots
+include, and what these include. No other header may be in include/trifinger.
 """
 
 import re
@@ -20,7 +23,10 @@ ROW = re.compile(r"^\| `(\w+)` \|.*\|([^|]*)\|$", re.MULTILINE)
 SHARED = {"base", "realtime", "core", "joint", "model", "sim"}
 BENEATH = ("::detail", "::docs")  # docs has the texts that tools/write_docstrings.py writes
 NAMESPACE = re.compile(r"^\s*(?:inline\s+)?namespace\s+(trifinger[\w:]*)")
-INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')
+INCLUDE = re.compile(r'^\s*#\s*include\s*["<](trifinger/)?((\w+)/[\w/]+\.hpp)[">]')
+PUBLIC = "include/trifinger"
+PROMISES = "docs/stability.md"
+PROMISED = re.compile(r"`trifinger/(\w+/\w+\.hpp)`")
 
 
 def read_table(text: str) -> dict[str, tuple[str, ...]]:
@@ -69,9 +75,9 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
     namespaces = {own, *(own + beneath for beneath in BENEATH)}
     for number, line in enumerate(lines, start=1):
         included = INCLUDE.match(line)
-        if included and included[1] not in allowed:
+        if included and included[3] in DIRECTLY_BELOW and included[3] not in allowed:
             yield (
-                f"{path}:{number}: '{layer}' may not include '{included[1]}', "
+                f"{path}:{number}: '{layer}' may not include '{included[3]}', "
                 f"only {', '.join(name for name in DIRECTLY_BELOW if name in allowed)}."
             )
         opened = NAMESPACE.match(line)
@@ -80,6 +86,36 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
                 f"{path}:{number}: '{layer}' may not open the namespace '{opened[1]}', "
                 f"only '{own}' and '{own}::detail'."
             )
+
+
+def includes(text: str) -> dict[str, bool]:
+    """Returns each header with a layer that is included, and whether it is public."""
+    found = filter(None, map(INCLUDE.match, text.splitlines()))
+    return {match[2]: match[1] is not None for match in found if match[3] in DIRECTLY_BELOW}
+
+
+def mistakes_of_public_headers(needed: Iterable[str], texts: dict[str, str]) -> Iterator[str]:
+    """Yields one sentence for each public header that is missing, private or needed by nobody.
+
+    Args:
+        needed: LAYER/x.hpp for each one that programs of users include
+        texts: what is in each public header, by the same names
+    """
+    needed = set(needed)
+    known: set[str] = set()
+    while missing := needed - known:
+        for header in sorted(missing):
+            known.add(header)
+            if header not in texts:
+                yield f"{PUBLIC}/{header}: does not exist, and programs of users include it."
+                continue
+            for included, is_public in includes(texts[header]).items():
+                if is_public:
+                    needed.add(included)
+                else:
+                    yield f"{PUBLIC}/{header}: includes '{included}', which is not public."
+    for header in sorted(texts.keys() - known):
+        yield f"{PUBLIC}/{header}: no program of a user includes it. Move it to src/{header}."
 
 
 def mistakes_of_table(table: dict[str, tuple[str, ...]], layers: set[str]) -> Iterator[str]:
@@ -95,10 +131,19 @@ def mistakes_of_table(table: dict[str, tuple[str, ...]], layers: set[str]) -> It
 
 
 def main() -> int:
-    """Checks the table and all tracked C++ files and returns the exit status."""
+    """Checks the tables and all tracked C++ files and returns the exit status."""
     paths = tracked_files(".hpp", ".cpp")
     layers = {layer for layer in map(layer_of, paths) if layer is not None}
     found = list(mistakes_of_table(DIRECTLY_BELOW, layers))
+    public = Path(PUBLIC)
+    headers = [path for path in paths if path.is_relative_to(public)]
+    texts = {path.relative_to(public).as_posix(): (ROOT / path).read_text() for path in headers}
+    users = [path for path in paths if path.parts[0] in ("examples", "config")]
+    needed = {
+        *PROMISED.findall((ROOT / PROMISES).read_text()),
+        *(header for path in users for header in includes((ROOT / path).read_text())),
+    }
+    found += mistakes_of_public_headers(needed, texts)
     # Which layers a file may include is known only of a table without mistakes.
     found = found or [
         sentence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes the docstrings of Python: the comments of the public headers, in Python's words.
+"""Writes the docstrings of Python: the comments of headers, in Python's words.
 
 A file of bindings/ that names `docs::Pose::position` gets the comment of the field `position` of
 `Pose`, and `docs::Pose::Pose` that of the class. bindings/docstrings.cpp has these texts, so that
@@ -18,7 +18,7 @@ from clang import cindex
 ROOT = Path(__file__).resolve().parent.parent
 OF_PACKAGES = sorted(ROOT.glob("packages/*/bindings"))
 # Folders with headers whose comments are docstrings.
-HEADERS = (ROOT / "include", *OF_PACKAGES)
+HEADERS = (ROOT / "include", ROOT / "src", *OF_PACKAGES)
 BINDINGS = ROOT / "bindings"
 NAMES_FILE = BINDINGS / "docstrings.hpp"
 TEXTS_FILE = BINDINGS / "docstrings.cpp"
@@ -48,7 +48,7 @@ HAVE_MEMBERS = {
 }
 
 BEGIN = """// SPDX-License-Identifier: BSD-3-Clause
-// Comments of the public headers, for Python. tools/write_docstrings.py writes this file.
+// Comments of headers, for Python. tools/write_docstrings.py writes this file.
 {}
 
 // clang-format off

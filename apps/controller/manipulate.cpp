@@ -14,17 +14,17 @@
 #include <utility>
 #include <vector>
 
+#include "base/regular_file.hpp"
+#include "base/suggestion.hpp"
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/output.hpp"
+#include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/base/suggestion.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "log/repair.hpp"
 #include "log/summary.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/repair.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -6,11 +6,11 @@
 #include <string>
 
 #include "commands.hpp"
+#include "log/copy.hpp"
 #include "log/options.hpp"
 #include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/log/copy.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -6,10 +6,10 @@
 #include <string>
 #include <utility>
 
+#include "log/image_storage.hpp"
+#include "log/message_layout.hpp"
 #include "shared/options.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/log/image_storage.hpp"
-#include "trifinger/log/message_layout.hpp"
 
 // Options that several commands for logs have.
 namespace trifinger::apps {

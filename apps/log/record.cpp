@@ -16,7 +16,9 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "core/log_folder.hpp"
 #include "log/options.hpp"
+#include "log/recorder.hpp"
 #include "log/running_recorder.hpp"
 #include "robot/recorder_process.hpp"
 #include "shared/options.hpp"
@@ -24,9 +26,7 @@
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/core/log_folder.hpp"
 #include "trifinger/log/event.hpp"
-#include "trifinger/log/recorder.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -5,11 +5,11 @@
 #include <string>
 
 #include "commands.hpp"
+#include "log/repair.hpp"
 #include "log/summary.hpp"
 #include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/log/repair.hpp"
 
 namespace trifinger::apps {
 namespace {

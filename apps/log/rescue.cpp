@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "commands.hpp"
+#include "log/flight_recorder.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/log/log.hpp"
 
 namespace trifinger::apps {

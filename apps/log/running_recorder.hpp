@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "log/recorder.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/log/event.hpp"
-#include "trifinger/log/recorder.hpp"
 
 namespace trifinger::apps {
 

@@ -7,10 +7,10 @@
 #include <filesystem>
 #include <utility>
 
+#include "log/logged_images.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/log/logged_images.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::apps {

@@ -9,12 +9,12 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "model/export.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/output_file.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/model/export.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 namespace trifinger::apps {

@@ -13,10 +13,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/regular_file.hpp"
 #include "commands.hpp"
 #include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/joint/read_limits.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/model/model_file.hpp"

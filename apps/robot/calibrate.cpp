@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "boards/calibration.hpp"
 #include "commands.hpp"
 #include "robot/maintenance.hpp"
 #include "shared/external_command.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/boards/calibration.hpp"
 
 namespace trifinger::apps {
 namespace {

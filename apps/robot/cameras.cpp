@@ -12,24 +12,24 @@
 #include <variant>
 #include <vector>
 
+#include "camera/feed.hpp"
 #include "commands.hpp"
+#include "log/image_source.hpp"
+#include "rendering/simulated_cameras.hpp"
 #include "shared/child_program.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/signals.hpp"
 #include "shared/text.hpp"
+#include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/feed.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/camera/options.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/log/image_source.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/rendering/simulated_cameras.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {

@@ -17,11 +17,12 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "realtime/limit_remedy.hpp"
 #include "robot/doctor_can.hpp"
 #include "robot/finding.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
-#include "trifinger/realtime/limit_remedy.hpp"
+#include "sim/boards_config.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {

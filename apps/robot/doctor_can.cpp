@@ -14,14 +14,14 @@
 #include <utility>
 #include <variant>
 
+#include "boards/read_options.hpp"
+#include "can/bus.hpp"
+#include "can/interface_state.hpp"
+#include "can/motor_board.hpp"
+#include "can/socket_can.hpp"
+#include "can/unix_bus.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/boards/read_options.hpp"
-#include "trifinger/can/bus.hpp"
-#include "trifinger/can/interface_state.hpp"
-#include "trifinger/can/motor_board.hpp"
-#include "trifinger/can/socket_can.hpp"
-#include "trifinger/can/unix_bus.hpp"
 
 namespace trifinger::apps {
 namespace {

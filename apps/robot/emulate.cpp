@@ -11,6 +11,10 @@
 #include <variant>
 #include <vector>
 
+#include "boards/emulated_fault.hpp"
+#include "boards/emulator.hpp"
+#include "boards/read_options.hpp"
+#include "can/interface_state.hpp"
 #include "commands.hpp"
 #include "robot/emulate_motors.hpp"
 #include "robot/typed_lines.hpp"
@@ -18,16 +22,13 @@
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/signals.hpp"
+#include "sim/boards_config.hpp"
+#include "sim/robot_cameras.hpp"
+#include "sim/simulated_plant.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/boards/emulated_fault.hpp"
-#include "trifinger/boards/emulator.hpp"
-#include "trifinger/boards/read_options.hpp"
-#include "trifinger/can/interface_state.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/simulated_plant.hpp"
 
 namespace trifinger::apps {
 namespace {

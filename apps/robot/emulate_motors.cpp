@@ -12,14 +12,14 @@
 #include <string_view>
 #include <utility>
 
+#include "dynamixel/emulator.hpp"
+#include "dynamixel/status.hpp"
 #include "robot/typed_lines.hpp"
+#include "servos/read_options.hpp"
 #include "shared/output.hpp"
 #include "shared/signals.hpp"
+#include "sim/servo_plant.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/dynamixel/emulator.hpp"
-#include "trifinger/dynamixel/status.hpp"
-#include "trifinger/servos/read_options.hpp"
-#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::apps {
 namespace {

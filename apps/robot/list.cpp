@@ -8,13 +8,13 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "core/refused_sessions.hpp"
 #include "robot/loop_figures.hpp"
 #include "robot/session_state.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/core/refused_sessions.hpp"
 
 namespace trifinger::apps {
 namespace {

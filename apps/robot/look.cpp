@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "camera/image_file.hpp"
 #include "commands.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/output_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/camera/pixels.hpp"
 #include "trifinger/core/frontend.hpp"

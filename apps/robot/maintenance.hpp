@@ -7,13 +7,13 @@
 #include <variant>
 #include <vector>
 
+#include "boards/board_robot.hpp"
 #include "commands.hpp"
 #include "robot/runnable_robot.hpp"
 #include "robot/wear_keeper.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/boards/board_robot.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/thread.hpp"
 

@@ -17,7 +17,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/regular_file.hpp"
 #include "commands.hpp"
+#include "core/log_folder.hpp"
+#include "log/flight_recorder.hpp"
 #include "log/options.hpp"
 #include "robot/run_recorder.hpp"
 #include "robot/run_reporter.hpp"
@@ -29,12 +32,9 @@
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/fault.hpp"
-#include "trifinger/core/log_folder.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::apps {

@@ -6,10 +6,10 @@
 #include <cstdint>
 #include <exception>
 
+#include "log/recorder.hpp"
 #include "log/running_recorder.hpp"
 #include "robot/recorder_process.hpp"
 #include "trifinger/log/event.hpp"
-#include "trifinger/log/recorder.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "log/image_storage.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/log/image_storage.hpp"
 
 namespace trifinger::apps {
 

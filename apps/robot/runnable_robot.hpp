@@ -9,8 +9,8 @@
 #include <variant>
 #include <vector>
 
-#include "trifinger/boards/board_robot.hpp"
-#include "trifinger/boards/wear.hpp"
+#include "boards/board_robot.hpp"
+#include "boards/wear.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/fault.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/self_test.hpp"
+#include "boards/self_test.hpp"
 
 #include <fmt/core.h>
 

@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "core/log_folder.hpp"
+#include "log/flight_recorder.hpp"
 #include "robot/loop_figures.hpp"
 #include "robot/session_state.hpp"
 #include "robot/wear_table.hpp"
@@ -19,8 +21,6 @@
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/core/log_folder.hpp"
-#include "trifinger/log/flight_recorder.hpp"
 
 namespace trifinger::apps {
 namespace {

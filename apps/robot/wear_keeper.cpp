@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <utility>
 
+#include "core/log_folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/core/log_folder.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "boards/wear.hpp"
+#include "boards/wear_file.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/boards/wear.hpp"
-#include "trifinger/boards/wear_file.hpp"
 #include "trifinger/core/session.hpp"
 
 namespace trifinger::apps {

@@ -8,8 +8,8 @@
 #include <exception>
 #include <string>
 
+#include "base/printable.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/printable.hpp"
 #include "trifinger/config/node.hpp"
 
 namespace trifinger::apps {

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/suggestion.hpp"
 #include "shared/exit_code.hpp"
-#include "trifinger/base/suggestion.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/realtime/thread.hpp"
 

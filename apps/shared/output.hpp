@@ -8,7 +8,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "trifinger/base/printable.hpp"
+#include "base/printable.hpp"
 
 namespace trifinger::apps {
 

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <system_error>
 
+#include "base/regular_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger::apps {
 

@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "trifinger/base/printable.hpp"
+#include "base/printable.hpp"
 
 namespace trifinger::apps {
 namespace {

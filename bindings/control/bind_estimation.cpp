@@ -2,9 +2,9 @@
 #include <nanobind/nanobind.h>
 
 #include "bindings.hpp"
+#include "control/filters.hpp"
 #include "conversion/array.hpp"
 #include "docstrings.hpp"
-#include "trifinger/control/filters.hpp"
 #include "trifinger/control/pose_estimator.hpp"
 
 namespace nb = nanobind;

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/suggestion.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::bindings {
 

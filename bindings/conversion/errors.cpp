@@ -4,11 +4,11 @@
 #include <exception>
 #include <string_view>
 
+#include "log/recorder.hpp"
 #include "text.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/learning/policy.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/recorder.hpp"
 
 namespace nb = nanobind;
 

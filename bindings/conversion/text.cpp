@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "text.hpp"
 
+#include "base/printable.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/printable.hpp"
 
 namespace nb = nanobind;
 

@@ -27,13 +27,13 @@
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "episodes.hpp"
+#include "realtime/processors.hpp"
 #include "simulation/simulation.hpp"
 #include "task.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
-#include "trifinger/realtime/processors.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace nb = nanobind;

@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "conversion/timeout.hpp"
+#include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::bindings {
 namespace {

@@ -12,11 +12,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/text_of.hpp"
 #include "conversion/array.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;

@@ -13,13 +13,13 @@
 #include <vector>
 
 #include "bindings.hpp"
+#include "camera/image_file.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/numpy.hpp"
 #include "conversion/text.hpp"
 #include "log.hpp"
+#include "log/logged_images.hpp"
 #include "trifinger/camera/camera.hpp"
-#include "trifinger/camera/image_file.hpp"
-#include "trifinger/log/logged_images.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;

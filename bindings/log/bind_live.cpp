@@ -10,7 +10,7 @@
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "log.hpp"
-#include "trifinger/log/live_messages.hpp"
+#include "log/live_messages.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;

@@ -8,7 +8,7 @@
 #include "conversion/text.hpp"
 #include "conversion/with.hpp"
 #include "docstrings.hpp"
-#include "trifinger/log/recorder_thread.hpp"
+#include "log/recorder_thread.hpp"
 
 namespace nb = nanobind;
 

@@ -14,9 +14,9 @@
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "log.hpp"
+#include "log/replay.hpp"
 #include "session/frontend.hpp"
 #include "session/running_backend.hpp"
-#include "trifinger/log/replay.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;

@@ -19,12 +19,12 @@
 #include "bindings.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
+#include "sim/robot_cameras.hpp"
 #include "simulation/simulation.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;

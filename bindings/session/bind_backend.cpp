@@ -9,9 +9,9 @@
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "conversion/with.hpp"
+#include "core/fake_robot.hpp"
 #include "frontend.hpp"
 #include "running_backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;

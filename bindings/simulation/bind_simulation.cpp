@@ -27,12 +27,12 @@
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
-#include "log/recorder.hpp"
+#include "log/start_recorder.hpp"
+#include "model/export.hpp"
+#include "model/model_text.hpp"
 #include "session/checks.hpp"
 #include "simulation.hpp"
 #include "trifinger/joint/reasons.hpp"
-#include "trifinger/model/export.hpp"
-#include "trifinger/model/model_text.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace nb = nanobind;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "conversion/array.hpp"
-#include "log/recorder.hpp"
+#include "log/start_recorder.hpp"
 #include "session/frontend.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"

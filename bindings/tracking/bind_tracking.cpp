@@ -17,10 +17,10 @@
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "simulation/simulation.hpp"
+#include "tracking/colour_samples.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/config/file.hpp"
-#include "trifinger/tracking/colour_samples.hpp"
 #include "trifinger/tracking/tracker.hpp"
 
 namespace nb = nanobind;

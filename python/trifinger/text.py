@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Texts of others as they may be printed, with the rules of trifinger/base/printable.hpp."""
+"""Texts of others as they may be printed, with the rules of src/base/printable.hpp."""
 
 import re
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/base/printable.hpp"
+#include "base/printable.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/base/user_folder.hpp"
+#include "base/user_folder.hpp"
 
 #include <sys/stat.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/board.hpp"
+#include "boards/board.hpp"
 
 #include <algorithm>
 #include <chrono>

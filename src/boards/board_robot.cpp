@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/board_robot.hpp"
+#include "boards/board_robot.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -8,10 +8,10 @@
 #include <numbers>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "board_robot_prepare.hpp"
 #include "fault_texts.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::boards {
 namespace {

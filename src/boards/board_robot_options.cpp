@@ -3,9 +3,9 @@
 #include <cmath>
 #include <string>
 
+#include "base/text_of.hpp"
+#include "boards/board_robot.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/boards/board_robot.hpp"
 
 namespace trifinger::boards {
 

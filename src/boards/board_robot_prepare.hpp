@@ -8,8 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "boards/board_robot.hpp"
 #include "fault_texts.hpp"
-#include "trifinger/boards/board_robot.hpp"
 
 namespace trifinger::boards {
 

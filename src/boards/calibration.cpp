@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/calibration.hpp"
+#include "boards/calibration.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,12 +8,12 @@
 #include <span>
 #include <string_view>
 
+#include "base/regular_file.hpp"
+#include "base/text_of.hpp"
+#include "base/user_folder.hpp"
+#include "boards/read_options.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/base/user_folder.hpp"
-#include "trifinger/boards/read_options.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::boards {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/emulated_board.hpp"
+#include "boards/emulated_board.hpp"
 
 #include <chrono>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/emulated_fault.hpp"
+#include "boards/emulated_fault.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,8 +9,8 @@
 #include <sstream>
 #include <vector>
 
+#include "base/suggestion.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::boards {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/emulator.hpp"
+#include "boards/emulator.hpp"
 
 #include <algorithm>
 #include <chrono>

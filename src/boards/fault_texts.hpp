@@ -3,8 +3,8 @@
 
 #include <string_view>
 
-#include "trifinger/boards/board.hpp"
-#include "trifinger/boards/homing.hpp"
+#include "boards/board.hpp"
+#include "boards/homing.hpp"
 
 namespace trifinger::boards {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/homing.hpp"
+#include "boards/homing.hpp"
 
 #include <algorithm>
 #include <cmath>

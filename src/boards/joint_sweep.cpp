@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/joint_sweep.hpp"
+#include "boards/joint_sweep.hpp"
 
 #include <cmath>
 #include <numbers>

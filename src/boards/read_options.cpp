@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/read_options.hpp"
+#include "boards/read_options.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -7,9 +7,9 @@
 #include <span>
 #include <string_view>
 
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/can/socket_can.hpp"
-#include "trifinger/can/unix_bus.hpp"
+#include "base/text_of.hpp"
+#include "can/socket_can.hpp"
+#include "can/unix_bus.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/joint/read_limits.hpp"
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/self_test.hpp"
+#include "boards/self_test.hpp"
 
 #include <cmath>
 
-#include "trifinger/base/text_of.hpp"
+#include "base/text_of.hpp"
 
 namespace trifinger::boards {
 namespace {

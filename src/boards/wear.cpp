@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/wear.hpp"
+#include "boards/wear.hpp"
 
 #include <cmath>
 #include <numbers>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/wear_file.hpp"
+#include "boards/wear_file.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -14,10 +14,10 @@
 #include <string_view>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/config/file.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::boards {
 namespace {

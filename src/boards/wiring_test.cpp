@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/wiring_test.hpp"
+#include "boards/wiring_test.hpp"
 
 #include <algorithm>
 #include <array>

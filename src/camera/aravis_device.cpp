@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "aravis.hpp"
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::camera {
 namespace {

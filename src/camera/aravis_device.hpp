@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "camera/device.hpp"
+#include "camera/lasting_trouble.hpp"
 #include "claims.hpp"
-#include "trifinger/camera/device.hpp"
-#include "trifinger/camera/lasting_trouble.hpp"
 #include "trifinger/camera/options.hpp"
 
 namespace trifinger::camera {

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <utility>
 
+#include "base/text_of.hpp"
+#include "base/user_folder.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/base/user_folder.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::camera {

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::camera {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/camera/device.hpp"
+#include "camera/device.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -14,8 +14,8 @@
 #include <thread>
 #include <utility>
 
+#include "camera/lasting_trouble.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/lasting_trouble.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/fork.hpp"
 

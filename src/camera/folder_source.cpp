@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/camera/folder_source.hpp"
+#include "camera/folder_source.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -12,9 +12,9 @@
 #include <thread>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "camera/image_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/camera/image_file.hpp"
 
 namespace trifinger::camera {
 namespace {

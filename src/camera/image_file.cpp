@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/camera/image_file.hpp"
+#include "camera/image_file.hpp"
 
+#include "base/text_of.hpp"
 #include "png.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/camera/pixels.hpp"
 #include "turbojpeg.hpp"
 

@@ -9,10 +9,10 @@
 #include <utility>
 
 #include "aravis_device.hpp"
+#include "base/text_of.hpp"
+#include "camera/device.hpp"
+#include "camera/folder_source.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/camera/device.hpp"
-#include "trifinger/camera/folder_source.hpp"
 #include "video_device.hpp"
 
 namespace trifinger::camera {

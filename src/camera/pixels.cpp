@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::camera {
 namespace {

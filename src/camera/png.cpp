@@ -11,8 +11,8 @@
 #include <memory>
 #include <vector>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 // PNG, third edition (W3C): only what images of 8 bits per channel need.
 namespace trifinger::camera {

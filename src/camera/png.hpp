@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "trifinger/camera/image_file.hpp"
+#include "camera/image_file.hpp"
 
 namespace trifinger::camera {
 

@@ -3,9 +3,9 @@
 
 #include <memory>
 
+#include "base/text_of.hpp"
 #include "library.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::camera {
 namespace {

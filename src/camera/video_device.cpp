@@ -18,9 +18,9 @@
 #include <thread>
 #include <utility>
 
+#include "base/text_of.hpp"
+#include "camera/image_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/pixels.hpp"
 
 namespace trifinger::camera {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "trifinger/camera/device.hpp"
-#include "trifinger/camera/lasting_trouble.hpp"
+#include "camera/device.hpp"
+#include "camera/lasting_trouble.hpp"
 #include "trifinger/camera/options.hpp"
 #include "video_system.hpp"
 

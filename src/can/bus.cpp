@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/bus.hpp"
+#include "can/bus.hpp"
 
 #include <algorithm>
 

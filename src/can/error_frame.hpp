@@ -3,7 +3,7 @@
 
 #include <linux/can.h>
 
-#include "trifinger/can/bus.hpp"
+#include "can/bus.hpp"
 
 namespace trifinger::can {
 

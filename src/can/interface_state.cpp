@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/interface_state.hpp"
+#include "can/interface_state.hpp"
 
 #include <linux/can/netlink.h>
 #include <linux/rtnetlink.h>
@@ -14,8 +14,8 @@
 #include <cstring>
 #include <memory>
 
+#include "ipc/file_descriptor.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::can {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/memory_bus.hpp"
+#include "can/memory_bus.hpp"
 
 #include <algorithm>
 #include <chrono>

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "can/bus.hpp"
+#include "can/frame.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/can/bus.hpp"
-#include "trifinger/can/frame.hpp"
 
 namespace trifinger::can {
 

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "arrival_time.hpp"
+#include "can/bus.hpp"
+#include "ipc/file_descriptor.hpp"
 #include "messages.hpp"
-#include "trifinger/can/bus.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::can {
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/scripted_bus.hpp"
+#include "can/scripted_bus.hpp"
 
 #include <utility>
 
-#include "trifinger/can/unix_bus.hpp"
+#include "can/unix_bus.hpp"
 
 namespace trifinger::can {
 

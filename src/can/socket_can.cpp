@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/socket_can.hpp"
+#include "can/socket_can.hpp"
 
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
@@ -10,9 +10,9 @@
 #include <memory>
 #include <utility>
 
+#include "base/suggestion.hpp"
 #include "raw_socket.hpp"
 #include "socket_can_checks.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::can {
 namespace {

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "trifinger/can/interface_state.hpp"
-#include "trifinger/can/socket_can.hpp"
+#include "can/interface_state.hpp"
+#include "can/socket_can.hpp"
 
 namespace trifinger::can {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/unix_bus.hpp"
+#include "can/unix_bus.hpp"
 
 #include <fcntl.h>
 #include <sys/socket.h>
@@ -20,11 +20,11 @@
 #include <vector>
 
 #include "arrival_time.hpp"
+#include "base/regular_file.hpp"
+#include "ipc/file_descriptor.hpp"
+#include "ipc/file_lock.hpp"
 #include "messages.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 // docs/decisions/bus_between_processes.md says why this is as it is.
 namespace trifinger::can {

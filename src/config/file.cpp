@@ -7,9 +7,9 @@
 #include <optional>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "base/suggestion.hpp"
 #include "element.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::config {
 namespace {

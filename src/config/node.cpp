@@ -7,8 +7,8 @@
 #include <iterator>
 #include <system_error>
 
+#include "base/suggestion.hpp"
 #include "element.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::config {
 namespace {

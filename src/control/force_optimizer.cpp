@@ -6,8 +6,8 @@
 #include <eiquadprog/eiquadprog-rt.hpp>
 #include <string>
 
+#include "base/moved.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 
 namespace trifinger::control {
 namespace {

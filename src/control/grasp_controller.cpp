@@ -7,10 +7,10 @@
 #include <array>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "control/filters.hpp"
 #include "tip_path.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/control/filters.hpp"
 
 namespace trifinger::control {
 namespace {

@@ -9,8 +9,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "base/moved.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
 #include "trifinger/model/kinematics.hpp"

@@ -13,11 +13,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/latest.hpp"
+#include "ipc/futex.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/latest.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/ipc/futex.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::control {

@@ -11,12 +11,12 @@
 #include <string>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "realtime/processors.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/realtime/processors.hpp"
 
 namespace trifinger::control {
 namespace {

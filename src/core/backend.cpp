@@ -13,15 +13,15 @@
 #include <utility>
 
 #include "followers.hpp"
+#include "ipc/file_lock.hpp"
+#include "ipc/futex.hpp"
 #include "loop.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "session_place.hpp"
 #include "session_writer.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/ipc/futex.hpp"
 
 namespace trifinger {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/core/fake_robot.hpp"
+#include "core/fake_robot.hpp"
 
 #include <cstring>
 

@@ -10,21 +10,21 @@
 #include <thread>
 #include <utility>
 
+#include "base/moved.hpp"
 #include "frontend_state.hpp"
+#include "ipc/file_lock.hpp"
+#include "ipc/ring.hpp"
+#include "ipc/shared_memory.hpp"
 #include "session_directory.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/fault.hpp"
 #include "trifinger/core/robot.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
-#include "trifinger/ipc/ring.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger {
 namespace {

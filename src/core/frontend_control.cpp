@@ -5,11 +5,12 @@
 #include <cstring>
 #include <string>
 
+#include "base/moved.hpp"
 #include "frontend_state.hpp"
+#include "ipc/futex.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
@@ -17,7 +18,6 @@
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/ipc/futex.hpp"
 
 namespace trifinger {
 namespace {

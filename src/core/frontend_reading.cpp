@@ -8,11 +8,12 @@
 #include <string>
 #include <utility>
 
+#include "base/moved.hpp"
 #include "frontend_state.hpp"
+#include "ipc/ring.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
@@ -20,7 +21,6 @@
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/ipc/ring.hpp"
 
 namespace trifinger {
 namespace {

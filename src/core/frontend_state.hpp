@@ -12,6 +12,9 @@
 #include <thread>
 #include <vector>
 
+#include "ipc/futex.hpp"
+#include "ipc/ring.hpp"
+#include "ipc/shared_memory.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/time.hpp"
@@ -20,9 +23,6 @@
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/ipc/futex.hpp"
-#include "trifinger/ipc/ring.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::detail {
 

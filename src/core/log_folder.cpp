@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/core/log_folder.hpp"
+#include "core/log_folder.hpp"
 
-#include "trifinger/base/user_folder.hpp"
+#include "base/user_folder.hpp"
 
 namespace trifinger {
 

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <limits>
 
+#include "ipc/ring.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/ipc/ring.hpp"
 
 namespace trifinger::detail {
 namespace {

@@ -15,18 +15,18 @@
 #include <new>
 #include <optional>
 
+#include "base/regular_file.hpp"
+#include "base/text_of.hpp"
+#include "ipc/file_descriptor.hpp"
+#include "ipc/file_lock.hpp"
+#include "ipc/shared_memory.hpp"
 #include "sensor_file.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 // docs/decisions/large_elements.md says why this is as it is.
 namespace trifinger {

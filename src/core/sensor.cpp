@@ -22,19 +22,19 @@
 #include <thread>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "base/regular_file.hpp"
+#include "base/text_of.hpp"
+#include "ipc/file_descriptor.hpp"
+#include "ipc/file_lock.hpp"
+#include "ipc/ring.hpp"
+#include "ipc/shared_memory.hpp"
 #include "sensor_file.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
-#include "trifinger/ipc/ring.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 // docs/decisions/sensors_in_other_processes.md says why this is as it is.
 namespace trifinger {

@@ -11,11 +11,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/regular_file.hpp"
+#include "ipc/file_lock.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger::detail {

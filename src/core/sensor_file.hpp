@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "trifinger/ipc/shared_memory.hpp"
+#include "ipc/shared_memory.hpp"
 
 // The files of sensors in other processes: elements, and payloads beside them. What they have in
 // common is who owns them and what a killed owner leaves.

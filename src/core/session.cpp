@@ -6,16 +6,16 @@
 #include <cstdlib>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "core/refused_sessions.hpp"
 #include "frontend_state.hpp"
+#include "ipc/file_lock.hpp"
 #include "session_directory.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "session_place.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/refused_sessions.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger {
 namespace {

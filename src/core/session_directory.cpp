@@ -18,10 +18,10 @@
 #include <thread>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::detail {
 namespace {

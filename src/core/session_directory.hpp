@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "ipc/shared_memory.hpp"
 #include "trifinger/ipc/process.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::detail {
 

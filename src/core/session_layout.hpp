@@ -8,10 +8,10 @@
 #include <string>
 #include <string_view>
 
+#include "ipc/ring.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/process.hpp"
-#include "trifinger/ipc/ring.hpp"
 
 // The bytes of a session, shared by all processes. Both files begin with a header; rings and texts
 // follow at the offsets that the header gives. A change of anything here is a new kLayoutVersion.

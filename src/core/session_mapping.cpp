@@ -10,11 +10,11 @@
 #include <string_view>
 #include <utility>
 
+#include "ipc/file_lock.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::detail {
 namespace {

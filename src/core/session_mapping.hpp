@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "ipc/ring.hpp"
+#include "ipc/shared_memory.hpp"
 #include "session_directory.hpp"
 #include "session_layout.hpp"
 #include "trifinger/base/error.hpp"
@@ -19,8 +21,6 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/timing.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/ipc/ring.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::detail {
 

@@ -11,13 +11,13 @@
 #include <thread>
 #include <utility>
 
+#include "ipc/file_lock.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger::detail {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "ipc/shared_memory.hpp"
 #include "session_directory.hpp"
 #include "session_writer.hpp"
 #include "trifinger/base/time.hpp"
@@ -15,7 +16,6 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
 #include "trifinger/ipc/process.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::detail {
 

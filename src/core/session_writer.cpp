@@ -12,10 +12,10 @@
 #include <string>
 #include <utility>
 
+#include "ipc/file_lock.hpp"
+#include "ipc/futex.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
-#include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/ipc/futex.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger::detail {

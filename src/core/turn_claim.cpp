@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/core/turn_claim.hpp"
+#include "core/turn_claim.hpp"
 
 #include <cerrno>
 
+#include "ipc/file_lock.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/bus.hpp"
+#include "dynamixel/bus.hpp"
 
 #include <algorithm>
 #include <utility>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/control_table.hpp"
+#include "dynamixel/control_table.hpp"
 
 #include <algorithm>
 

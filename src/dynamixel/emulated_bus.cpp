@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/emulated_bus.hpp"
+#include "dynamixel/emulated_bus.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/emulated_port.hpp"
+#include "dynamixel/emulated_port.hpp"
 
 #include <algorithm>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/emulator.hpp"
+#include "dynamixel/emulator.hpp"
 
 #include <asm/termbits.h>  // not <termios.h>: the rate that the host has set needs the kernel's struct
 #include <fcntl.h>
@@ -20,10 +20,10 @@
 #include <thread>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "ipc/file_descriptor.hpp"
+#include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::dynamixel {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/motor_loop.hpp"
+#include "dynamixel/motor_loop.hpp"
 
 #include <atomic>
 #include <chrono>
@@ -8,8 +8,8 @@
 #include <thread>
 #include <utility>
 
+#include "base/latest.hpp"
 #include "motor_runner.hpp"
-#include "trifinger/base/latest.hpp"
 
 namespace trifinger::dynamixel {
 namespace {

@@ -7,10 +7,10 @@
 #include <memory>
 #include <span>
 
+#include "dynamixel/motor_group.hpp"
+#include "dynamixel/motor_link.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/dynamixel/motor_group.hpp"
-#include "trifinger/dynamixel/motor_link.hpp"
 
 namespace trifinger::dynamixel::detail {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/packet.hpp"
+#include "dynamixel/packet.hpp"
 
 #include <algorithm>
 

@@ -13,9 +13,9 @@
 #include <thread>
 #include <utility>
 
+#include "dynamixel/emulator.hpp"
+#include "dynamixel/port.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/dynamixel/emulator.hpp"
-#include "trifinger/dynamixel/port.hpp"
 
 namespace trifinger::dynamixel {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/status.hpp"
+#include "dynamixel/status.hpp"
 
 #include <array>
 #include <cstddef>

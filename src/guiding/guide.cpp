@@ -13,8 +13,8 @@
 #include <thread>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/joint/types.hpp"

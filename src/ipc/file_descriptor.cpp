@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/file_descriptor.hpp"
+#include "ipc/file_descriptor.hpp"
 
 #include <fcntl.h>
 #include <pthread.h>
@@ -9,8 +9,8 @@
 #include <mutex>
 #include <set>
 
+#include "ipc/forkable_mutex.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/ipc/forkable_mutex.hpp"
 
 namespace trifinger::ipc {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/file_lock.hpp"
+#include "ipc/file_lock.hpp"
 
 #include <fcntl.h>
 #include <linux/magic.h>
@@ -19,8 +19,8 @@
 #include <system_error>
 #include <thread>
 
+#include "base/regular_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger::ipc {
 namespace {

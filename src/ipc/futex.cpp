@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/futex.hpp"
+#include "ipc/futex.hpp"
 
 #include <linux/futex.h>
 #include <sys/syscall.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/shared_memory.hpp"
+#include "ipc/shared_memory.hpp"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -17,10 +17,10 @@
 #include <thread>
 #include <utility>
 
+#include "base/regular_file.hpp"
 #include "bus_error_guard.hpp"
+#include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::ipc {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "trifinger/base/text_of.hpp"
+#include "base/text_of.hpp"
 
 namespace trifinger {
 

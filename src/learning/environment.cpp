@@ -10,10 +10,10 @@
 #include <optional>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "base/text_of.hpp"
 #include "make_task.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::learning {

@@ -13,11 +13,11 @@
 #include <string>
 #include <utility>
 
+#include "realtime/processors.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/pixels.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/realtime/processors.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulator.hpp"
 

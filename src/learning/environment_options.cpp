@@ -9,9 +9,9 @@
 #include <numbers>
 #include <utility>
 
+#include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace trifinger::learning {

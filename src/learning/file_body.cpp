@@ -5,10 +5,10 @@
 #include <array>
 #include <utility>
 
+#include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "tasks/drawing.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::learning {
 namespace {

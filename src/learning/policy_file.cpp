@@ -11,8 +11,8 @@
 #include <string_view>
 #include <vector>
 
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/base/suggestion.hpp"
+#include "base/regular_file.hpp"
+#include "base/suggestion.hpp"
 
 namespace trifinger::learning::detail {
 namespace {

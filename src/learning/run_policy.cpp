@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger::learning {

@@ -7,10 +7,10 @@
 #include <mutex>
 #include <sstream>
 
+#include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "make_task.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::learning {
 namespace {

@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "skills/makers.hpp"
+#include "base/suggestion.hpp"
+#include "manipulation/skills/makers.hpp"
+#include "manipulation/taught_motion.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
 #include "trifinger/config/file.hpp"
-#include "trifinger/manipulation/taught_motion.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/manipulation/taught_motion.hpp"
+#include "manipulation/taught_motion.hpp"
 
 #include <algorithm>
 #include <array>
@@ -11,10 +11,10 @@
 #include <system_error>
 #include <utility>
 
-#include "parts/decimal.hpp"
-#include "parts/phase_clock.hpp"
+#include "base/text_of.hpp"
+#include "manipulation/parts/decimal.hpp"
+#include "manipulation/parts/phase_clock.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/control/trajectories.hpp"
 
 namespace trifinger::manipulation {

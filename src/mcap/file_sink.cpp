@@ -8,10 +8,10 @@
 #include <string>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "ipc/file_lock.hpp"
+#include "mcap/sink.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::mcap {
 namespace {

@@ -6,11 +6,11 @@
 #include <string_view>
 #include <utility>
 
+#include "base/moved.hpp"
 #include "encoding.hpp"
 #include "file_walk.hpp"
 #include "summary.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 
 namespace trifinger::mcap {
 namespace {

@@ -7,8 +7,8 @@
 #include <cerrno>
 #include <utility>
 
+#include "base/regular_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::mcap {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/mcap/writer.hpp"
+#include "mcap/writer.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -8,12 +8,12 @@
 #include <utility>
 #include <vector>
 
+#include "base/moved.hpp"
 #include "buffer.hpp"
 #include "compression.hpp"
 #include "encoding.hpp"
 #include "summary_encoding.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::mcap {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "blueprint.hpp"
-#include "trifinger/model/export.hpp"
+#include "model/export.hpp"
 
 namespace trifinger {
 namespace {

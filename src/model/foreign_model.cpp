@@ -14,12 +14,12 @@
 #include <utility>
 #include <vector>
 
+#include "base/regular_file.hpp"
+#include "base/text_of.hpp"
+#include "model/model_text.hpp"
+#include "model/mujoco_messages.hpp"
 #include "model_limits.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/model/model_text.hpp"
-#include "trifinger/model/mujoco_messages.hpp"
 #include "xml.hpp"
 
 namespace trifinger::detail {

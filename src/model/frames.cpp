@@ -7,8 +7,8 @@
 #include <array>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger {
 namespace {

@@ -8,9 +8,9 @@
 #include <numbers>
 #include <vector>
 
+#include "base/moved.hpp"
 #include "blueprint.hpp"
 #include "spec.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/model/robot_model.hpp"
 
 namespace trifinger {

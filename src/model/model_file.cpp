@@ -12,12 +12,12 @@
 #include <system_error>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "file_objects.hpp"
 #include "foreign_model.hpp"
+#include "model/mujoco_messages.hpp"
 #include "self_contained.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/model/mujoco_messages.hpp"
 
 namespace trifinger {
 namespace {

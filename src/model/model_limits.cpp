@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::detail {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/model/mujoco_messages.hpp"
+#include "model/mujoco_messages.hpp"
 
 #include <mujoco/mujoco.h>
 

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <set>
 
+#include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "face_colours.hpp"
 #include "file_objects.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger {
 namespace {

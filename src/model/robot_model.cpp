@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/export.hpp"
 #include "spec.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/model/export.hpp"
 
 namespace trifinger {
 

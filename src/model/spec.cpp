@@ -6,9 +6,9 @@
 #include <numbers>
 #include <string>
 
+#include "model/mujoco_messages.hpp"
 #include "spec_builder.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/model/mujoco_messages.hpp"
 
 namespace trifinger::detail {
 

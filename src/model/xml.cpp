@@ -6,8 +6,8 @@
 #include <charconv>
 #include <cstdint>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::detail {
 namespace {

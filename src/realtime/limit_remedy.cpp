@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/realtime/limit_remedy.hpp"
+#include "realtime/limit_remedy.hpp"
 
 #include <fstream>
 #include <string_view>

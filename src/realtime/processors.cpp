@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/realtime/processors.hpp"
+#include "realtime/processors.hpp"
 
 #include <sched.h>
 
@@ -9,8 +9,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/regular_file.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger {
 namespace {

@@ -10,12 +10,12 @@
 #include <string>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "base/text_of.hpp"
+#include "rendering/context.hpp"
 #include "scene.hpp"
 #include "sensor.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/rendering/context.hpp"
 #include "view.hpp"
 
 namespace trifinger::rendering {

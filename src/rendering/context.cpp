@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/rendering/context.hpp"
+#include "rendering/context.hpp"
 
 #include "egl.hpp"
 #include "trifinger/base/error.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/rendering/simulated_cameras.hpp"
+#include "rendering/simulated_cameras.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -8,9 +8,9 @@
 #include <thread>
 #include <utility>
 
+#include "sim/scene_observation.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/sim/scene_observation.hpp"
 
 namespace trifinger::rendering {
 namespace {

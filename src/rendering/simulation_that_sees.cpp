@@ -9,8 +9,8 @@
 #include <span>
 #include <utility>
 
+#include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/tracking/tracked_object.hpp"
 #include "trifinger/tracking/tracker.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/servos/read_options.hpp"
+#include "servos/read_options.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -7,10 +7,10 @@
 #include <string_view>
 #include <utility>
 
-#include "trifinger/base/text_of.hpp"
+#include "base/text_of.hpp"
+#include "dynamixel/control_table.hpp"
+#include "dynamixel/port.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/dynamixel/control_table.hpp"
-#include "trifinger/dynamixel/port.hpp"
 
 namespace trifinger::servos {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/servos/servo_robot.hpp"
+#include "servos/servo_robot.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <numbers>
 #include <set>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/reasons.hpp"
 

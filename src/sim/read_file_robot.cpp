@@ -7,12 +7,12 @@
 #include <system_error>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "in_seconds.hpp"
 #include "read_object.hpp"
 #include "read_servos.hpp"
 #include "read_simulation.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_backend.hpp"
 #include "trifinger/joint/read_limits.hpp"
 
@@ -110,7 +110,7 @@ RobotConfig read_file_robot(const File& file) {
   if (is_on_motors) {
     // What hardware needs must not be guessed.
     static_cast<void>(root.section("backend"));
-    config.servos = read_servos(root, simulation);
+    config.servos = std::make_shared<const servos::ServoConfig>(read_servos(root, simulation));
   }
   read_sight(root, config);
   file.reject_unknown_keys();

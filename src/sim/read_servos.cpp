@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "sim/servo_plant.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/scene_model.hpp"
-#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::detail {
 

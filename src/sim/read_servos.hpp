@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "servos/read_options.hpp"
 #include "trifinger/config/node.hpp"
-#include "trifinger/servos/read_options.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::detail {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <string>
 
+#include "base/text_of.hpp"
 #include "in_seconds.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/camera/options.hpp"
 #include "trifinger/model/robot_description.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/robot_cameras.hpp"
+#include "sim/robot_cameras.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -9,6 +9,7 @@
 #include <numbers>
 #include <utility>
 
+#include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/images.hpp"
 

@@ -9,12 +9,13 @@
 #include <set>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "read_file_robot.hpp"
 #include "read_object.hpp"
 #include "read_servos.hpp"
 #include "read_simulation.hpp"
+#include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_backend.hpp"
 #include "trifinger/joint/read_limits.hpp"
 
@@ -268,9 +269,11 @@ RobotConfig read_robot_config(const config::File& file) {
   config.backend = read_backend(root.section("backend"), config.session, kPhysicsStep);
   config.simulation = simulation_of(root, std::move(description), config.backend.period);
   if (driver == DriverKind::kBoards) {
-    config.boards = read_boards(root.section("boards"), config.simulation);
+    config.boards = std::make_shared<const BoardsConfig>(
+        read_boards(root.section("boards"), config.simulation));
   } else if (driver == DriverKind::kServos) {
-    config.servos = detail::read_servos(root, config.simulation);
+    config.servos =
+        std::make_shared<const servos::ServoConfig>(detail::read_servos(root, config.simulation));
   }
   detail::read_sight(root, config);
   file.reject_unknown_keys();

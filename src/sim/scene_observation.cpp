@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/scene_observation.hpp"
+#include "sim/scene_observation.hpp"
 
 #include <mujoco/mujoco.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/servo_plant.hpp"
+#include "sim/servo_plant.hpp"
 
 #include <mujoco/mujoco.h>
 

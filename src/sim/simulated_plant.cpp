@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/simulated_plant.hpp"
+#include "sim/simulated_plant.hpp"
 
 #include <mujoco/mujoco.h>
 
 #include <utility>
 
+#include "sim/scene_observation.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/sim/scene_observation.hpp"
 
 namespace trifinger {
 namespace {

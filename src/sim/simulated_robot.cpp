@@ -14,10 +14,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/text_of.hpp"
 #include "puller.hpp"
+#include "sim/scene_observation.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
-#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulator.hpp"
 
 namespace trifinger {

@@ -7,11 +7,11 @@
 #include <string>
 #include <utility>
 
+#include "base/text_of.hpp"
+#include "model/export.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/model/export.hpp"
 #include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger {

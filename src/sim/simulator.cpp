@@ -9,9 +9,9 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "puller.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger {
 namespace {

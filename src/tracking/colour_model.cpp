@@ -8,9 +8,9 @@
 #include <set>
 #include <string>
 
+#include "base/text_of.hpp"
 #include "standard_colours.hpp"
 #include "trifinger/base/text.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::tracking {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/tracking/colour_samples.hpp"
+#include "tracking/colour_samples.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,9 +7,9 @@
 #include <numbers>
 #include <string>
 
+#include "base/text_of.hpp"
 #include "colour_table.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "view.hpp"
 
 namespace trifinger::tracking {

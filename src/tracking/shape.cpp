@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "view.hpp"
 
 namespace trifinger::tracking::detail {

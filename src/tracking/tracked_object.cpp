@@ -8,8 +8,8 @@
 #include <map>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::tracking {
 namespace {

@@ -6,14 +6,14 @@
 #include <string>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "base/text_of.hpp"
 #include "colour_table.hpp"
 #include "edges.hpp"
 #include "judgement.hpp"
 #include "light.hpp"
 #include "search.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "view.hpp"
 
 namespace trifinger::tracking {

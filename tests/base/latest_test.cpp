@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/base/latest.hpp"
+#include "base/latest.hpp"
 
 #include <gtest/gtest.h>
 

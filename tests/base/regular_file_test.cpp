@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/base/regular_file.hpp"
+#include "base/regular_file.hpp"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

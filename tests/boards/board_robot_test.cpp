@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/board_robot.hpp"
+#include "boards/board_robot.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/emulated_board.hpp"
+#include "boards/emulated_board.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -11,8 +11,8 @@
 #include <variant>
 #include <vector>
 
+#include "can/position_unwrapper.hpp"
 #include "support/allocation_counter.hpp"
-#include "trifinger/can/position_unwrapper.hpp"
 
 namespace trifinger::boards::test {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/emulated_fault.hpp"
+#include "boards/emulated_fault.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

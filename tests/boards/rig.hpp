@@ -10,9 +10,9 @@
 #include <optional>
 #include <vector>
 
-#include "trifinger/boards/board_robot.hpp"
-#include "trifinger/boards/emulator.hpp"
-#include "trifinger/can/memory_bus.hpp"
+#include "boards/board_robot.hpp"
+#include "boards/emulator.hpp"
+#include "can/memory_bus.hpp"
 #include "trifinger/realtime/clock.hpp"
 
 namespace trifinger::boards::test {

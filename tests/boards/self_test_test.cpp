@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/self_test.hpp"
+#include "boards/self_test.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "boards/wiring_test.hpp"
 #include "rig.hpp"
-#include "trifinger/boards/wiring_test.hpp"
 
 namespace trifinger::boards {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/boards/wear_file.hpp"
+#include "boards/wear_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,12 +20,12 @@
 #include <string>
 #include <thread>
 
+#include "boards/wear.hpp"
 #include "support/child_process.hpp"
 #include "support/folder.hpp"
 #include "support/nobody.hpp"
 #include "support/soak.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/boards/wear.hpp"
 
 namespace trifinger::boards::test {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "aravis_device.hpp"
+#include "camera/aravis_device.hpp"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include "aravis.hpp"
+#include "camera/aravis.hpp"
 #include "camera/cameras_of_tests.hpp"
 #include "camera/source_contract.hpp"
 #include "support/child_process.hpp"

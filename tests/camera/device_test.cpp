@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/camera/device.hpp"
+#include "camera/device.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,10 +17,10 @@
 
 #include "camera/cameras_of_tests.hpp"
 #include "camera/grabbed.hpp"
+#include "camera/lasting_trouble.hpp"
 #include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
-#include "trifinger/camera/lasting_trouble.hpp"
 #include "trifinger/core/errors.hpp"
 
 // Single cameras become a source: those that belong together are found by their times.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/camera/folder_source.hpp"
+#include "camera/folder_source.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,11 +15,11 @@
 
 #include "camera/cameras_of_tests.hpp"
 #include "camera/grabbed.hpp"
+#include "camera/image_file.hpp"
 #include "camera/source_contract.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/image_file.hpp"
 
 namespace trifinger::test {
 namespace {

@@ -16,11 +16,11 @@
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
+#include "camera/feed.hpp"
+#include "core/fake_robot.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/camera/feed.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/sensor.hpp"
 
 // A robot with cameras in another process. Here both are in one.

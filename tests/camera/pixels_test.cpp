@@ -12,10 +12,10 @@
 #include <tuple>
 #include <vector>
 
+#include "camera/image_file.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
-#include "trifinger/camera/image_file.hpp"
 
 namespace trifinger::test {
 namespace {

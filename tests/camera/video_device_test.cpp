@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "video_device.hpp"
+#include "camera/video_device.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,10 +17,10 @@
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
+#include "camera/image_file.hpp"
 #include "camera/source_contract.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/image_file.hpp"
 
 // A driver of Video4Linux as an object: the calls of the system end here.
 

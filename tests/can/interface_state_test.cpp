@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/interface_state.hpp"
+#include "can/interface_state.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

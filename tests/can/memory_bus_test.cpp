@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/memory_bus.hpp"
+#include "can/memory_bus.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 #include <limits>
 #include <vector>
 
+#include "can/motor_board.hpp"
 #include "support/allocation_counter.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/can/motor_board.hpp"
 
 namespace trifinger::can::test {
 namespace {

@@ -10,8 +10,8 @@
 #include <type_traits>
 #include <variant>
 
-#include "trifinger/can/interface_state.hpp"
-#include "trifinger/can/motor_board.hpp"
+#include "can/interface_state.hpp"
+#include "can/motor_board.hpp"
 
 namespace {
 

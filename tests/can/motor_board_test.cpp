@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/motor_board.hpp"
+#include "can/motor_board.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
@@ -10,7 +10,7 @@
 #include <set>
 #include <string>
 
-#include "trifinger/can/position_unwrapper.hpp"
+#include "can/position_unwrapper.hpp"
 
 namespace trifinger::can::test {
 namespace {

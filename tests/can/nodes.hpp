@@ -16,11 +16,11 @@
 #include <utility>
 #include <vector>
 
-#include "raw_socket.hpp"
+#include "can/memory_bus.hpp"
+#include "can/raw_socket.hpp"
+#include "can/socket_can.hpp"
+#include "can/unix_bus.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/can/memory_bus.hpp"
-#include "trifinger/can/socket_can.hpp"
-#include "trifinger/can/unix_bus.hpp"
 
 namespace trifinger::can::test {
 

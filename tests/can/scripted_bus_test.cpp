@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/scripted_bus.hpp"
+#include "can/scripted_bus.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
+#include "can/unix_bus.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/can/unix_bus.hpp"
 
 namespace trifinger::can::test {
 namespace {

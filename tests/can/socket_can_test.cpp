@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/socket_can.hpp"
+#include "can/socket_can.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,9 +13,9 @@
 #include <deque>
 #include <string>
 
-#include "error_frame.hpp"
-#include "raw_socket.hpp"
-#include "socket_can_checks.hpp"
+#include "can/error_frame.hpp"
+#include "can/raw_socket.hpp"
+#include "can/socket_can_checks.hpp"
 #include "support/message_of.hpp"
 
 namespace trifinger::can::test {

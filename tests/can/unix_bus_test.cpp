@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/can/unix_bus.hpp"
+#include "can/unix_bus.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -14,11 +14,11 @@
 #include <memory>
 #include <string>
 
+#include "can/interface_state.hpp"
+#include "can/socket_can.hpp"
+#include "ipc/file_descriptor.hpp"
 #include "support/message_of.hpp"
 #include "support/program.hpp"
-#include "trifinger/can/interface_state.hpp"
-#include "trifinger/can/socket_can.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::can::test {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/control/ballistics.hpp"
+#include "control/ballistics.hpp"
 
 #include <gtest/gtest.h>
 

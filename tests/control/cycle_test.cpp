@@ -4,9 +4,9 @@
 
 #include <cmath>
 
+#include "control/filters.hpp"
 #include "random_grasps.hpp"
 #include "support/allocation_counter.hpp"
-#include "trifinger/control/filters.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
 #include "trifinger/control/pose_estimator.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/control/filters.hpp"
+#include "control/filters.hpp"
 
 #include <gtest/gtest.h>
 

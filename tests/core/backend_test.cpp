@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "core/driver_under_test.hpp"
+#include "core/fake_robot.hpp"
 #include "core/fault_of.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
 namespace trifinger::test {

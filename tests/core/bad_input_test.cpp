@@ -19,14 +19,14 @@
 #include "core/drivers_of_tests.hpp"
 #include "core/fault_of.hpp"
 #include "core/named_robot.hpp"
+#include "core/session_layout.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
-#include "session_layout.hpp"
+#include "ipc/file_lock.hpp"
+#include "ipc/shared_memory.hpp"
 #include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 // Every mistake of a user or of another process gives an error of its own type, with a helpful
 // sentence.

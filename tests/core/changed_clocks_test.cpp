@@ -7,9 +7,9 @@
 #include <optional>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
 // Changes of the machine's clocks while a robot runs.

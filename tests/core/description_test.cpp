@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "core/odd_robot.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/status.hpp"
 
 namespace trifinger {

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "core/fault_of.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
@@ -19,7 +20,6 @@
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
 namespace trifinger {

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string_view>
 
+#include "core/fake_robot.hpp"
 #include "core/odd_robot.hpp"
-#include "trifinger/core/fake_robot.hpp"
 
 namespace trifinger::test {
 

@@ -19,10 +19,10 @@
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/fake_robot.hpp"
 #include "core/transports.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
 // Outside real-time mode, nothing is overwritten that a follower still has to read. No follower can

@@ -26,17 +26,17 @@
 #include <vector>
 
 #include "core/named_robot.hpp"
+#include "core/refused_sessions.hpp"
 #include "core/transports.hpp"
+#include "core/turn_claim.hpp"
+#include "ipc/file_lock.hpp"
 #include "support/message_of.hpp"
 #include "support/nobody.hpp"
 #include "support/shared_value.hpp"
 #include "support/soak.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/payload.hpp"
-#include "trifinger/core/refused_sessions.hpp"
 #include "trifinger/core/sensor.hpp"
-#include "trifinger/core/turn_claim.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 // A name without a living back-end belongs to nobody: not to the user who had it last either.
 

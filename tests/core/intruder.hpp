@@ -9,15 +9,15 @@
 #include <memory>
 #include <random>
 
+#include "core/session_directory.hpp"
+#include "core/session_layout.hpp"
+#include "core/session_mapping.hpp"
 #include "core/transports.hpp"
-#include "session_directory.hpp"
-#include "session_layout.hpp"
-#include "session_mapping.hpp"
+#include "ipc/ring.hpp"
+#include "ipc/shared_memory.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/ipc/ring.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::test {
 

@@ -19,11 +19,11 @@
 #include <string>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/sensor.hpp"
 #include "trifinger/core/session.hpp"
 

@@ -14,12 +14,12 @@
 #include <string>
 #include <thread>
 
+#include "core/fake_robot.hpp"
 #include "core/transports.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
 #include "support/soak.hpp"
-#include "trifinger/core/fake_robot.hpp"
 
 // Killing any process at any time never hangs another one. A back-end, a controller and observers
 // run in separate processes; at random instants one of them is killed. If the back-end or the

@@ -23,14 +23,14 @@
 #include "core/drivers_of_tests.hpp"
 #include "core/fault_of.hpp"
 #include "core/named_robot.hpp"
+#include "core/session_layout.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
-#include "session_layout.hpp"
+#include "ipc/shared_memory.hpp"
 #include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 // What remains of a back-end that did not end properly: its files, and the number of its process,
 // which the system may give to another process later.

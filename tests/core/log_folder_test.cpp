@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/core/log_folder.hpp"
+#include "core/log_folder.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

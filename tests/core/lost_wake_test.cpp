@@ -6,15 +6,15 @@
 #include <chrono>
 #include <thread>
 
+#include "core/fake_robot.hpp"
+#include "core/session_layout.hpp"
+#include "core/session_place.hpp"
+#include "core/session_writer.hpp"
 #include "core/transports.hpp"
-#include "session_layout.hpp"
-#include "session_place.hpp"
-#include "session_writer.hpp"
+#include "ipc/futex.hpp"
+#include "ipc/shared_memory.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/ipc/futex.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 // Waits do not depend on wake-ups. A wake-up that is lost, or comes without a cause, only changes
 // the time of the result.

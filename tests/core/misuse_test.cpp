@@ -10,13 +10,13 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "core/named_robot.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/sensor.hpp"

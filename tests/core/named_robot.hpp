@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "core/fake_robot.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/follower.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"

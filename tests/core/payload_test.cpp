@@ -17,13 +17,13 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/sensor.hpp"
 

@@ -17,12 +17,12 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
 // A sensor in another process than its robot. Where the process does not matter, both are here.

@@ -16,7 +16,7 @@
 #include <utility>
 
 #include "core/driver_under_test.hpp"
-#include "session_place.hpp"
+#include "core/session_place.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"

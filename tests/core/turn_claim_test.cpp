@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/core/turn_claim.hpp"
+#include "core/turn_claim.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

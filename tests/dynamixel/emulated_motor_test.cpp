@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/emulated_motor.hpp"
+#include "dynamixel/emulated_motor.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/emulator.hpp"
+#include "dynamixel/emulator.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -14,11 +14,11 @@
 #include <string>
 #include <vector>
 
+#include "dynamixel/port.hpp"
 #include "dynamixel/rig.hpp"
+#include "ipc/file_descriptor.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
-#include "trifinger/dynamixel/port.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::dynamixel::test {
 namespace {

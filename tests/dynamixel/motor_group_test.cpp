@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/motor_group.hpp"
+#include "dynamixel/motor_group.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/motor_loop.hpp"
+#include "dynamixel/motor_loop.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,10 +11,10 @@
 #include <thread>
 #include <vector>
 
+#include "dynamixel/emulator.hpp"
 #include "dynamixel/rig.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/folder.hpp"
-#include "trifinger/dynamixel/emulator.hpp"
 
 namespace trifinger::dynamixel::test {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "motor_runner.hpp"
+#include "dynamixel/motor_runner.hpp"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <span>
 
-#include "trifinger/dynamixel/packet.hpp"
+#include "dynamixel/packet.hpp"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/packet.hpp"
+#include "dynamixel/packet.hpp"
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>

@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
+#include "dynamixel/bus.hpp"
+#include "dynamixel/emulated_bus.hpp"
+#include "dynamixel/emulated_port.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/dynamixel/bus.hpp"
-#include "trifinger/dynamixel/emulated_bus.hpp"
-#include "trifinger/dynamixel/emulated_port.hpp"
 
 namespace trifinger::dynamixel::test {
 

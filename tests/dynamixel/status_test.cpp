@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/status.hpp"
+#include "dynamixel/status.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <set>
 #include <string>
 
-#include "trifinger/dynamixel/control_table.hpp"
+#include "dynamixel/control_table.hpp"
 
 namespace trifinger::dynamixel::test {
 namespace {

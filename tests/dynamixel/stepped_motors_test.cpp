@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/dynamixel/stepped_motors.hpp"
+#include "dynamixel/stepped_motors.hpp"
 
 #include <gtest/gtest.h>
 

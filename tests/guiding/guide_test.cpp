@@ -15,12 +15,12 @@
 #include <thread>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "guiding/robots.hpp"
 #include "model/file_robots.hpp"
 #include "support/child_process.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"

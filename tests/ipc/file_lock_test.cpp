@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/file_lock.hpp"
+#include "ipc/file_lock.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/futex.hpp"
+#include "ipc/futex.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 #include <cstdio>
 #include <thread>
 
+#include "ipc/shared_memory.hpp"
 #include "support/child_process.hpp"
 #include "support/shared_value.hpp"
 #include "support/soak.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::ipc {
 namespace {

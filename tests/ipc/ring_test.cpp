@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/ring.hpp"
+#include "ipc/ring.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/ipc/shared_memory.hpp"
+#include "ipc/shared_memory.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -16,12 +16,12 @@
 #include <utility>
 #include <vector>
 
+#include "ipc/file_lock.hpp"
 #include "support/child_process.hpp"
 #include "support/interruptions.hpp"
 #include "support/sanitizers.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::ipc {
 namespace {

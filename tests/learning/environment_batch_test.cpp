@@ -12,11 +12,11 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/robot_cameras.hpp"
 #include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::learning {
 namespace {

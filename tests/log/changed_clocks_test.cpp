@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/log/log.hpp"
 

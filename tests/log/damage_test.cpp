@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "log/recordings.hpp"
+#include "log/repair.hpp"
 #include "support/sanitizers.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/repair.hpp"
 
 // Whatever is done to a file, everything that is read is true, and everything lost is reported.
 

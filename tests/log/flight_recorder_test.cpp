@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/flight_recorder.hpp"
+#include "log/flight_recorder.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,14 +17,14 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
+#include "core/session_layout.hpp"
 #include "log/recordings.hpp"
-#include "session_layout.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/log/log.hpp"
 

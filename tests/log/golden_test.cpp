@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "core/odd_robot.hpp"
+#include "log/log_writer.hpp"
+#include "log/repair.hpp"
 #include "recordings.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/log_writer.hpp"
-#include "trifinger/log/repair.hpp"
 
 namespace trifinger::test {
 namespace {

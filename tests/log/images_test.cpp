@@ -17,19 +17,19 @@
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
+#include "camera/image_file.hpp"
 #include "camera/source_contract.hpp"
+#include "log/copy.hpp"
+#include "log/image_source.hpp"
+#include "log/logged_images.hpp"
 #include "log/recordings.hpp"
+#include "log/repair.hpp"
+#include "log/replay.hpp"
 #include "log/seeing_robot.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
-#include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/pixels.hpp"
-#include "trifinger/log/copy.hpp"
-#include "trifinger/log/image_source.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/logged_images.hpp"
-#include "trifinger/log/repair.hpp"
-#include "trifinger/log/replay.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 // The images of a session on their way into a log and out of it.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/live_messages.hpp"
+#include "log/live_messages.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "core/named_robot.hpp"
-#include "format/cdr.hpp"
+#include "log/format/cdr.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "log/seeing_robot.hpp"

@@ -16,11 +16,11 @@
 #include <utility>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "log/recordings.hpp"
+#include "mcap/writer.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/fake_robot.hpp"
-#include "trifinger/mcap/writer.hpp"
 
 // What is read equals what was written, however it is asked for.
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/log_writer.hpp"
+#include "log/log_writer.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,8 +21,8 @@
 #include <vector>
 
 #include "core/odd_robot.hpp"
+#include "log/message_layout.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/log/message_layout.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::test {

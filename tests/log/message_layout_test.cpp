@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/message_layout.hpp"
+#include "log/message_layout.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "core/fake_robot.hpp"
 #include "core/odd_robot.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/status.hpp"
 
 namespace trifinger::log {

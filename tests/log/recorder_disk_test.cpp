@@ -15,12 +15,12 @@
 #include <vector>
 
 #include "core/named_robot.hpp"
+#include "log/recorder.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/child_process.hpp"
 #include "support/interruptions.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/log/recorder.hpp"
 
 // What a disk can do to a recorder (fault_21, fault_22, fault_23). In each test the robot
 // continues.

@@ -13,13 +13,13 @@
 #include <vector>
 
 #include "core/named_robot.hpp"
+#include "log/recorder.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
 #include "support/soak.hpp"
-#include "trifinger/log/recorder.hpp"
 
 // fault_20: killing a recorder at any instant costs nothing. A robot runs at 1 kHz in a process of
 // its own, and a recorder in another; the recorder is killed and started again and again. The

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/recorder.hpp"
+#include "log/recorder.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "core/named_robot.hpp"
+#include "core/session_place.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
-#include "session_place.hpp"
 #include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"

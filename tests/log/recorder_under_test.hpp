@@ -17,10 +17,10 @@
 #include <utility>
 #include <vector>
 
+#include "log/message_layout.hpp"
+#include "log/recorder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/log/message_layout.hpp"
-#include "trifinger/log/recorder.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::test {

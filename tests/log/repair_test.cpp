@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/repair.hpp"
+#include "log/repair.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
+#include "log/copy.hpp"
 #include "log/recordings.hpp"
-#include "trifinger/log/copy.hpp"
+#include "mcap/writer.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
 namespace {

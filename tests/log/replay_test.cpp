@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/replay.hpp"
+#include "log/replay.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,14 +17,14 @@
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/fake_robot.hpp"
 #include "core/named_robot.hpp"
+#include "log/flight_recorder.hpp"
 #include "log/recordings.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/log/log.hpp"
 
 // A program that runs on a log sees what it saw when the log was recorded.

@@ -15,13 +15,13 @@
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
+#include "core/fake_robot.hpp"
+#include "log/recorder.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
-#include "trifinger/log/recorder.hpp"
 
 namespace trifinger::test {
 

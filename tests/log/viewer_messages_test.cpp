@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "core/odd_robot.hpp"
-#include "format/cdr.hpp"
+#include "log/format/cdr.hpp"
+#include "log/log_writer.hpp"
 #include "trifinger/core/driver.hpp"
-#include "trifinger/log/log_writer.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::test {

@@ -16,10 +16,10 @@
 #include <string>
 #include <vector>
 
+#include "boards/board_robot.hpp"
 #include "machine/robot.hpp"
 #include "machine/witness.hpp"
 #include "support/message_of.hpp"
-#include "trifinger/boards/board_robot.hpp"
 
 namespace trifinger::test {
 namespace {

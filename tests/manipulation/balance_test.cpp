@@ -7,8 +7,8 @@
 #include <string_view>
 
 #include "evaluation/skill_rows.hpp"
+#include "manipulation/skills/balance/tilt_observer.hpp"
 #include "skill_trials.hpp"
-#include "skills/balance/tilt_observer.hpp"
 
 namespace trifinger::manipulation {
 namespace {

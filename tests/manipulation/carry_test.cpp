@@ -12,7 +12,7 @@
 #include "evaluation/carry_goals.hpp"
 #include "evaluation/contact.hpp"
 #include "evaluation/skill_rows.hpp"
-#include "skills/carry/carry_planner.hpp"
+#include "manipulation/skills/carry/carry_planner.hpp"
 
 namespace trifinger::manipulation {
 namespace {

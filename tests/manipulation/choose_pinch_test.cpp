@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "parts/pinched_handling.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/pinched_handling.hpp"
+#include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <variant>
 
-#include "skills/lift/lift.hpp"
+#include "manipulation/skills/lift/lift.hpp"
 #include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/node.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/draw/drawing.hpp"
+#include "manipulation/skills/draw/drawing.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "skills/draw/letters.hpp"
-#include "skills/draw/line_way.hpp"
+#include "manipulation/skills/draw/letters.hpp"
+#include "manipulation/skills/draw/line_way.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/grasp_figures.hpp"
+#include "manipulation/parts/grasp_figures.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/manipulation.hpp"
+#include "manipulation/parts/manipulation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "evaluation/cube_trial.hpp"
-#include "parts/task.hpp"
+#include "manipulation/parts/task.hpp"
+#include "manipulation/skills/lift/lift.hpp"
 #include "skill_trials.hpp"
-#include "skills/lift/lift.hpp"
 #include "trifinger/core/backend.hpp"
 
 namespace trifinger::manipulation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/repose.hpp"
+#include "manipulation/parts/repose.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,10 +8,10 @@
 #include <numbers>
 
 #include "../support/allocation_counter.hpp"
-#include "parts/carrier.hpp"
-#include "parts/fetcher.hpp"
-#include "parts/object_observer.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/carrier.hpp"
+#include "manipulation/parts/fetcher.hpp"
+#include "manipulation/parts/object_observer.hpp"
+#include "manipulation/skills/makers.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/sim/robot_config.hpp"

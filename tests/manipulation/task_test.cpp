@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/task.hpp"
+#include "manipulation/parts/task.hpp"
 
 #include <gtest/gtest.h>
 

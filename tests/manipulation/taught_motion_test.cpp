@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/manipulation/taught_motion.hpp"
+#include "manipulation/taught_motion.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -10,7 +10,7 @@
 #include "evaluation/landing.hpp"
 #include "evaluation/skill_rows.hpp"
 #include "evaluation/skill_trial.hpp"
-#include "skills/throw/stroke.hpp"
+#include "manipulation/skills/throw/stroke.hpp"
 #include "support/allocation_counter.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/manipulation/skills.hpp"

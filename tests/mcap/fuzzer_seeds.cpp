@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "encoding.hpp"
+#include "mcap/encoding.hpp"
 #include "mcap/files.hpp"
 
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "compression.hpp"
-#include "encoding.hpp"
+#include "mcap/compression.hpp"
+#include "mcap/encoding.hpp"
 #include "mcap/files.hpp"
 #include "support/child_process.hpp"
 #include "support/sanitizers.hpp"

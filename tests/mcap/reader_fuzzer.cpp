@@ -12,11 +12,11 @@
 #include <string>
 #include <string_view>
 
-#include "buffer.hpp"
-#include "compression.hpp"
-#include "encoding.hpp"
+#include "mcap/buffer.hpp"
+#include "mcap/compression.hpp"
+#include "mcap/encoding.hpp"
+#include "mcap/writer.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "trifinger/mcap/writer.hpp"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include <fstream>
 #include <string>
 
-#include "encoding.hpp"
+#include "mcap/encoding.hpp"
 #include "mcap/files.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/session_folder.hpp"

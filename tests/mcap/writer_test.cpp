@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/mcap/writer.hpp"
+#include "mcap/writer.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "chunk_loader.hpp"
+#include "mcap/chunk_loader.hpp"
 #include "mcap/files.hpp"
 #include "support/allocation_counter.hpp"
 #include "trifinger/base/error.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/model/export.hpp"
+#include "model/export.hpp"
 
 #include <gtest/gtest.h>
 #include <mujoco/mujoco.h>

@@ -11,13 +11,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/text_of.hpp"
 #include "model/file_robots.hpp"
+#include "model/model_text.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/model/model_file.hpp"
-#include "trifinger/model/model_text.hpp"
 
 namespace trifinger::test {
 namespace {

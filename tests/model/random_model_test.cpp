@@ -18,13 +18,13 @@
 #include <string_view>
 #include <vector>
 
+#include "model/export.hpp"
 #include "model/file_robots.hpp"
+#include "model/model_text.hpp"
 #include "support/folder.hpp"
 #include "support/soak.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/model/export.hpp"
 #include "trifinger/model/model_file.hpp"
-#include "trifinger/model/model_text.hpp"
 
 namespace trifinger::test {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/realtime/processors.hpp"
+#include "realtime/processors.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>

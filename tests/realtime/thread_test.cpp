@@ -19,11 +19,11 @@
 #include <thread>
 #include <vector>
 
+#include "realtime/limit_remedy.hpp"
 #include "support/child_process.hpp"
 #include "support/nobody.hpp"
 #include "support/sanitizers.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/realtime/limit_remedy.hpp"
 
 namespace trifinger {
 namespace {

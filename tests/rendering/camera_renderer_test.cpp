@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "rendering/scenes.hpp"
+#include "sim/robot_cameras.hpp"
 #include "support/child_process.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::rendering {
 namespace {

@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
+#include "sim/robot_cameras.hpp"
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::rendering {
 

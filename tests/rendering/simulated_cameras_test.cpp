@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/rendering/simulated_cameras.hpp"
+#include "rendering/simulated_cameras.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,12 +13,12 @@
 
 #include "camera/source_contract.hpp"
 #include "rendering/scenes.hpp"
+#include "sim/scene_observation.hpp"
+#include "sim/simulated_plant.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/sim/scene_observation.hpp"
-#include "trifinger/sim/simulated_plant.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::rendering {

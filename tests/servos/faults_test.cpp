@@ -12,9 +12,9 @@
 #include <thread>
 #include <utility>
 
+#include "dynamixel/control_table.hpp"
+#include "dynamixel/status.hpp"
 #include "servos/rig.hpp"
-#include "trifinger/dynamixel/control_table.hpp"
-#include "trifinger/dynamixel/status.hpp"
 
 namespace trifinger::servos::test {
 namespace {

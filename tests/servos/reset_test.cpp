@@ -5,8 +5,8 @@
 
 #include <string>
 
+#include "dynamixel/control_table.hpp"
 #include "servos/rig.hpp"
-#include "trifinger/dynamixel/control_table.hpp"
 
 namespace trifinger::servos::test {
 namespace {

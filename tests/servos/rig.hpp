@@ -15,12 +15,12 @@
 #include <utility>
 #include <vector>
 
-#include "trifinger/dynamixel/emulated_bus.hpp"
-#include "trifinger/dynamixel/emulated_port.hpp"
-#include "trifinger/dynamixel/stepped_motors.hpp"
+#include "dynamixel/emulated_bus.hpp"
+#include "dynamixel/emulated_port.hpp"
+#include "dynamixel/stepped_motors.hpp"
+#include "servos/servo_robot.hpp"
 #include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/servos/servo_robot.hpp"
 
 namespace trifinger::servos::test {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/servos/servo_robot.hpp"
+#include "servos/servo_robot.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,9 +10,9 @@
 #include <optional>
 #include <string>
 
+#include "dynamixel/control_table.hpp"
 #include "servos/rig.hpp"
 #include "support/message_of.hpp"
-#include "trifinger/dynamixel/control_table.hpp"
 #include "trifinger/joint/reasons.hpp"
 
 namespace trifinger::servos::test {

@@ -16,13 +16,14 @@
 #include <variant>
 #include <vector>
 
+#include "boards/board_robot.hpp"
+#include "boards/emulator.hpp"
+#include "can/memory_bus.hpp"
+#include "sim/boards_config.hpp"
+#include "sim/simulated_plant.hpp"
 #include "support/soak.hpp"
-#include "trifinger/boards/board_robot.hpp"
-#include "trifinger/boards/emulator.hpp"
-#include "trifinger/can/memory_bus.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/simulated_plant.hpp"
 
 namespace trifinger {
 namespace {
@@ -67,7 +68,7 @@ RobotConfig config_of_tests() {
 }
 
 boards::BoardRobotOptions<TriFinger> boards_of(const RobotConfig& config) {
-  return std::get<boards::BoardRobotOptions<TriFinger>>(config.boards.value().options);
+  return std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
 }
 
 // Where the fingers are, and for how long they fall before the motors are switched on [ms].

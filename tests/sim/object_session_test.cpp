@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "sim/robots.hpp"
+#include "sim/scene_observation.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {

@@ -15,11 +15,11 @@
 #include <string>
 #include <vector>
 
+#include "model/export.hpp"
+#include "sim/robot_cameras.hpp"
 #include "sim/robots.hpp"
 #include "support/config_message.hpp"
 #include "support/folder.hpp"
-#include "trifinger/model/export.hpp"
-#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {

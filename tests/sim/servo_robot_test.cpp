@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // D'Claw's hardware path with the simulation behind emulated motors.
-#include "trifinger/servos/servo_robot.hpp"
+#include "servos/servo_robot.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,15 +21,15 @@
 #include <utility>
 #include <vector>
 
+#include "dynamixel/emulated_port.hpp"
+#include "dynamixel/emulator.hpp"
+#include "dynamixel/stepped_motors.hpp"
+#include "sim/servo_plant.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
-#include "trifinger/dynamixel/emulated_port.hpp"
-#include "trifinger/dynamixel/emulator.hpp"
-#include "trifinger/dynamixel/stepped_motors.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/servo_plant.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::test {
@@ -256,7 +256,7 @@ TEST(TriFingerOnMotors, FollowsPositionsAndComesToRestAfterASession) {
 
 TEST(DClawOnMotors, IsReadFromItsConfiguration) {
   const RobotConfig config = load("dclaw_dynamixel");
-  ASSERT_TRUE(config.servos.has_value());
+  ASSERT_NE(config.servos, nullptr);
   EXPECT_EQ(config.name, "dclaw-dynamixel");
   EXPECT_EQ(config.backend.period, 1ms);
   EXPECT_EQ(config.servos->port, "/dev/ttyUSB0");
@@ -299,12 +299,13 @@ TEST(DClawOnMotors, RefusesAConfigurationThatMakesNoSense) {
 class DClawAtATerminal : public testing::Test {
  protected:
   DClawAtATerminal() {
-    servos::ServoConfig& servos = *config_.servos;
+    servos::ServoConfig servos = *config_.servos;
     servos.slack = 5s;
     servos.group.watchdog = 0ms;
     servos.group.silent_after = 60s;
     servos.loop.goal_timeout = 60s;
     servos.loop.realtime = {.demand = Demand::kOff};
+    config_.servos = std::make_shared<const servos::ServoConfig>(servos);
   }
   void start() {
     plant_ = std::make_unique<ServoPlant>(config_.simulation, *config_.servos);

@@ -6,6 +6,7 @@ from check_layers import (
     DIRECTLY_BELOW,
     allowed_layers,
     layer_of,
+    mistakes_of_public_headers,
     mistakes_of_table,
     read_table,
     violations,
@@ -36,6 +37,27 @@ def test_a_row_names_rows_above_it_and_has_files() -> None:
         "ARCHITECTURE.md: 'core' is directly above 'ipc', which has no row before.",
         "ARCHITECTURE.md: the layer 'ipc' has no files.",
     ]
+
+
+def test_public_headers_are_those_that_users_need() -> None:
+    texts = {
+        "core/frontend.hpp": '#include "trifinger/core/session.hpp"\n#include <span>\n',
+        "core/session.hpp": '#include "ipc/ring.hpp"\n',
+        "log/copy.hpp": "",
+    }
+    assert list(mistakes_of_public_headers(["core/frontend.hpp", "log/log.hpp"], texts)) == [
+        "include/trifinger/log/log.hpp: does not exist, and programs of users include it.",
+        "include/trifinger/core/session.hpp: includes 'ipc/ring.hpp', which is not public.",
+        "include/trifinger/log/copy.hpp: no program of a user includes it. "
+        "Move it to src/log/copy.hpp.",
+    ]
+
+
+def test_a_header_that_is_not_public_is_of_its_layer_too() -> None:
+    assert found("src/ipc/x.cpp", '#include "core/log_folder.hpp"') == [
+        "src/ipc/x.cpp:1: 'ipc' may not include 'core', only base, ipc."
+    ]
+    assert found("src/ipc/x.cpp", '#include "base/latest.hpp"', '#include "parts/x.hpp"') == []
 
 
 def test_names_the_place_and_what_is_allowed() -> None:
@@ -70,7 +92,8 @@ def test_a_directory_without_a_place_in_the_table_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("path", "layer"),
     [
-        ("include/trifinger/ipc/futex.hpp", "ipc"),
+        ("include/trifinger/ipc/process.hpp", "ipc"),
+        ("src/ipc/futex.hpp", "ipc"),
         ("src/ipc/detail/futex.cpp", "ipc"),
         ("tests/ipc/futex_test.cpp", "ipc"),
         ("apps/robot/run.cpp", "apps"),

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "painter.hpp"
+#include "tracking/colour_samples.hpp"
 #include "trifinger/config/file.hpp"
-#include "trifinger/tracking/colour_samples.hpp"
 
 namespace trifinger::tracking {
 namespace {

@@ -2,26 +2,23 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
-#include "trifinger/boards/read_options.hpp"
 #include "trifinger/camera/options.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/servos/read_options.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger {
 
-/// The motor boards of a robot in a configuration file.
-struct BoardsConfig {
-  boards::BusKind bus{boards::BusKind::kSocketCan};
-  std::variant<boards::BoardRobotOptions<TriFinger>, boards::BoardRobotOptions<Finger>> options;
-};
+namespace servos {
+struct ServoConfig;
+}
+struct BoardsConfig;
 
 /// All settings of a robot in a configuration file. config/trifinger_edu.yml documents every key,
 /// docs/any_robot.md those of a robot from a file.
@@ -30,9 +27,9 @@ struct RobotConfig {
   /// The robot, and how it is simulated; of a robot on boards or motors, its model and its plant in
   /// an emulator.
   SimulationOptions simulation;
-  std::optional<BoardsConfig> boards{};            ///< Only for a robot on motor boards.
-  std::optional<servos::ServoConfig> servos{};     ///< Only for a robot on Dynamixel motors.
-  std::optional<camera::CameraOptions> cameras{};  ///< Only for a robot with cameras.
+  std::shared_ptr<const BoardsConfig> boards{};         ///< Only for a robot on motor boards.
+  std::shared_ptr<const servos::ServoConfig> servos{};  ///< Only for a robot on Dynamixel motors.
+  std::optional<camera::CameraOptions> cameras{};       ///< Only for a robot with cameras.
   /// Objects are known only from the images of cameras.
   bool tracks_objects{false};
   BackendOptions backend;

@@ -9,8 +9,8 @@
 #include <span>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::bindings {

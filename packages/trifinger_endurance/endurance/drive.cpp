@@ -9,6 +9,7 @@
 #include <utility>
 #include <variant>
 
+#include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/sim/robot_config.hpp"

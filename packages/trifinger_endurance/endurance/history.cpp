@@ -11,9 +11,9 @@
 #include <system_error>
 #include <utility>
 
+#include "base/regular_file.hpp"
+#include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::apps {
 namespace {

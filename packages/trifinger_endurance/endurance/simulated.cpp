@@ -11,13 +11,14 @@
 #include <utility>
 #include <variant>
 
+#include "boards/board_robot.hpp"
+#include "boards/emulated_fault.hpp"
+#include "boards/emulator.hpp"
+#include "can/memory_bus.hpp"
+#include "sim/boards_config.hpp"
+#include "sim/simulated_plant.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/boards/board_robot.hpp"
-#include "trifinger/boards/emulated_fault.hpp"
-#include "trifinger/boards/emulator.hpp"
-#include "trifinger/can/memory_bus.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/simulated_plant.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
@@ -227,8 +228,8 @@ SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>
   session_options_ = std::move(config.session);
   if (config.boards) {
     std::visit(
-        [&]<class R>(boards::BoardRobotOptions<R>& boards) {
-          world_ = std::make_unique<BoardWorld<R>>(std::move(boards), config.simulation, clock_);
+        [&]<class R>(const boards::BoardRobotOptions<R>& boards) {
+          world_ = std::make_unique<BoardWorld<R>>(boards, config.simulation, clock_);
         },
         config.boards->options);
   } else {

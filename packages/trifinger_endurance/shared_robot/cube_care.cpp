@@ -22,7 +22,7 @@ bool is_in_middle(const std::array<double, 3>& place) noexcept {
 
 bool begins_anew(const std::string& robot) {
   try {
-    return !robot_config_of(Session::open(robot)).boards.has_value();
+    return !robot_config_of(Session::open(robot)).boards;
   } catch (const Error&) {
     return false;  // It is of a kind that only its own program knows.
   }

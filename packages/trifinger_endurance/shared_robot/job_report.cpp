@@ -11,11 +11,11 @@
 #include <span>
 #include <system_error>
 
+#include "base/regular_file.hpp"
 #include "log/summary.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/log.hpp"
 

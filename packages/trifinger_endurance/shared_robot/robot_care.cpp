@@ -12,12 +12,12 @@
 
 #include "robot/session_state.hpp"
 #include "shared_robot/cube_care.hpp"
+#include "sim/servo_plant.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/servo_plant.hpp"
 
 namespace trifinger::apps {
 namespace {

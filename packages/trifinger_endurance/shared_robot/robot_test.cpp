@@ -13,8 +13,8 @@
 #include <span>
 #include <utility>
 
+#include "boards/joint_sweep.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/boards/joint_sweep.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/object_observation.hpp"

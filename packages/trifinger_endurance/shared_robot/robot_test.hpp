@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "trifinger/boards/self_test.hpp"
+#include "boards/self_test.hpp"
 #include "trifinger/core/frontend.hpp"
 
 namespace trifinger::apps {

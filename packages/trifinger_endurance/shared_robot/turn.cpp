@@ -23,6 +23,8 @@
 #include <thread>
 #include <utility>
 
+#include "core/turn_claim.hpp"
+#include "ipc/file_descriptor.hpp"
 #include "log/running_recorder.hpp"
 #include "shared/child_program.hpp"
 #include "shared/exit_code.hpp"
@@ -38,8 +40,6 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/core/turn_claim.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

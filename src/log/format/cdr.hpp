@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "format/format.hpp"
+#include "log/format/format.hpp"
 
 namespace trifinger::log::detail {
 

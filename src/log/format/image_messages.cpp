@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "format/image_messages.hpp"
+#include "log/format/image_messages.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cstring>
 
-#include "format/cdr.hpp"
+#include "log/format/cdr.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/config/file.hpp"

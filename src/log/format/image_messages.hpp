@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "format/ros_messages.hpp"
+#include "log/format/ros_messages.hpp"
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/log/session_header.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/message_layout.hpp"
+#include "log/message_layout.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,9 +10,9 @@
 #include <set>
 #include <utility>
 
-#include "format/format.hpp"
-#include "format/ros_messages.hpp"
-#include "format/text.hpp"
+#include "log/format/format.hpp"
+#include "log/format/ros_messages.hpp"
+#include "log/format/text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log {

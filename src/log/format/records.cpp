@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "format/records.hpp"
+#include "log/format/records.hpp"
 
 #include <sstream>
 

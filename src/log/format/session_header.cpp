@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-#include "format/text.hpp"
+#include "log/format/text.hpp"
 
 namespace trifinger::log {
 

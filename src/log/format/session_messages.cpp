@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "format/session_messages.hpp"
+#include "log/format/session_messages.hpp"
 
 #include <array>
 #include <cstring>
 #include <limits>
 #include <utility>
 
-#include "format/cdr.hpp"
+#include "log/format/cdr.hpp"
 #include "trifinger/core/driver.hpp"
 
 namespace trifinger::log::detail {

@@ -10,13 +10,13 @@
 #include <string_view>
 #include <vector>
 
-#include "format/image_messages.hpp"
-#include "format/ros_messages.hpp"
-#include "format/viewer_messages.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/format/ros_messages.hpp"
+#include "log/format/viewer_messages.hpp"
+#include "log/message_layout.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/log/event.hpp"
-#include "trifinger/log/message_layout.hpp"
 #include "trifinger/log/session_header.hpp"
 
 namespace trifinger::log::detail {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "format/viewer_messages.hpp"
+#include "log/format/viewer_messages.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "format/cdr.hpp"
+#include "log/format/cdr.hpp"
 
 namespace trifinger::log::detail {
 namespace {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "format/ros_messages.hpp"
+#include "log/format/ros_messages.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/log/session_header.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/live_messages.hpp"
+#include "log/live_messages.hpp"
 
 #include <algorithm>
 #include <array>
@@ -13,18 +13,18 @@
 #include <string_view>
 #include <utility>
 
-#include "format/session_messages.hpp"
-#include "format/text.hpp"
+#include "camera/image_file.hpp"
+#include "log/format/session_messages.hpp"
+#include "log/format/text.hpp"
+#include "log/write/image_thread.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/camera/calibration.hpp"
-#include "trifinger/camera/image_file.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/log/session_header.hpp"
-#include "write/image_thread.hpp"
 
 namespace trifinger::log {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "read/channel_reader.hpp"
+#include "log/read/channel_reader.hpp"
 
 #include <cstring>
 
-#include "format/format.hpp"
-#include "format/image_messages.hpp"
-#include "format/records.hpp"
+#include "log/format/format.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/format/records.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log::detail {

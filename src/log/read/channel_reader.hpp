@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
+#include "log/message_layout.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/robot.hpp"
-#include "trifinger/log/message_layout.hpp"
 #include "trifinger/mcap/records.hpp"
 
 namespace trifinger::log::detail {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/image_source.hpp"
+#include "log/image_source.hpp"
 
 #include <algorithm>
 #include <chrono>

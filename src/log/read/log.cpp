@@ -9,12 +9,12 @@
 #include <string_view>
 #include <system_error>
 
-#include "format/format.hpp"
-#include "read/log_data.hpp"
-#include "read/series_reader.hpp"
-#include "read/session_table.hpp"
+#include "base/moved.hpp"
+#include "log/format/format.hpp"
+#include "log/read/log_data.hpp"
+#include "log/read/series_reader.hpp"
+#include "log/read/session_table.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 
 namespace trifinger::log {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "read/log_data.hpp"
+#include "log/read/log_data.hpp"
 
 #include <algorithm>
 #include <iterator>
 #include <utility>
 
-#include "format/cdr.hpp"
+#include "log/format/cdr.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log::detail {

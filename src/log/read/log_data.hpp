@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "read/channel_reader.hpp"
-#include "read/log_files.hpp"
-#include "read/session_table.hpp"
-#include "trifinger/ipc/forkable_mutex.hpp"
+#include "ipc/forkable_mutex.hpp"
+#include "log/read/channel_reader.hpp"
+#include "log/read/log_files.hpp"
+#include "log/read/session_table.hpp"
 #include "trifinger/log/event.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/mcap/reader.hpp"

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "read/log_files.hpp"
+#include "log/read/log_files.hpp"
 
 #include <algorithm>
 #include <tuple>
 
-#include "format/format.hpp"
-#include "format/records.hpp"
-#include "format/text.hpp"
+#include "base/regular_file.hpp"
+#include "log/format/format.hpp"
+#include "log/format/records.hpp"
+#include "log/format/text.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger::log::detail {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "read/channel_reader.hpp"
+#include "log/read/channel_reader.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/mcap/reader.hpp"
 

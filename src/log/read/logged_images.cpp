@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/logged_images.hpp"
+#include "log/logged_images.hpp"
 
 #include <algorithm>
 #include <cstring>
 #include <mutex>
 #include <span>
 
-#include "format/image_messages.hpp"
-#include "read/log_data.hpp"
+#include "base/moved.hpp"
+#include "camera/image_file.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/read/log_data.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/pixels.hpp"
 #include "trifinger/config/file.hpp"
 

@@ -12,14 +12,14 @@
 #include <utility>
 #include <vector>
 
-#include "read/channel_reader.hpp"
-#include "read/log_data.hpp"
-#include "read/series_reader.hpp"
-#include "read/session_table.hpp"
+#include "base/moved.hpp"
+#include "ipc/forkable_mutex.hpp"
+#include "log/read/channel_reader.hpp"
+#include "log/read/log_data.hpp"
+#include "log/read/series_reader.hpp"
+#include "log/read/session_table.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/ipc/forkable_mutex.hpp"
 #include "trifinger/log/log.hpp"
 
 namespace trifinger::log {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/replay.hpp"
+#include "log/replay.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,13 +8,13 @@
 #include <string>
 #include <utility>
 
-#include "format/extra_series.hpp"
-#include "format/image_messages.hpp"
+#include "camera/image_file.hpp"
+#include "log/format/extra_series.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/logged_images.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/image_file.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/log/logged_images.hpp"
 
 namespace trifinger::log {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "read/series_reader.hpp"
+#include "log/read/series_reader.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -7,9 +7,9 @@
 #include <mutex>
 #include <utility>
 
+#include "base/moved.hpp"
+#include "base/suggestion.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
-#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::log {
 

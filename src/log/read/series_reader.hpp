@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "read/log_data.hpp"
+#include "log/read/log_data.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/log/log.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "read/session_table.hpp"
+#include "log/read/session_table.hpp"
 
 #include <algorithm>
 #include <map>

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "format/records.hpp"
-#include "read/channel_reader.hpp"
+#include "log/format/records.hpp"
+#include "log/read/channel_reader.hpp"
 #include "trifinger/core/fault.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/session_header.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/copy.hpp"
+#include "log/copy.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,13 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include "format/image_messages.hpp"
-#include "repair/new_file.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/log_writer.hpp"
+#include "log/logged_images.hpp"
+#include "log/repair/new_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/log/log_writer.hpp"
-#include "trifinger/log/logged_images.hpp"
 
 namespace trifinger::log {
 

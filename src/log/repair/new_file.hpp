@@ -5,7 +5,7 @@
 #include <system_error>
 #include <utility>
 
-#include "trifinger/mcap/sink.hpp"
+#include "mcap/sink.hpp"
 
 namespace trifinger::log::detail {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/repair.hpp"
+#include "log/repair.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -9,11 +9,11 @@
 #include <optional>
 #include <string>
 
-#include "format/records.hpp"
-#include "read/log_data.hpp"
-#include "repair/new_file.hpp"
+#include "log/format/records.hpp"
+#include "log/read/log_data.hpp"
+#include "log/repair/new_file.hpp"
+#include "mcap/writer.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/flight_recorder.hpp"
+#include "log/flight_recorder.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -7,19 +7,19 @@
 #include <system_error>
 #include <utility>
 
-#include "format/extra_series.hpp"
-#include "format/format.hpp"
-#include "format/records.hpp"
-#include "format/text.hpp"
+#include "core/log_folder.hpp"
+#include "log/format/extra_series.hpp"
+#include "log/format/format.hpp"
+#include "log/format/records.hpp"
+#include "log/format/text.hpp"
+#include "log/log_writer.hpp"
+#include "log/write/next_date.hpp"
+#include "mcap/sink.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
-#include "trifinger/core/log_folder.hpp"
 #include "trifinger/core/status.hpp"
-#include "trifinger/log/log_writer.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "trifinger/mcap/sink.hpp"
-#include "write/next_date.hpp"
 
 namespace trifinger::log {
 

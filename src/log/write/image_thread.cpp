@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/image_thread.hpp"
+#include "log/write/image_thread.hpp"
 
 #include <chrono>
 #include <cstring>
 #include <span>
 #include <utility>
 
-#include "trifinger/camera/image_file.hpp"
+#include "camera/image_file.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/errors.hpp"
 

@@ -11,12 +11,12 @@
 #include <thread>
 #include <vector>
 
-#include "format/image_messages.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/image_storage.hpp"
+#include "log/log_writer.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
-#include "trifinger/log/image_storage.hpp"
-#include "trifinger/log/log_writer.hpp"
 #include "trifinger/log/session_header.hpp"
 
 namespace trifinger::log::detail {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/log_writer.hpp"
+#include "log/log_writer.hpp"
 
 #include <sys/utsname.h>
 #include <unistd.h>
@@ -13,13 +13,13 @@
 #include <span>
 #include <utility>
 
-#include "format/format.hpp"
-#include "format/image_messages.hpp"
-#include "format/records.hpp"
-#include "format/session_messages.hpp"
-#include "format/text.hpp"
+#include "base/moved.hpp"
+#include "log/format/format.hpp"
+#include "log/format/image_messages.hpp"
+#include "log/format/records.hpp"
+#include "log/format/session_messages.hpp"
+#include "log/format/text.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/moved.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::log {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/next_date.hpp"
+#include "log/write/next_date.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -7,8 +7,8 @@
 #include <string_view>
 #include <system_error>
 
-#include "format/format.hpp"
-#include "format/text.hpp"
+#include "log/format/format.hpp"
+#include "log/format/text.hpp"
 
 namespace trifinger::log::detail {
 namespace {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/recorded_position.hpp"
+#include "log/write/recorded_position.hpp"
 
 #include <algorithm>
 #include <cstring>
 #include <utility>
 #include <vector>
 
-#include "format/format.hpp"
-#include "format/records.hpp"
-#include "trifinger/log/message_layout.hpp"
+#include "log/format/format.hpp"
+#include "log/format/records.hpp"
+#include "log/message_layout.hpp"
 
 namespace trifinger::log::detail {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/recorder.hpp"
+#include "log/recorder.hpp"
 
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -15,13 +15,13 @@
 #include <optional>
 #include <utility>
 
-#include "format/text.hpp"
+#include "ipc/file_descriptor.hpp"
+#include "log/format/text.hpp"
+#include "log/write/recording_files.hpp"
+#include "log/write/session_copier.hpp"
+#include "log/write/session_counter.hpp"
+#include "log/write/session_inbox.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
-#include "write/recording_files.hpp"
-#include "write/session_copier.hpp"
-#include "write/session_counter.hpp"
-#include "write/session_inbox.hpp"
 
 namespace trifinger::log {
 

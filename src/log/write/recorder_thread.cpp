@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/log/recorder_thread.hpp"
+#include "log/recorder_thread.hpp"
 
 #include <utility>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/recording_files.hpp"
+#include "log/write/recording_files.hpp"
 
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -14,14 +14,14 @@
 #include <string_view>
 #include <utility>
 
-#include "format/format.hpp"
-#include "format/records.hpp"
-#include "format/text.hpp"
+#include "log/format/format.hpp"
+#include "log/format/records.hpp"
+#include "log/format/text.hpp"
+#include "log/write/next_date.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/records.hpp"
-#include "write/next_date.hpp"
 
 namespace trifinger::log::detail {
 namespace {

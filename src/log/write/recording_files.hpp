@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "log/log_writer.hpp"
+#include "log/recorder.hpp"
+#include "log/write/recorded_position.hpp"
+#include "log/write/recording_lock.hpp"
+#include "log/write/session_copier.hpp"
+#include "mcap/sink.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/log/log_writer.hpp"
-#include "trifinger/log/recorder.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "trifinger/mcap/sink.hpp"
-#include "write/recorded_position.hpp"
-#include "write/recording_lock.hpp"
-#include "write/session_copier.hpp"
 
 namespace trifinger::log::detail {
 

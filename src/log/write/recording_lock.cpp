@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/recording_lock.hpp"
+#include "log/write/recording_lock.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/log/recorder.hpp"
+#include "base/regular_file.hpp"
+#include "ipc/file_lock.hpp"
+#include "log/recorder.hpp"
 
 namespace trifinger::log::detail {
 namespace {

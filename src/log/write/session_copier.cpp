@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/session_copier.hpp"
+#include "log/write/session_copier.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <limits>
 #include <utility>
 
-#include "trifinger/camera/image_file.hpp"
+#include "camera/image_file.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/payload.hpp"
 

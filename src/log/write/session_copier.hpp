@@ -11,13 +11,13 @@
 #include <string_view>
 #include <vector>
 
+#include "log/log_writer.hpp"
+#include "log/write/image_thread.hpp"
+#include "log/write/recorded_position.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/log/event.hpp"
-#include "trifinger/log/log_writer.hpp"
 #include "trifinger/log/session_header.hpp"
-#include "write/image_thread.hpp"
-#include "write/recorded_position.hpp"
 
 namespace trifinger::log::detail {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/session_counter.hpp"
+#include "log/write/session_counter.hpp"
 
 #include <sys/inotify.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "write/session_inbox.hpp"
+#include "log/write/session_inbox.hpp"
 
 #include <algorithm>
 #include <chrono>

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/carrier.hpp"
+#include "manipulation/parts/carrier.hpp"
 
 #include <algorithm>
 #include <utility>
 
-#include "parts/torque_action.hpp"
+#include "manipulation/parts/torque_action.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -4,10 +4,10 @@
 #include <array>
 #include <memory>
 
-#include "parts/manipulation.hpp"
-#include "parts/task.hpp"
-#include "parts/tip_way.hpp"
-#include "parts/tips_drive.hpp"
+#include "manipulation/parts/manipulation.hpp"
+#include "manipulation/parts/task.hpp"
+#include "manipulation/parts/tip_way.hpp"
+#include "manipulation/parts/tips_drive.hpp"
 #include "trifinger/control/grasp_planner.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/manipulation/skill.hpp"

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/fetcher.hpp"
+#include "manipulation/parts/fetcher.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "parts/soft_limits.hpp"
+#include "manipulation/parts/soft_limits.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/trajectories.hpp"
 

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "parts/object_observer.hpp"
+#include "manipulation/parts/object_observer.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/manipulation/skill.hpp"
 #include "trifinger/model/kinematics.hpp"

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/grasp_config.hpp"
+#include "manipulation/parts/grasp_config.hpp"
 
 #include <utility>
 #include <vector>
 
-#include "parts/settings.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/skills/makers.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::manipulation {

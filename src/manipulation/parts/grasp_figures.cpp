@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/grasp_figures.hpp"
+#include "manipulation/parts/grasp_figures.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "parts/manipulation.hpp"
+#include "manipulation/parts/manipulation.hpp"
 
 namespace trifinger::manipulation {
 namespace {

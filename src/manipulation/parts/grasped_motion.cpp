@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/grasped_motion.hpp"
+#include "manipulation/parts/grasped_motion.hpp"
 
-#include "parts/grasp_figures.hpp"
-#include "parts/plan_untried.hpp"
-#include "parts/torque_action.hpp"
+#include "manipulation/parts/grasp_figures.hpp"
+#include "manipulation/parts/plan_untried.hpp"
+#include "manipulation/parts/torque_action.hpp"
 
 namespace trifinger::manipulation {
 

@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "parts/manipulation.hpp"
-#include "parts/task.hpp"
+#include "manipulation/parts/manipulation.hpp"
+#include "manipulation/parts/task.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {

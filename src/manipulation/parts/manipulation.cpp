@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/manipulation.hpp"
+#include "manipulation/parts/manipulation.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "parts/object_of.hpp"
+#include "manipulation/parts/object_of.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "parts/phased.hpp"
-#include "parts/pose_average.hpp"
-#include "parts/task.hpp"
+#include "manipulation/parts/phased.hpp"
+#include "manipulation/parts/pose_average.hpp"
+#include "manipulation/parts/task.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/pose_estimator.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/object_observer.hpp"
+#include "manipulation/parts/object_observer.hpp"
 
 #include <mujoco/mujoco.h>
 

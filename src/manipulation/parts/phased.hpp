@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <string_view>
 
-#include "parts/phase_clock.hpp"
+#include "manipulation/parts/phase_clock.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {

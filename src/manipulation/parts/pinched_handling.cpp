@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/pinched_handling.hpp"
+#include "manipulation/parts/pinched_handling.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +7,12 @@
 #include <limits>
 #include <utility>
 
-#include "parts/object_of.hpp"
-#include "parts/plan_untried.hpp"
-#include "parts/settings.hpp"
-#include "parts/soft_limits.hpp"
-#include "parts/torque_figure.hpp"
-#include "parts/towards.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/plan_untried.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/parts/soft_limits.hpp"
+#include "manipulation/parts/torque_figure.hpp"
+#include "manipulation/parts/towards.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {

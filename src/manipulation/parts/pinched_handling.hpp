@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "parts/tips_skill.hpp"
+#include "manipulation/parts/tips_skill.hpp"
 #include "trifinger/config/node.hpp"
 
 namespace trifinger::manipulation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/pusher.hpp"
+#include "manipulation/parts/pusher.hpp"
 
 #include <mujoco/mujoco.h>
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "parts/object_observer.hpp"
+#include "manipulation/parts/object_observer.hpp"
 #include "trifinger/control/predictive_planner.hpp"
 #include "trifinger/manipulation/skill.hpp"
 #include "trifinger/model/kinematics.hpp"

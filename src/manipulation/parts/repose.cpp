@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/repose.hpp"
+#include "manipulation/parts/repose.hpp"
 
 #include <algorithm>
 #include <array>
 #include <limits>
 #include <utility>
 
-#include "parts/object_of.hpp"
-#include "parts/task.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/task.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -9,11 +9,11 @@
 #include <string_view>
 #include <vector>
 
-#include "parts/carrier.hpp"
-#include "parts/fetcher.hpp"
-#include "parts/phase_clock.hpp"
-#include "parts/pose_average.hpp"
-#include "parts/pusher.hpp"
+#include "manipulation/parts/carrier.hpp"
+#include "manipulation/parts/fetcher.hpp"
+#include "manipulation/parts/phase_clock.hpp"
+#include "manipulation/parts/pose_average.hpp"
+#include "manipulation/parts/pusher.hpp"
 #include "trifinger/config/node.hpp"
 #include "trifinger/manipulation/skill.hpp"
 

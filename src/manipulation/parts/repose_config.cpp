@@ -4,10 +4,10 @@
 #include <array>
 #include <utility>
 
-#include "parts/grasp_config.hpp"
-#include "parts/repose.hpp"
-#include "parts/rotation_between.hpp"
-#include "parts/settings.hpp"
+#include "manipulation/parts/grasp_config.hpp"
+#include "manipulation/parts/repose.hpp"
+#include "manipulation/parts/rotation_between.hpp"
+#include "manipulation/parts/settings.hpp"
 
 namespace trifinger::manipulation {
 namespace {

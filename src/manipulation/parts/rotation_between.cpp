@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/rotation_between.hpp"
+#include "manipulation/parts/rotation_between.hpp"
 
 namespace trifinger::manipulation {
 

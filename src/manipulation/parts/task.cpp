@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/task.hpp"
+#include "manipulation/parts/task.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include <numbers>
 #include <utility>
 
-#include "parts/rotation_between.hpp"
+#include "manipulation/parts/rotation_between.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/tip_servo.hpp"
+#include "manipulation/parts/tip_servo.hpp"
 
 #include <Eigen/LU>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/tips_drive.hpp"
+#include "manipulation/parts/tips_drive.hpp"
 
 #include <Eigen/LU>
 

@@ -7,11 +7,11 @@
 #include <string_view>
 #include <utility>
 
-#include "parts/phased.hpp"
-#include "parts/pose_average.hpp"
-#include "parts/tip_servo.hpp"
-#include "parts/tip_way.hpp"
-#include "parts/torque_action.hpp"
+#include "manipulation/parts/phased.hpp"
+#include "manipulation/parts/pose_average.hpp"
+#include "manipulation/parts/tip_servo.hpp"
+#include "manipulation/parts/tip_way.hpp"
+#include "manipulation/parts/torque_action.hpp"
 #include "trifinger/control/pose_estimator.hpp"
 #include "trifinger/manipulation/skill.hpp"
 

@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "boards/emulated_fault.hpp"
 #include "endurance/simulated.hpp"
 #include "support/soak.hpp"
-#include "trifinger/boards/emulated_fault.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -10,15 +10,15 @@
 #include <string>
 #include <utility>
 
-#include "parts/object_of.hpp"
-#include "parts/phase_clock.hpp"
-#include "parts/rotation_between.hpp"
-#include "parts/settings.hpp"
-#include "parts/tip_servo.hpp"
-#include "parts/tip_way.hpp"
-#include "parts/torque_action.hpp"
-#include "skills/balance/tilt_observer.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/phase_clock.hpp"
+#include "manipulation/parts/rotation_between.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/parts/tip_servo.hpp"
+#include "manipulation/parts/tip_way.hpp"
+#include "manipulation/parts/torque_action.hpp"
+#include "manipulation/skills/balance/tilt_observer.hpp"
+#include "manipulation/skills/makers.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {

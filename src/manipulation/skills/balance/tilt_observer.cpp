@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/balance/tilt_observer.hpp"
+#include "manipulation/skills/balance/tilt_observer.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>

@@ -11,16 +11,16 @@
 #include <utility>
 #include <vector>
 
-#include "parts/grasp_config.hpp"
-#include "parts/manipulation.hpp"
-#include "parts/phase_clock.hpp"
-#include "parts/pose_average.hpp"
-#include "parts/repose.hpp"
-#include "parts/settings.hpp"
-#include "parts/torque_action.hpp"
-#include "parts/torque_figure.hpp"
-#include "skills/carry/carry_planner.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/grasp_config.hpp"
+#include "manipulation/parts/manipulation.hpp"
+#include "manipulation/parts/phase_clock.hpp"
+#include "manipulation/parts/pose_average.hpp"
+#include "manipulation/parts/repose.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/parts/torque_action.hpp"
+#include "manipulation/parts/torque_figure.hpp"
+#include "manipulation/skills/carry/carry_planner.hpp"
+#include "manipulation/skills/makers.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/sim/robot_config.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/carry/carry_planner.hpp"
+#include "manipulation/skills/carry/carry_planner.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -8,8 +8,8 @@
 #include <utility>
 #include <variant>
 
-#include "parts/object_of.hpp"
-#include "parts/rotation_between.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/rotation_between.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -14,13 +14,13 @@
 #include <utility>
 #include <vector>
 
-#include "parts/object_of.hpp"
-#include "parts/phased.hpp"
-#include "parts/settings.hpp"
-#include "parts/tips_drive.hpp"
-#include "skills/makers.hpp"
+#include "control/ballistics.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/phased.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/parts/tips_drive.hpp"
+#include "manipulation/skills/makers.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/control/ballistics.hpp"
 #include "trifinger/control/trajectories.hpp"
 
 namespace trifinger::manipulation {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/draw/drawing.hpp"
+#include "manipulation/skills/draw/drawing.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -10,10 +10,10 @@
 #include <limits>
 #include <system_error>
 
-#include "parts/decimal.hpp"
-#include "skills/draw/letters.hpp"
+#include "base/text_of.hpp"
+#include "manipulation/parts/decimal.hpp"
+#include "manipulation/skills/draw/letters.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "evaluation/skill_rows.hpp"
-#include "parts/rotation_between.hpp"
-#include "skills/draw/drawing.hpp"
+#include "manipulation/parts/rotation_between.hpp"
+#include "manipulation/skills/draw/drawing.hpp"
 
 namespace trifinger::evaluation {
 namespace {

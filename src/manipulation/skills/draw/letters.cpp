@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/draw/letters.hpp"
+#include "manipulation/skills/draw/letters.hpp"
 
 #include <array>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/draw/line_way.hpp"
+#include "manipulation/skills/draw/line_way.hpp"
 
 #include <algorithm>
 #include <cmath>

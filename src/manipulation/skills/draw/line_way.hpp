@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "skills/draw/drawing.hpp"
+#include "manipulation/skills/draw/drawing.hpp"
 #include "trifinger/control/motion.hpp"
 
 namespace trifinger::manipulation {

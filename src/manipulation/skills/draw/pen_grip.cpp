@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/draw/pen_grip.hpp"
+#include "manipulation/skills/draw/pen_grip.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <limits>
 #include <numbers>
 
-#include "parts/soft_limits.hpp"
+#include "manipulation/parts/soft_limits.hpp"
 
 namespace trifinger::manipulation {
 namespace {

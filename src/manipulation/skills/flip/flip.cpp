@@ -3,10 +3,10 @@
 #include <memory>
 #include <optional>
 
-#include "parts/object_of.hpp"
-#include "parts/repose.hpp"
-#include "parts/rotation_between.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/repose.hpp"
+#include "manipulation/parts/rotation_between.hpp"
+#include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "skills/lift/lift.hpp"
+#include "manipulation/skills/lift/lift.hpp"
 
 #include <memory>
 
-#include "parts/grasp_config.hpp"
-#include "parts/grasped_motion.hpp"
-#include "parts/settings.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/grasp_config.hpp"
+#include "manipulation/parts/grasped_motion.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/skills/makers.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::manipulation {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "parts/task.hpp"
+#include "manipulation/parts/task.hpp"
 #include "trifinger/manipulation/skill.hpp"
 
 namespace trifinger::manipulation {

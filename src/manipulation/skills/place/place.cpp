@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "parts/object_of.hpp"
-#include "parts/repose.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/repose.hpp"
+#include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
 

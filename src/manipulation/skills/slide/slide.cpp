@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <memory>
 
-#include "parts/grasp_config.hpp"
-#include "parts/grasped_motion.hpp"
-#include "parts/settings.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/grasp_config.hpp"
+#include "manipulation/parts/grasped_motion.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
 

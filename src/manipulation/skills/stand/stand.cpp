@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "parts/pinched_handling.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/pinched_handling.hpp"
+#include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
 namespace {

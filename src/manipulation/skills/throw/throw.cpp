@@ -12,13 +12,13 @@
 #include <utility>
 #include <vector>
 
-#include "parts/object_of.hpp"
-#include "parts/phased.hpp"
-#include "parts/settings.hpp"
-#include "skills/makers.hpp"
-#include "skills/throw/stroke.hpp"
+#include "control/ballistics.hpp"
+#include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/phased.hpp"
+#include "manipulation/parts/settings.hpp"
+#include "manipulation/skills/makers.hpp"
+#include "manipulation/skills/throw/stroke.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/control/ballistics.hpp"
 #include "trifinger/control/impedance.hpp"
 #include "trifinger/control/trajectories.hpp"
 #include "trifinger/model/kinematics.hpp"

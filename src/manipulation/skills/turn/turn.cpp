@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "parts/pinched_handling.hpp"
-#include "skills/makers.hpp"
+#include "manipulation/parts/pinched_handling.hpp"
+#include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "boards/board_robot.hpp"
+#include "boards/homing.hpp"
+
+namespace trifinger::boards {
+
+/// The angles of one robot's joints where its homing finds them: its calibration, in a file of its
+/// own.
+struct Calibration {
+  std::string robot;   ///< Name of the robot.
+  std::string serial;  ///< What is written on it; "any" if nobody has said it.
+  std::string date;    ///< When it was measured: "2026-11-22 21:50:00 UTC".
+  // Homing finds other places with other values of these:
+  HomingMethod method{HomingMethod::kEndStopIndex};
+  std::vector<double> direction;  ///< 1 or -1: sign of each homing torque.
+  std::vector<double> polarity;   ///< 1 or -1, of each joint.
+  double gear_ratio{9.0};
+  std::vector<double> home_position;  ///< Angle of each joint at its home [rad].
+
+  /// The calibration of a robot whose homing has found these homes, with the present date.
+  template <class R>
+  [[nodiscard]] static Calibration of(const std::string& robot, const std::string& serial,
+                                      const BoardRobotOptions<R>& options,
+                                      const JointVector<R::kJoints>& home_position);
+
+  /// As the text of a file, in YAML.
+  [[nodiscard]] std::string text() const;
+};
+
+/// The file with the calibration of the robot `robot`: NAME.yml in $TRIFINGER_CALIBRATION_DIR, else
+/// in $XDG_CONFIG_HOME/trifinger/calibration, else in ~/.config/trifinger/calibration.
+/// @throws InvalidArgument if the environment names no folder
+[[nodiscard]] std::filesystem::path calibration_file(const std::string& robot);
+
+/// Reads a calibration. @throws config::ConfigError at what makes no sense, SystemError
+[[nodiscard]] Calibration read_calibration(const std::filesystem::path& path);
+
+/// Replaces the file by `calibration`, or leaves it as it was. @throws SystemError
+void write_calibration(const std::filesystem::path& path, const Calibration& calibration);
+
+/// Gives a robot the homes of `calibration`.
+/// @throws InvalidArgument if it is the calibration of another robot than `robot`, or if it was
+/// measured with another homing
+template <class R>
+void calibrate(BoardRobotOptions<R>& options, const std::string& robot,
+               const Calibration& calibration);
+
+}  // namespace trifinger::boards

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "boards/joint_sweep.hpp"
+#include "boards/wiring_test.hpp"
+
+namespace trifinger::boards {
+
+/// What a test has found out about one joint.
+struct JointReport {
+  std::optional<WiringFinding> wiring{};  ///< Nothing before the test.
+  std::optional<SweepResult> sweep{};     ///< Nothing if the test did not come so far.
+  std::optional<double> weight{};  ///< Torque that should carry its weight in the sweep [Nm].
+  double index_distance{0.0};  ///< From one index of its encoder to the next [rad]; 0 if none came.
+};
+
+/// Describes what is wrong with the joint of `report`, and what to do; empty if nothing is. The
+/// text follows the name of the joint. One revolution of its motor is `index_distance` [rad].
+[[nodiscard]] std::string problem_of(const JointReport& report, double index_distance);
+
+}  // namespace trifinger::boards

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "dynamixel/motor_group.hpp"
+#include "dynamixel/motor_link.hpp"
+#include "trifinger/base/text.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/joint/counted.hpp"
+#include "trifinger/joint/counted_chain.hpp"
+#include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/orderly_stop.hpp"
+
+namespace trifinger::servos {
+
+/// What a motor does with an action.
+enum class ServoMode : std::uint8_t {
+  /// It gives the torque that the safety chain has found, by its current.
+  kTorque,
+  /// It goes to the desired position by itself, with at most `max_current`. Torques and gains are
+  /// refused.
+  kPosition,
+};
+
+/// A motor at a joint.
+struct Servo {
+  dynamixel::MotorId id{1};
+  double direction{1.0};  ///< 1, or -1 for a motor that turns the other way.
+  double ratio{1.0};      ///< Turn of the motor per turn [rad/rad] or way [rad/m] of the joint.
+  double zero{0.0};       ///< Angle of the motor where its joint is at 0 [rad].
+
+  [[nodiscard]] constexpr double joint_position(double motor) const noexcept {
+    return direction * (motor - zero) / ratio;
+  }
+  [[nodiscard]] constexpr double joint_velocity(double motor) const noexcept {
+    return direction * motor / ratio;
+  }
+  [[nodiscard]] constexpr double motor_position(double joint) const noexcept {
+    return direction * joint * ratio + zero;
+  }
+  /// Torque of the motor for a torque or force of the joint, and with `joint_torque` back.
+  [[nodiscard]] constexpr double motor_torque(double joint) const noexcept {
+    return direction * joint / ratio;
+  }
+  [[nodiscard]] constexpr double joint_torque(double motor) const noexcept {
+    return direction * motor * ratio;
+  }
+};
+
+/// How a robot goes to its initial position before a session, so that fingers that are entangled
+/// come free. Times are those of a hand with light fingers.
+struct ResetOptions {
+  /// These joints go first, while all others have no torque. Empty: all go together.
+  std::vector<std::size_t> first{};
+  Nanoseconds first_time{std::chrono::seconds(1)};
+  Nanoseconds move_time{std::chrono::seconds(1)};    ///< Then all go there in this time.
+  Nanoseconds settle_time{std::chrono::seconds(1)};  ///< They may take so long to arrive.
+  double tolerance{0.0873};                          ///< Arrived means this near [rad], [m].
+  int attempts{3};  ///< How often to try again after the first time.
+  /// Before another attempt all joints have no torque for `release_time`. Then these go to these
+  /// positions in `first_time`, while the others have no torque.
+  std::vector<std::pair<std::size_t, double>> untangle{};
+  Nanoseconds release_time{std::chrono::milliseconds(750)};
+};
+
+/// The settings of a robot on Dynamixel motors.
+struct ServoRobotOptions {
+  /// The elements of its sessions, as from `describe_counted`, and the names of its joints.
+  RobotTypes types{};
+  std::vector<std::string> names{};
+  std::vector<JointLimit> limits{};
+  std::vector<Servo> motors{};  ///< The motor of each joint.
+  /// Motors without torque that measure angles of other joints.
+  std::vector<Servo> sensors{};
+  /// Where the stops of these joints are [rad], [m]; empty, or nothing: a joint has none.
+  std::vector<std::optional<std::array<double, 2>>> sensor_ranges{};
+  /// If the observation also has "joint_position" and "joint_velocity": which of `motors`, followed
+  /// by `sensors`, measures each of these; nothing: nobody does, and it is not a number.
+  std::vector<std::optional<std::size_t>> all_joints{};
+  /// Number of "tip_force" in the observation, for robots that usually measure these. No motor
+  /// does, so they are not numbers.
+  std::size_t num_tips{0};
+  ServoMode mode{ServoMode::kTorque};
+  double torque_constant{1.3};  ///< Torque of a motor's shaft per ampere, behind its gear [Nm/A].
+  double max_current{1.0};      ///< No motor ever gets more [A].
+  std::vector<double> initial_position{};  ///< Where sessions begin [rad], [m].
+  ResetOptions reset{};
+  OrderlyStopOptions stop{};                         ///< What happens after a session.
+  Nanoseconds period{std::chrono::milliseconds(1)};  ///< Period of the back-end.
+  /// Writes the torques that carry the weight of the joints at a position; default: none. It runs
+  /// in the loop.
+  std::function<void(std::span<const double> position, std::span<double> torque)> weight{};
+
+  /// @throws InvalidArgument that names the option, the value found and the values allowed
+  void validate() const;
+};
+
+/// The group of motors that such a robot needs: numbers, mode and largest current. The rest is as
+/// in `rest`.
+[[nodiscard]] dynamixel::MotorGroupOptions group_options(const ServoRobotOptions& options,
+                                                         dynamixel::MotorGroupOptions rest = {});
+
+/// Any robot on Dynamixel motors, with as many joints as it has, and with the same safety chain and
+/// the same elements as the robot from its file in simulation.
+///
+/// Each motor must stay within one turn, -π to π, between the hard limits of its joint: a motor
+/// that is switched on knows no more. So must a sensor between the stops of its joint, unless each
+/// turn of it is whole turns of the joint, as at a valve; its angle is then known except for whole
+/// turns.
+///
+/// `prepare` sets up the motors and goes to the initial position, unless the robot is there. After
+/// a session torque is switched off. In between the loop uses the newest values of the bus, which
+/// has a rate of its own: `DriverReport::measurement_age` says how old they are, `lost_frames` how
+/// many answers of motors were lost.
+///
+/// In `ServoMode::kPosition` an action must not have a torque or gains; such joints hold their last
+/// position, and the action counts as rejected. Goals move with at most `max_velocity`. A joint
+/// without a position holds its last goal. The applied torque is then 0: the motor finds it.
+class ServoRobot final : public UntypedDriver {
+ public:
+  using Options = ServoRobotOptions;
+
+  /// Fault codes in addition to those of the safety chain. Those with a joint have its number from
+  /// 1 in the bits from 8 on.
+  static constexpr std::int32_t kMotorTrouble =
+      64;                                          ///< A motor or the line; `fault_text` says what.
+  static constexpr std::int32_t kNotAtStart = 96;  ///< A joint does not reach its initial position.
+
+  /// `motors` are those of `group_options`.
+  /// @throws InvalidArgument
+  ServoRobot(Options options, std::unique_ptr<dynamixel::MotorLink> motors);
+  ~ServoRobot() override;
+
+  [[nodiscard]] const Options& options() const noexcept { return options_; }
+  /// What was last seen of the motors. Call this only while nobody runs the robot.
+  [[nodiscard]] const dynamixel::MotorSnapshot& motors() const noexcept { return snapshot_; }
+  /// Adds a check after the existing ones, before the first session.
+  void add_check(CountedChain::Check check);
+
+  [[nodiscard]] const RobotTypes& description() const noexcept override { return chain_.types(); }
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  void cut() noexcept override { link_->cut(); }
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override;
+
+ private:
+  enum class Phase : std::uint8_t { kStarting, kFirst, kAll, kSettling, kReleased, kUntangling };
+
+  [[nodiscard]] std::size_t num_joints() const noexcept { return options_.motors.size(); }
+  // Takes what is new from the motors. False if they have failed; the text of the fault then says
+  // why, and `code` is its code.
+  [[nodiscard]] bool refresh(std::int32_t& code) noexcept;
+  void write_observation(void* element) const noexcept;
+  [[nodiscard]] double distance(std::size_t joint) const noexcept;
+  [[nodiscard]] std::optional<std::size_t> find_astray() const noexcept;
+  void begin(Phase phase) noexcept;
+  // One step of the way to the initial position.
+  [[nodiscard]] DriverReport move() noexcept;
+  [[nodiscard]] DriverReport drive_towards(double part) noexcept;
+  [[nodiscard]] DriverReport try_again() noexcept;
+  void add_weight(CountedAction& action) noexcept;
+  // Rejects what motors cannot do that follow positions, and says so in `refusal`.
+  [[nodiscard]] bool refuse_torques(FixedText& refusal) noexcept;
+  void send() noexcept;
+  // Switches torque off.
+  void release() noexcept;
+  void limit_goal(std::size_t joint) noexcept;
+
+  Options options_;
+  CountedChain chain_;
+  std::unique_ptr<dynamixel::MotorLink> link_;
+  dynamixel::MotorSnapshot snapshot_{};
+  std::uint64_t request_{0};
+  std::uint64_t lost_before_{0};  // answers lost before this session
+  bool may_have_torque_{false};   // since the request to start; only a release takes it away
+  bool is_running_{false};        // Motors have started, and the robot knows where they are.
+
+  OrderlyStop stop_;
+  bool has_fault_{false};  // A safety check has ended the session.
+  Phase phase_{Phase::kStarting};
+  TimeIndex phase_steps_{0};
+  int attempts_{0};
+  PerJoint<double> begin_;       // of this phase
+  PerJoint<double> target_;      // NaN: no torque
+  PerJoint<double> goals_;       // of joints, in ServoMode::kPosition
+  std::vector<double> torques_;  // memory for `weight`
+  // Of `all_joints`; NaN where nobody measures.
+  std::vector<double> all_positions_;
+  std::vector<double> all_velocities_;
+  std::vector<double> tip_force_;
+  std::array<double, dynamixel::kMaxMotors> sent_{};
+
+  CountedObservation observation_;
+  CountedAction desired_;
+  CountedObservation held_;
+};
+
+}  // namespace trifinger::servos
