@@ -6,7 +6,7 @@ import sys
 from typing import NoReturn
 
 from .build import build, uses
-from .setup import PROGRAMS, PYTHON, setup
+from .setup import OF_DEVELOPERS, PROGRAMS, PYTHON, setup
 from .steps import ROOT, Steps
 
 
@@ -19,7 +19,7 @@ def become(*command: str, **variables: str) -> NoReturn:
 
 def demo(*arguments: str) -> NoReturn:
     """Lifts a cube."""
-    setup()
+    setup(without=OF_DEVELOPERS)
     build("release", "trifinger_program", "trifinger_manipulate", "trifinger_python")
     become(f"{PROGRAMS}/trifinger", "demo", *arguments)
 

@@ -7,12 +7,13 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from link_into_venv import PROJECTS
 
 from .steps import ROOT, StepFailed, Steps
 
+OF_DEVELOPERS = ("test", "wheel", "lint")  # extras of Python packages
 VENV = ROOT / ".venv"
 PROGRAMS = f"{VENV}/bin"
 PYTHON = f"{PROGRAMS}/python"
@@ -34,8 +35,11 @@ DEBIAN_PACKAGES = (
 )
 
 
-def setup() -> None:
+def setup(without: Collection[str] = ()) -> None:
     """Installs what is missing, which takes no time if nothing is.
+
+    Args:
+        without: extras of Python packages that are not needed
 
     Raises:
         StepFailed: if a package cannot be installed
@@ -47,7 +51,7 @@ def setup() -> None:
         os.environ["CCACHE_BASEDIR"] = str(ROOT)
         # Without these, ccache keeps nothing that is compiled with precompiled headers.
         os.environ["CCACHE_SLOPPINESS"] = "pch_defines,time_macros"
-    _make_virtual_environment(steps)
+    _make_virtual_environment(steps, python_packages(without))
     _link_package(steps)
 
 
@@ -83,8 +87,12 @@ def install_debian_packages(steps: Steps, packages: Iterable[str]) -> None:
     steps.run(f"{len(missing)} system packages", [*as_root, *install])
 
 
-def python_packages() -> list[str]:
-    """Returns all packages of others with one version in any pyproject.toml, as pip takes them."""
+def python_packages(without: Collection[str] = ()) -> list[str]:
+    """Returns all packages of others with one version in any pyproject.toml, as pip takes them.
+
+    Args:
+        without: extras whose packages are left out, unless others need them
+    """
     groups: list[list[str]] = []
     for path in PROJECTS:
         pyproject = tomllib.loads(path.read_text())
@@ -92,21 +100,25 @@ def python_packages() -> list[str]:
         groups += [
             pyproject["build-system"]["requires"],
             project["dependencies"],
-            *project.get("optional-dependencies", {}).values(),
+            *(
+                packages
+                for extra, packages in project.get("optional-dependencies", {}).items()
+                if extra not in without
+            ),
         ]
     return sorted({package for group in groups for package in group if "==" in package})
 
 
-def _make_virtual_environment(steps: Steps) -> None:
-    packages = python_packages()
+def _make_virtual_environment(steps: Steps, packages: Collection[str]) -> None:
     # A virtual environment contains absolute paths, so one that was moved or copied is made again.
     place = f"{ROOT} Python {platform.python_version()}"
     installed = PINS.read_text().splitlines() if PINS.exists() else []
     if installed[:1] != [place]:
         steps.run("virtual environment", ["python3", "-m", "venv", "--clear", str(VENV)])
         installed = []
-    if installed[1:] != packages:
-        pip = [PYTHON, "-m", "pip", "install", "--disable-pip-version-check"]
+    if not set(packages) <= set(installed[1:]):
+        # Python compiles a module when it is first imported, so pip need not compile all of them.
+        pip = [PYTHON, "-m", "pip", "install", "--disable-pip-version-check", "--no-compile"]
         steps.run("Python packages", [*pip, *packages])
         PINS.unlink(missing_ok=True)  # hard links to the old file keep the old content
         PINS.write_text("\n".join([place, *packages, ""]))
