@@ -62,7 +62,7 @@ struct EndPlanner {
   }
 };
 
-PythonBatch to_python(const RolloutBatch& batch) {
+PythonBatch python_batch(const RolloutBatch& batch) {
   const npy_intp rollouts = batch.num_rollouts;
   const npy_intp states = batch.num_states;
   return {.num_rollouts = batch.num_rollouts,
@@ -106,7 +106,7 @@ void BatchCost::add(const RolloutBatch& batch, std::span<double> costs) {
   // relaxed: only this thread itself looks for its own number.
   running_in_.store(std::this_thread::get_id(), std::memory_order_relaxed);
   try {
-    add_costs(function(nb::cast(to_python(batch))), costs);
+    add_costs(function(nb::cast(python_batch(batch))), costs);
   } catch (...) {
     running_in_.store({}, std::memory_order_relaxed);
     throw;

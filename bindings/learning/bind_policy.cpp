@@ -39,18 +39,18 @@ using WeightMatrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen:
 using Weights = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Bias = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using PyLayer = std::tuple<Weights, Bias, std::string>;
-using Numbers = std::vector<double>;
+using Values = std::vector<double>;
 
 // In the order of the enumerations.
 constexpr std::array<std::string_view, 3> kActivations{"identity", "relu", "tanh"};
 constexpr std::array<std::string_view, 2> kBoundings{"scale", "clip"};
 
-Eigen::VectorXd to_vector(const Numbers& numbers) {
+Eigen::VectorXd to_vector(const Values& numbers) {
   return Eigen::Map<const Eigen::VectorXd>(numbers.data(),
                                            static_cast<Eigen::Index>(numbers.size()));
 }
 
-Numbers from_vector(const Eigen::VectorXd& vector) { return {vector.begin(), vector.end()}; }
+Values from_vector(const Eigen::VectorXd& vector) { return {vector.begin(), vector.end()}; }
 
 Layer to_layer(const PyLayer& layer) {
   const auto& [weights, bias, activation] = layer;
@@ -125,9 +125,9 @@ void bind_policy(nb::module_& m) {
           "about half the\ntime and rounds as much as PyTorch does.")
       .def_static(
           "from_layers",
-          [](const std::vector<PyLayer>& layers, const std::optional<Numbers>& mean,
-             const std::optional<Numbers>& variance, double epsilon, double clip,
-             const std::optional<Numbers>& low, const std::optional<Numbers>& high,
+          [](const std::vector<PyLayer>& layers, const std::optional<Values>& mean,
+             const std::optional<Values>& variance, double epsilon, double clip,
+             const std::optional<Values>& low, const std::optional<Values>& high,
              const std::string& bounding, const std::map<std::string, std::string>& metadata,
              const std::string& precision) {
             Network network{.metadata = metadata};
@@ -194,7 +194,7 @@ void bind_policy(nb::module_& m) {
           "Precision of the policy's sums: 'double' or 'single'.")
       .def_prop_ro(
           "bounds",
-          [](const Policy& policy) -> std::optional<std::tuple<Numbers, Numbers, std::string>> {
+          [](const Policy& policy) -> std::optional<std::tuple<Values, Values, std::string>> {
             const auto& bounds = policy.network().bounds;
             if (!bounds) return std::nullopt;
             return std::tuple(
