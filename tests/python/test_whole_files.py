@@ -35,7 +35,9 @@ ELSEWHERE = {
     # A folder of many files, which grows.
     "log/images.py": ("save_images",),
     # In a whole folder.
-    "trifinger_data_sets/lerobot.py": ("write_json", "_write", "close", "add", "_png"),
+    "trifinger_data_sets/lerobot.py": ("write_json", "_png"),
+    "trifinger_data_sets/lerobot_tables.py": ("_write", "close", "add"),
+    "trifinger_data_sets/lerobot_videos.py": ("add",),
     "trifinger_data_sets/statistics.py": ("__init__",),
     "trifinger_data_sets/minari.py": ("_write_episodes",),
     # In a temporary folder.

@@ -24,7 +24,14 @@ from trifinger._trifinger import limits_of_file_robot, robot_configuration
 from trifinger.environments import Environment, Options
 from trifinger.errors import InvalidArgument
 from trifinger.log.images import LoggedCameras
-from trifinger_data_sets import cloning, lerobot, minari as minari_format, rows
+from trifinger_data_sets import (
+    cloning,
+    lerobot,
+    lerobot_layout,
+    lerobot_videos,
+    minari as minari_format,
+    rows,
+)
 from trifinger_data_sets.commands import clone as clone_command
 from trifinger_data_sets.commands.export import logs_of, main
 from trifinger_data_sets.episodes import find_episodes
@@ -132,8 +139,8 @@ def test_every_step_between_two_rows_is_in_the_data_set(blind: Recorded) -> None
 
 
 def test_no_thread_of_an_encoder_has_real_time_priority(tmp_path: Path) -> None:
-    for encoder in lerobot.encoders():
-        videos = lerobot.Videos(tmp_path, encoder, 10, encoder)
+    for encoder in lerobot_videos.encoders():
+        videos = lerobot_videos.Videos(tmp_path, encoder, 10, encoder)
         videos.begin_episode()
         videos.add(np.zeros((SIZE, SIZE, 3), np.uint8))
         threads = [int(task.name) for task in Path("/proc/self/task").iterdir()]
@@ -202,10 +209,10 @@ def test_a_reader_of_the_format_finds_what_the_log_has(
 def test_many_files_are_in_global_order(
     seen: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lerobot, "DATA_SIZE", 0)
-    monkeypatch.setattr(lerobot, "VIDEO_SIZE", 0)
-    monkeypatch.setattr(lerobot, "FILES_PER_CHUNK", 1000)
-    monkeypatch.setattr(lerobot, "WAITING", 1)
+    monkeypatch.setattr(lerobot_layout, "DATA_SIZE", 0)
+    monkeypatch.setattr(lerobot_layout, "VIDEO_SIZE", 0)
+    monkeypatch.setattr(lerobot_layout, "FILES_PER_CHUNK", 1000)
+    monkeypatch.setattr(lerobot_layout, "WAITING", 1)
     folder = tmp_path / "set"
     export("lerobot", seen.folder, seen.folder, "-o", folder, "--episodes", "marks")
     reader = Reader(folder)
@@ -424,11 +431,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 import trifinger
-from trifinger_data_sets import lerobot, minari, statistics
+from trifinger_data_sets import lerobot, lerobot_layout, minari, statistics
 from trifinger_data_sets.episodes import find_episodes
 
 # Buffers are full after a few episodes, so what grows is what is kept of each.
-lerobot.EPISODES_SIZE = lerobot.GROUP_SIZE = 1
+lerobot_layout.EPISODES_SIZE = lerobot_layout.GROUP_SIZE = 1
 statistics.MEMORY = 1 << 20
 (whole,) = find_episodes([trifinger.Log(sys.argv[1])])[:1]
 format, folder, count = sys.argv[2], Path(sys.argv[3]), int(sys.argv[4])
