@@ -125,41 +125,78 @@ def clone(
     for examples that nothing can be learned from; Error if PyTorch is missing.
     """
     extras.require("learning", "torch")
-    import torch
-
     recipe = recipe or Recipe()
     _check(examples)
     is_apart = _apart(examples, recipe)
     learned, apart = ~is_apart, is_apart if is_apart.any() else ~is_apart
-    mean = examples.observations[learned].mean(axis=0, dtype=np.float64)
-    variance = examples.observations[learned].var(axis=0, dtype=np.float64)
-    # What never changes in the examples must not be magnified when it does change.
-    variance = np.where(variance < EPSILON, 1.0, variance)
-    action_mean = examples.actions[learned].mean(axis=0, dtype=np.float64)
-    spread = examples.actions[learned].std(axis=0, dtype=np.float64)
-    spread = np.where(spread < EPSILON, 1.0, spread)
+    scaling = _Scaling.of(examples, learned)
+    network, deviation = _train(
+        scaling.scaled(examples, learned), scaling.scaled(examples, apart), scaling, recipe, watch
+    )
+    policy = _write(path, network, scaling, examples)
+    constant = float(np.sqrt(((examples.actions[apart] - scaling.action_mean) ** 2).mean()))
+    return Result(
+        policy=policy,
+        deviation=deviation,
+        constant=constant,
+        actions=int(np.count_nonzero(learned)),
+    )
 
-    def prepared(rows: NDArray[np.bool_]) -> tuple[Any, Any]:
-        numbers = (examples.observations[rows] - mean) / np.sqrt(variance + EPSILON)
-        wanted = (examples.actions[rows] - action_mean) / spread
+
+@dataclass(frozen=True)
+class _Scaling:
+    """Brings observations and actions to zero mean and unit variance."""
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    action_mean: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    """Standard deviation of the actions."""
+
+    @classmethod
+    def of(cls, examples: Examples, rows: NDArray[np.bool_]) -> _Scaling:
+        mean = examples.observations[rows].mean(axis=0, dtype=np.float64)
+        variance = examples.observations[rows].var(axis=0, dtype=np.float64)
+        # What never changes in the examples must not be magnified when it does change.
+        variance = np.where(variance < EPSILON, 1.0, variance)
+        action_mean = examples.actions[rows].mean(axis=0, dtype=np.float64)
+        spread = examples.actions[rows].std(axis=0, dtype=np.float64)
+        spread = np.where(spread < EPSILON, 1.0, spread)
+        return cls(mean, variance, action_mean, spread)
+
+    def scaled(self, examples: Examples, rows: NDArray[np.bool_]) -> tuple[Any, Any]:
+        """The tensors of some rows: inputs, and wanted outputs."""
+        import torch
+
+        numbers = (examples.observations[rows] - self.mean) / np.sqrt(self.variance + EPSILON)
+        wanted = (examples.actions[rows] - self.action_mean) / self.spread
         return (
             torch.from_numpy(np.clip(numbers, -10, 10).astype(np.float32)),
             torch.from_numpy(wanted.astype(np.float32)),
         )
 
+
+def _train(
+    learned: tuple[Any, Any],
+    apart: tuple[Any, Any],
+    scaling: _Scaling,
+    recipe: Recipe,
+    watch: Watch | None,
+) -> tuple[Any, float]:
+    """The network that predicts the actions kept apart best, and by how much it deviates."""
+    import torch
+
+    inputs, outputs = learned
+    test_inputs, test_outputs = apart
     generator = torch.Generator().manual_seed(recipe.seed)
     with torch.random.fork_rng():
         torch.manual_seed(recipe.seed)
-        network = _network(
-            [examples.observations.shape[1], *recipe.layers, examples.actions.shape[1]]
-        )
-    inputs, outputs = prepared(learned)
-    test_inputs, test_outputs = prepared(apart)
+        network = _network([inputs.shape[1], *recipe.layers, outputs.shape[1]])
     optimizer = torch.optim.AdamW(
         network.parameters(), recipe.learning_rate, weight_decay=recipe.weight_decay
     )
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, recipe.epochs)
-    scale = torch.from_numpy(spread.astype(np.float32))
+    scale = torch.from_numpy(scaling.spread.astype(np.float32))
     best, best_state = np.inf, None
     with _one_thread():
         for epoch in range(recipe.epochs):
@@ -182,12 +219,18 @@ def clone(
     if best_state is None:
         raise InvalidArgument("the network has learned nothing: its errors are not finite")
     network.load_state_dict(best_state)
+    return network, best
+
+
+def _write(
+    path: str | os.PathLike[str], network: Any, scaling: _Scaling, examples: Examples
+) -> Policy:
     layers = policy_file.layers_of(network)
     weights, bias, activation = layers[-1]
     # The last layer computes actions in their own units.
     layers[-1] = (
-        np.asarray(weights) * spread[:, None],
-        np.asarray(bias) * spread + action_mean,
+        np.asarray(weights) * scaling.spread[:, None],
+        np.asarray(bias) * scaling.spread + scaling.action_mean,
         activation,
     )
     low, high = examples.low, examples.high
@@ -195,20 +238,16 @@ def clone(
         low, high = examples.actions.min(axis=0), examples.actions.max(axis=0)
         # The policy's bounds must not be equal, even if an action never changed.
         high = np.maximum(high, np.nextafter(low, np.float32(np.inf)))
-    policy = policy_file.write(
+    return policy_file.write(
         path,
         layers,
-        mean=mean,
-        variance=variance,
+        mean=scaling.mean,
+        variance=scaling.variance,
         epsilon=EPSILON,
         low=low,
         high=high,
         bounding="clip",
         metadata=_metadata(examples),
-    )
-    constant = float(np.sqrt(((examples.actions[apart] - action_mean) ** 2).mean()))
-    return Result(
-        policy=policy, deviation=best, constant=constant, actions=int(np.count_nonzero(learned))
     )
 
 
