@@ -63,6 +63,20 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--force", action="store_true", help="write the calibration even if something is wrong"
     )
+    add_other_jobs(parser)
+    add_board_options(parser)
+    add_image_options(parser)
+    arguments = parser.parse_args(words)
+    if arguments.print_board is None and arguments.robot is None:
+        parser.error("ROBOT is needed: the name of a robot, which names its calibration")
+    needs_images = not (arguments.print_board or arguments.from_original or arguments.to_original)
+    if needs_images and arguments.images is None:
+        parser.error("--images is needed: a folder with a folder of images for each camera")
+    return arguments
+
+
+def add_other_jobs(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that ask for something else than a calibration."""
     other = parser.add_argument_group("instead of a calibration").add_mutually_exclusive_group()
     other.add_argument(
         "--check", action="store_true", help="check the present calibration with --images"
@@ -83,7 +97,10 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     other.add_argument(
         "--print-board", type=Path, metavar="FILE", help="draw the board: .pdf or .svg"
     )
-    add_board_options(parser)
+
+
+def add_image_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say what the images show."""
     images = parser.add_argument_group("images")
     images.add_argument(
         "--pixels",
@@ -109,13 +126,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="DEGREES",
         help="direction of the board's x axis in the first image on the turntable; default: 0",
     )
-    arguments = parser.parse_args(words)
-    if arguments.print_board is None and arguments.robot is None:
-        parser.error("ROBOT is needed: the name of a robot, which names its calibration")
-    needs_images = not (arguments.print_board or arguments.from_original or arguments.to_original)
-    if needs_images and arguments.images is None:
-        parser.error("--images is needed: a folder with a folder of images for each camera")
-    return arguments
 
 
 def add_board_options(parser: argparse.ArgumentParser) -> None:

@@ -169,44 +169,55 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     formats = parser.add_subparsers(dest="format", required=True, metavar="FORMAT")
-    one = formats.add_parser(
+    lerobot = formats.add_parser(
         "lerobot",
         help="LeRobotDataset v3.0",
         description="Write a LeRobotDataset, version 3.0: rows at a fixed rate, images as films.",
     )
-    add_options(one)
-    one.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
-    one.add_argument(
-        "--images",
-        choices=("video", "image"),
-        default="video",
-        help="films (default), or a PNG of each image, which loses nothing",
-    )
-    one.add_argument("--encoder", metavar="NAME", help="of films; default: libsvtav1 if there")
-    one.add_argument(
-        "--no-high-rate",
-        dest="high_rate",
-        action="store_false",
-        help="leave out the steps between the rows",
-    )
-    one.set_defaults(work=export_lerobot)
-    one = formats.add_parser(
+    add_lerobot_options(lerobot)
+    minari = formats.add_parser(
         "minari",
         help="a data set of Minari",
         description="Write a data set of Minari, in HDF5 and without loss, where Minari finds it: "
         "in $MINARI_DATASETS_PATH, or ~/.minari/datasets.",
     )
-    add_options(one)
-    one.add_argument(
+    add_minari_options(minari)
+    return parser.parse_args(words)
+
+
+def add_lerobot_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `trifinger export lerobot`."""
+    add_options(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument(
+        "--images",
+        choices=("video", "image"),
+        default="video",
+        help="films (default), or a PNG of each image, which loses nothing",
+    )
+    parser.add_argument("--encoder", metavar="NAME", help="of films; default: libsvtav1 if there")
+    parser.add_argument(
+        "--no-high-rate",
+        dest="high_rate",
+        action="store_false",
+        help="leave out the steps between the rows",
+    )
+    parser.set_defaults(work=export_lerobot)
+
+
+def add_minari_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `trifinger export minari`."""
+    add_options(parser)
+    parser.add_argument(
         "-o", "--output", required=True, metavar="ID", help="its name, such as trifinger/reach-v0"
     )
-    one.add_argument(
+    parser.add_argument(
         "--observation",
         choices=("environment", "flat", "dictionary"),
         help="what the environment saw that has made the episodes (default if there is one), or "
         "what the robot measured: a vector, or a dictionary, which also has images",
     )
-    one.add_argument(
+    parser.add_argument(
         "--high-rate", action="store_true", help="also keep the steps between the rows, in infos"
     )
     for name, what in (
@@ -216,9 +227,8 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         ("code", "a link to the program that has made it"),
         ("description", "what it is for"),
     ):
-        one.add_argument(f"--{name}", metavar="TEXT", help=what)
-    one.set_defaults(work=export_minari)
-    return parser.parse_args(words)
+        parser.add_argument(f"--{name}", metavar="TEXT", help=what)
+    parser.set_defaults(work=export_minari)
 
 
 def main(words: Sequence[str] | None = None) -> int:

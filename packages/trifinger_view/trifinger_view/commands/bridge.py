@@ -60,13 +60,27 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     bridges = parser.add_subparsers(dest="bridge", required=True, metavar="PROGRAM")
-    options = FoxgloveOptions()
     foxglove = bridges.add_parser(
         "foxglove",
         help="serve all series to Foxglove",
         description="Serve all series, poses and images of a robot to Foxglove.",
     )
     add_rates(foxglove)
+    add_foxglove_options(foxglove)
+    ros2 = bridges.add_parser(
+        "ros2",
+        help="publish all series as a node of ROS 2, without ROS installed",
+        description="Publish all series, poses and images of a robot as a node of ROS 2. ROS need "
+        "not be installed here.",
+    )
+    add_rates(ros2)
+    add_ros2_options(ros2)
+    return parser.parse_args(words)
+
+
+def add_foxglove_options(foxglove: argparse.ArgumentParser) -> None:
+    """Adds where to listen, and who may connect."""
+    options = FoxgloveOptions()
     foxglove.add_argument(
         "--host",
         default=options.host,
@@ -86,13 +100,10 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="URL",
         help="a web site that may connect besides Foxglove's; may be given several times",
     )
-    ros2 = bridges.add_parser(
-        "ros2",
-        help="publish all series as a node of ROS 2, without ROS installed",
-        description="Publish all series, poses and images of a robot as a node of ROS 2. ROS need "
-        "not be installed here.",
-    )
-    add_rates(ros2)
+
+
+def add_ros2_options(ros2: argparse.ArgumentParser) -> None:
+    """Adds the middleware, and the node's place in its network."""
     ros2.add_argument(
         "--rmw",
         choices=("dds", "zenoh"),
@@ -121,7 +132,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="ENDPOINT",
         help=f"zenoh: the router to connect to; default: {ROUTER}",
     )
-    return parser.parse_args(words)
 
 
 def until_signal(work: Coroutine[None, None, None]) -> None:

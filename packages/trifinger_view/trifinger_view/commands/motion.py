@@ -67,14 +67,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         help="time from one to the other; default: as short as the limits allow",
     )
     from_log = add("from-log", "Take what a robot did from a log", ())
-    add_log_options(from_log)
-    from_log.add_argument("--robot", metavar="NAME", default="", help="needed if there are several")
-    from_log.add_argument(
-        "--series",
-        choices=["observation", "desired_action"],
-        default="observation",
-        help="measured or desired positions; default: observation",
-    )
+    add_source_options(from_log)
     for command in (trim, smooth, slow, mirror, turn, join, from_log):
         command.add_argument("-o", "--output", type=Path, required=True, help="the new motion")
         command.add_argument("--force", action="store_true", help="replace a file that is there")
@@ -85,7 +78,26 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "-o", "--output", type=Path, required=True, help=".png, .svg or .pdf; is replaced"
     )
     add_config(draw)
-    do = add("play", "Lead a running robot to the start of a motion, and let it do the motion")
+    add_play_options(
+        add("play", "Lead a running robot to the start of a motion, and let it do the motion")
+    )
+    return parser.parse_args(words)
+
+
+def add_source_options(from_log: argparse.ArgumentParser) -> None:
+    """Adds the options that say what to take from a log."""
+    add_log_options(from_log)
+    from_log.add_argument("--robot", metavar="NAME", default="", help="needed if there are several")
+    from_log.add_argument(
+        "--series",
+        choices=["observation", "desired_action"],
+        default="observation",
+        help="measured or desired positions; default: observation",
+    )
+
+
+def add_play_options(do: argparse.ArgumentParser) -> None:
+    """Adds the robot that does a motion, and how it does it."""
     do.add_argument("--robot", metavar="NAME", required=True, help="name of the running robot")
     do.add_argument("--times", type=int, default=1, metavar="N", help="how often; default: 1")
     do.add_argument(
@@ -101,7 +113,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         action="store_false",
         help="do not compute torques that the motion needs; the gains of the robot do all",
     )
-    return parser.parse_args(words)
 
 
 def add_config(parser: argparse.ArgumentParser) -> None:

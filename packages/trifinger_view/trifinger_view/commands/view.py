@@ -211,8 +211,8 @@ def require_no_file_options(arguments: argparse.Namespace, what: str) -> None:
             raise InvalidArgument(f"{option} is for a file of a log: it needs {what}")
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """`trifinger view`."""
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments of the command line."""
     parser = ArgumentParser(
         prog="trifinger view",
         description="Show a running robot or a log in a browser, on this machine alone.",
@@ -260,6 +260,12 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     file.add_argument("--to", type=float, metavar="SECONDS", help="end, since the first step")
     file.add_argument("--rate", type=float, metavar="HZ", help="pictures per second; default: 30")
+    add_server_options(parser)
+    return parser.parse_args(words)
+
+
+def add_server_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say who can see the page."""
     server = parser.add_argument_group("who can see the page")
     server.add_argument(
         "--host",
@@ -276,36 +282,41 @@ def main(words: Sequence[str] | None = None) -> int:
         help=f"secret part of the address; default: ${TOKEN_VARIABLE}, or chosen by chance",
     )
     server.add_argument("--no-browser", action="store_true", help="only print the address")
-    arguments = parser.parse_args(words)
 
-    def work() -> None:
-        steers = arguments.control or arguments.hand
-        if steers and (not arguments.what or is_log(arguments.what)):
-            option = "--control" if arguments.control else "--hand"
-            raise InvalidArgument(
-                f"{option} needs the name of a robot that runs: trifinger view sim {option}"
-            )
-        if is_log(arguments.what):
-            if arguments.output is not None:
-                write_log(arguments)
-                return
-            require_no_file_options(arguments, "--output")
-            extras.require(*PAGE)
-            logged = LoggedRun(arguments.what, arguments.robot, arguments.session)
-            show_log(logged, page_options(arguments))
-            return
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger view`."""
+    arguments = parse(words)
+    return run(lambda: show_or_write(arguments))
+
+
+def show_or_write(arguments: argparse.Namespace) -> None:
+    """Shows a robot or a log, or writes a log into a file, as the arguments say."""
+    steers = arguments.control or arguments.hand
+    if steers and (not arguments.what or is_log(arguments.what)):
+        option = "--control" if arguments.control else "--hand"
+        raise InvalidArgument(
+            f"{option} needs the name of a robot that runs: trifinger view sim {option}"
+        )
+    if is_log(arguments.what):
         if arguments.output is not None:
-            raise InvalidArgument(
-                f"-o needs a log: the path of a file, or of a folder with a '{os.sep}'"
-            )
-        require_no_file_options(arguments, "a log and -o")
+            write_log(arguments)
+            return
+        require_no_file_options(arguments, "--output")
         extras.require(*PAGE)
-        if steers:
-            steer_robot(arguments.what, page_options(arguments), with_guide=arguments.control)
-        else:
-            show_robot(arguments.what, page_options(arguments))
-
-    return run(work)
+        logged = LoggedRun(arguments.what, arguments.robot, arguments.session)
+        show_log(logged, page_options(arguments))
+        return
+    if arguments.output is not None:
+        raise InvalidArgument(
+            f"-o needs a log: the path of a file, or of a folder with a '{os.sep}'"
+        )
+    require_no_file_options(arguments, "a log and -o")
+    extras.require(*PAGE)
+    if steers:
+        steer_robot(arguments.what, page_options(arguments), with_guide=arguments.control)
+    else:
+        show_robot(arguments.what, page_options(arguments))
 
 
 def page_options(arguments: argparse.Namespace) -> PageOptions:
