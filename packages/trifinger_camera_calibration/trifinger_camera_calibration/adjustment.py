@@ -272,36 +272,16 @@ class Adjustment:
         Corners that are further off than `robust` [pixel] pull no more than those at this distance.
         """
         mask = np.ones(len(self.pixels), bool) if used is None else used
+        problem = _Problem(self, state, free, mask, robust)
         current = state.vector()
-        _, weight = self.priors(state)
-
-        def residuals(vector: Matrix) -> Matrix:
-            return np.asarray(self.pixels - self.predict(state.of_vector(vector)))
-
-        def weights_of(errors: Matrix) -> Matrix:
-            lengths = np.maximum(np.linalg.norm(errors, axis=1), 1e-12)
-            return np.asarray(np.minimum(1, robust / lengths) * mask)
-
-        def cost_of(errors: Matrix, vector: Matrix) -> float:
-            lengths = np.linalg.norm(errors, axis=1)
-            far = robust * (2 * lengths - robust) if np.isfinite(robust) else lengths**2
-            mean, _ = self.priors(state.of_vector(vector))
-            known = np.sum((weight * (vector - mean))[free] ** 2)
-            return float(np.sum(np.where(lengths < robust, lengths**2, far)[mask]) + known)
-
-        errors = residuals(current)
-        cost = cost_of(errors, current)
+        errors = problem.residuals(current)
+        cost = problem.cost(errors, current)
         # Robust fits only find out what to leave out, and the last steps of theirs are many.
         enough = 1e-4 if np.isfinite(robust) else 1e-7
         damping = 1e-3
         normal = np.zeros((0, 0))
         for _ in range(steps):
-            jacobian = self.jacobian(state.of_vector(current), free)
-            weights = np.repeat(weights_of(errors), 2)
-            mean, _ = self.priors(state.of_vector(current))
-            known = (weight * (mean - current))[free] * weight[free]
-            normal = jacobian.T @ (weights[:, None] * jacobian) + np.diag(weight[free] ** 2)
-            pull = jacobian.T @ (weights * errors.ravel()) + known
+            normal, pull = problem.normal_equations(errors, current)
             scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
             normed = normal / np.outer(scale, scale)
             improved = False
@@ -309,8 +289,8 @@ class Adjustment:
                 step = np.linalg.solve(normed + damping * np.eye(len(scale)), pull / scale) / scale
                 tried = current.copy()
                 tried[free] += step
-                new_errors = residuals(tried)
-                new_cost = cost_of(new_errors, tried)
+                new_errors = problem.residuals(tried)
+                new_cost = problem.cost(new_errors, tried)
                 if new_cost < cost:
                     improved = True
                     break
@@ -321,9 +301,8 @@ class Adjustment:
             current, errors, cost, damping = tried, new_errors, new_cost, max(damping / 10, 1e-9)
             if done:
                 break
-        return Fit(
-            state.of_vector(current), errors, self.covariance(normal, errors[mask], free, weight)
-        )
+        covariance = self.covariance(normal, errors[mask], free, problem.weight)
+        return Fit(state.of_vector(current), errors, covariance)
 
     @staticmethod
     def covariance(
@@ -337,6 +316,49 @@ class Adjustment:
         covariance = np.zeros((len(free), len(free)))
         covariance[np.ix_(free, free)] = np.linalg.pinv(normal, hermitian=True) * variance
         return covariance
+
+
+class _Problem:
+    """The cost of a fit and its normal equations, for any vector of the state."""
+
+    def __init__(
+        self,
+        adjustment: Adjustment,
+        state: State,
+        free: NDArray[np.bool_],
+        used: NDArray[np.bool_],
+        robust: float,
+    ) -> None:
+        self._adjustment = adjustment
+        self._state = state
+        self._free = free
+        self._used = used
+        self._robust = robust
+        _, self.weight = adjustment.priors(state)
+
+    def residuals(self, vector: Matrix) -> Matrix:
+        """Of all corners: seen minus expected [pixel]."""
+        adjustment = self._adjustment
+        return np.asarray(adjustment.pixels - adjustment.predict(self._state.of_vector(vector)))
+
+    def cost(self, errors: Matrix, vector: Matrix) -> float:
+        """The cost of residuals and of deviations from what was known before."""
+        robust, lengths = self._robust, np.linalg.norm(errors, axis=1)
+        far = robust * (2 * lengths - robust) if np.isfinite(robust) else lengths**2
+        mean, _ = self._adjustment.priors(self._state.of_vector(vector))
+        known = np.sum((self.weight * (vector - mean))[self._free] ** 2)
+        return float(np.sum(np.where(lengths < robust, lengths**2, far)[self._used]) + known)
+
+    def normal_equations(self, errors: Matrix, vector: Matrix) -> tuple[Matrix, Matrix]:
+        """Matrix and right-hand side of the equations of a step without damping."""
+        state, free = self._state.of_vector(vector), self._free
+        jacobian = self._adjustment.jacobian(state, free)
+        lengths = np.maximum(np.linalg.norm(errors, axis=1), 1e-12)
+        weights = np.repeat(np.minimum(1, self._robust / lengths) * self._used, 2)
+        mean, _ = self._adjustment.priors(state)
+        known = (self.weight * (mean - vector))[free] * self.weight[free]
+        normal = jacobian.T @ (weights[:, None] * jacobian) + np.diag(self.weight[free] ** 2)
+        return normal, jacobian.T @ (weights * errors.ravel()) + known
 
 
 def numbers_of_free(board_in_world: Matrix) -> Matrix:
