@@ -278,35 +278,12 @@ def _server_class() -> Callable[[Gate, str, frozenset[str]], viser.ViserServer]:
                 def __init__(self, **options: Any) -> None:
                     super().__init__(**(options | {"message_class": Messages, "verbose": False}))
 
-            def serve(handler: Any, _host: str, _port: int, **options: Any) -> Any:
-                own = {
-                    "max_size": LARGEST_MESSAGE,
-                    "max_queue": 16,
-                }
-                check = checked(options.pop("process_request"))
-                return web_server.serve(
-                    route(handler), gate.socket, check, listen, **(options | own)
-                )
-
-            def route(handler: Any) -> Any:
-                async def serve_one(connection: Any) -> None:
-                    is_line = connection.request.path == ACTIONS
-                    await (gate.serve_actions if is_line else handler)(connection)
-
-                return serve_one
-
-            def checked(files: Any) -> Any:
-                def process(connection: Any, request: Any) -> Any:
-                    return _answer(gate, files, connection, request)
-
-                return process
-
             # viser offers no place for a socket or for checks. Its server has called both of
             # these once its constructor returns.
-            listen = websockets.asyncio.server.serve
+            serve = websockets.asyncio.server.serve
             with (
                 _REPLACING,
-                _replaced(websockets.asyncio.server, "serve", serve),
+                _replaced(websockets.asyncio.server, "serve", _behind_gate(gate, serve)),
                 _replaced(infra, "WebsockServer", WebsockServer),
             ):
                 super().__init__(host=gate.host, port=gate.port, label=label, verbose=False)
@@ -316,6 +293,33 @@ def _server_class() -> Callable[[Gate, str, frozenset[str]], viser.ViserServer]:
             raise Error("a page is never shared through a tunnel of others")
 
     return GatedServer
+
+
+def _behind_gate(gate: Gate, listen: Any) -> Any:
+    """The function `serve` of websockets, but at the socket of a gate and with its checks."""
+
+    def serve(handler: Any, _host: str, _port: int, **options: Any) -> Any:
+        own = {
+            "max_size": LARGEST_MESSAGE,
+            "max_queue": 16,
+        }
+        check = checked(options.pop("process_request"))
+        return web_server.serve(route(handler), gate.socket, check, listen, **(options | own))
+
+    def route(handler: Any) -> Any:
+        async def serve_one(connection: Any) -> None:
+            is_line = connection.request.path == ACTIONS
+            await (gate.serve_actions if is_line else handler)(connection)
+
+        return serve_one
+
+    def checked(files: Any) -> Any:
+        def process(connection: Any, request: Any) -> Any:
+            return _answer(gate, files, connection, request)
+
+        return process
+
+    return serve
 
 
 _REPLACING = threading.Lock()

@@ -235,25 +235,7 @@ class _Page:
         if scene is None or course.positions is None:
             return nothing
         meshes: list[dict[str, Any]] = []
-
-        def part_of(mesh: Mesh) -> dict[str, Any]:
-            normals = np.zeros((len(mesh.normals), 4), np.int8)
-            normals[:, :3] = np.round(127 * mesh.normals)
-            meshes.append(
-                {
-                    "positions": self._numbers.add(mesh.vertices, "<f4"),
-                    "normals": self._numbers.add(normals, "i1"),
-                    "colours": self._numbers.add(mesh.colours, "u1"),
-                    "triangles": self._numbers.add(mesh.faces, "<u4"),
-                }
-            )
-            return {
-                "mesh": len(meshes) - 1,
-                "isTransparent": mesh.is_transparent,
-                "isSurround": mesh.is_surround,
-            }
-
-        parts = [[part_of(mesh) for mesh in body.meshes] for body in scene.bodies]
+        parts = [[self._part(mesh, meshes) for mesh in body.meshes] for body in scene.bodies]
         poses = np.empty((count, len(scene.bodies), 7), np.float32)
         ghosts = np.empty_like(poses)
         tips = np.zeros((count, len(scene.tip_names), 6), np.float32)
@@ -294,6 +276,24 @@ class _Page:
             "ghost": self._numbers.add(is_ghostly, "u1"),
             "metresPerNewton": METRES_PER_NEWTON,
             "camera": _camera(*scene.sphere(course.positions[0], course.objects_at(0))),
+        }
+
+    def _part(self, mesh: Mesh, meshes: list[dict[str, Any]]) -> dict[str, Any]:
+        """A part of a body; its mesh is added to those of the page."""
+        normals = np.zeros((len(mesh.normals), 4), np.int8)
+        normals[:, :3] = np.round(127 * mesh.normals)
+        meshes.append(
+            {
+                "positions": self._numbers.add(mesh.vertices, "<f4"),
+                "normals": self._numbers.add(normals, "i1"),
+                "colours": self._numbers.add(mesh.colours, "u1"),
+                "triangles": self._numbers.add(mesh.faces, "<u4"),
+            }
+        )
+        return {
+            "mesh": len(meshes) - 1,
+            "isTransparent": mesh.is_transparent,
+            "isSurround": mesh.is_surround,
         }
 
     def _body(

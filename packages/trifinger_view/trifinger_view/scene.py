@@ -222,56 +222,8 @@ def glb(meshes: Iterable[Mesh], painted_light: Array | None = None) -> bytes:
     With `painted_light`, the quaternion (w, x, y, z) of the body, the colours have the light in
     them that falls on the body there, and a browser needs none of its own (KHR_materials_unlit).
     """
-    chunks: list[bytes] = []
-    views: list[dict[str, Any]] = []
-    accessors: list[dict[str, Any]] = []
-
-    def add(values: NDArray[Any], kind: str, component: int, target: int, **more: Any) -> int:
-        data = np.ascontiguousarray(values).tobytes()
-        views.append(
-            {
-                "buffer": 0,
-                "byteOffset": sum(map(len, chunks)),
-                "byteLength": len(data),
-                "target": target,
-            }
-        )
-        chunks.append(data + b"\0" * (-len(data) % 4))
-        accessors.append(
-            {
-                "bufferView": len(views) - 1,
-                "componentType": component,
-                "count": len(values) if kind != "SCALAR" else values.size,
-                "type": kind,
-                **more,
-            }
-        )
-        return len(accessors) - 1
-
-    vertex_data, index_data, single, short, integer = 34962, 34963, 5126, 5123, 5125
-    primitives = []
-    for mesh in meshes:
-        corners = {"min": mesh.vertices.min(axis=0).tolist()}
-        corners["max"] = mesh.vertices.max(axis=0).tolist()
-        # glTF's colours are linear; eight bits would not do for dark ones.
-        colours = np.empty((len(mesh.colours), 4), np.uint16)
-        linear = _linear(mesh.colours[:, :3] / 255.0)
-        if painted_light is not None:
-            light = np.clip(AMBIENT + mesh.normals @ (_matrix(painted_light).T @ LIGHT), 0.0, 1.0)
-            linear = linear * light[:, None]
-        colours[:, :3] = np.round(linear * 65535)
-        colours[:, 3] = mesh.colours[:, 3].astype(np.uint16) * 257
-        primitives.append(
-            {
-                "attributes": {
-                    "POSITION": add(mesh.vertices, "VEC3", single, vertex_data, **corners),
-                    "NORMAL": add(mesh.normals, "VEC3", single, vertex_data),
-                    "COLOR_0": add(colours, "VEC4", short, vertex_data, normalized=True),
-                },
-                "indices": add(mesh.faces, "SCALAR", integer, index_data),
-                "material": int(mesh.is_transparent),
-            }
-        )
+    buffer = _Buffer()
+    primitives = [_primitive(mesh, painted_light, buffer) for mesh in meshes]
     surface: dict[str, Any] = {
         "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.75}
     }
@@ -289,14 +241,14 @@ def glb(meshes: Iterable[Mesh], painted_light: Array | None = None) -> bytes:
             surface,
             surface | {"alphaMode": "BLEND"},
         ],
-        "buffers": [{"byteLength": sum(map(len, chunks))}],
-        "bufferViews": views,
-        "accessors": accessors,
+        "buffers": [{"byteLength": sum(map(len, buffer.chunks))}],
+        "bufferViews": buffer.views,
+        "accessors": buffer.accessors,
         **used,
     }
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    binary = b"".join(chunks)
+    binary = b"".join(buffer.chunks)
     header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
     return b"".join(
         [
@@ -304,6 +256,61 @@ def glb(meshes: Iterable[Mesh], painted_light: Array | None = None) -> bytes:
             *(struct.pack("<I4s", len(binary), b"BIN\0"), binary),
         ]
     )
+
+
+class _Buffer:
+    """The numbers of a glTF file, and the descriptions by which its document finds them."""
+
+    def __init__(self) -> None:
+        self.chunks: list[bytes] = []
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(self, values: NDArray[Any], kind: str, component: int, target: int, **more: Any) -> int:
+        """Adds an array and returns the number of its accessor."""
+        data = np.ascontiguousarray(values).tobytes()
+        self.views.append(
+            {
+                "buffer": 0,
+                "byteOffset": sum(map(len, self.chunks)),
+                "byteLength": len(data),
+                "target": target,
+            }
+        )
+        self.chunks.append(data + b"\0" * (-len(data) % 4))
+        self.accessors.append(
+            {
+                "bufferView": len(self.views) - 1,
+                "componentType": component,
+                "count": len(values) if kind != "SCALAR" else values.size,
+                "type": kind,
+                **more,
+            }
+        )
+        return len(self.accessors) - 1
+
+
+def _primitive(mesh: Mesh, painted_light: Array | None, buffer: _Buffer) -> dict[str, Any]:
+    vertex_data, index_data, single, short, integer = 34962, 34963, 5126, 5123, 5125
+    corners = {"min": mesh.vertices.min(axis=0).tolist()}
+    corners["max"] = mesh.vertices.max(axis=0).tolist()
+    # glTF's colours are linear; eight bits would not do for dark ones.
+    colours = np.empty((len(mesh.colours), 4), np.uint16)
+    linear = _linear(mesh.colours[:, :3] / 255.0)
+    if painted_light is not None:
+        light = np.clip(AMBIENT + mesh.normals @ (_matrix(painted_light).T @ LIGHT), 0.0, 1.0)
+        linear = linear * light[:, None]
+    colours[:, :3] = np.round(linear * 65535)
+    colours[:, 3] = mesh.colours[:, 3].astype(np.uint16) * 257
+    return {
+        "attributes": {
+            "POSITION": buffer.add(mesh.vertices, "VEC3", single, vertex_data, **corners),
+            "NORMAL": buffer.add(mesh.normals, "VEC3", single, vertex_data),
+            "COLOR_0": buffer.add(colours, "VEC4", short, vertex_data, normalized=True),
+        },
+        "indices": buffer.add(mesh.faces, "SCALAR", integer, index_data),
+        "material": int(mesh.is_transparent),
+    }
 
 
 def _linear(colours: Array) -> Array:
