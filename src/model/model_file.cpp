@@ -76,6 +76,64 @@ Drive drive_of(const mjModel& model, int actuator) {
   return {{.type = is_tendon ? mjOBJ_TENDON : mjOBJ_JOINT, .id = id}, ""};
 }
 
+std::vector<Drive> drives_of(const mjModel& model) {
+  // An actuator may have any number of inputs, so `nu` is not the number of actuators.
+  const int num_actuators = static_cast<int>(model.nactuator);
+  std::vector<Drive> drives;
+  drives.reserve(static_cast<std::size_t>(num_actuators));
+  for (int i = 0; i < num_actuators; ++i) drives.push_back(drive_of(model, i));
+  return drives;
+}
+
+// The names of all that a motor can drive.
+std::vector<std::string> drivable_names(const mjModel& model) {
+  std::vector<std::string> names;
+  for (int i = 0; i < static_cast<int>(model.njnt); ++i) {
+    if (is_scalar(model, i)) names.push_back(name_of(model, mjOBJ_JOINT, i));
+  }
+  for (int i = 0; i < static_cast<int>(model.ntendon); ++i) {
+    if (is_fixed_tendon(model, i)) names.push_back(name_of(model, mjOBJ_TENDON, i));
+  }
+  return names;
+}
+
+// The joints and tendons of these names. `file` begins the text of an error.
+std::vector<Target> named_targets(const mjModel& model, const std::vector<std::string>& names,
+                                  const std::string& file) {
+  std::vector<Target> targets;
+  for (const std::string& name : names) {
+    const int joint = mj_name2id(&model, mjOBJ_JOINT, name.c_str());
+    const int tendon = mj_name2id(&model, mjOBJ_TENDON, name.c_str());
+    const Target target = joint >= 0 ? Target{mjOBJ_JOINT, joint} : Target{mjOBJ_TENDON, tendon};
+    const bool is_drivable =
+        joint >= 0 ? is_scalar(model, joint) : tendon >= 0 && is_fixed_tendon(model, tendon);
+    require(is_drivable, text_of(file, "no joint or fixed tendon '", name,
+                                 "' can be driven; there are ", joined(drivable_names(model))));
+    require(std::ranges::find(targets, target) == targets.end(),
+            text_of(file, "joint '", name, "' is named twice"));
+    targets.push_back(target);
+  }
+  return targets;
+}
+
+// What the actuators drive; all hinges and slides if there are no actuators.
+std::vector<Target> driven_targets(const mjModel& model, const std::vector<Drive>& drives,
+                                   const std::string& file) {
+  std::vector<Target> targets;
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const auto& [target, problem] = drives[i];
+    require(problem.empty(), file + "no motor can take the place of actuator '" +
+                                 name_of(model, mjOBJ_ACTUATOR, static_cast<int>(i)) +
+                                 "', because " + problem +
+                                 "; name the joints to be driven (robot.joints), without it");
+    if (std::ranges::find(targets, target) == targets.end()) targets.push_back(target);
+  }
+  for (int joint = 0; drives.empty() && joint < static_cast<int>(model.njnt); ++joint) {
+    if (is_scalar(model, joint)) targets.push_back({.type = mjOBJ_JOINT, .id = joint});
+  }
+  return targets;
+}
+
 // The same limit in both directions; nothing for a range that is not symmetric, because the torque
 // of a motor is limited in both directions.
 std::optional<double> symmetric(const double* range) {
@@ -98,6 +156,16 @@ void make_motor(mjsActuator* actuator) {
   actuator->delay = 0.0;
   actuator->nsample = 0;
   actuator->interp = 0;
+}
+
+// The actuators in the order of the compiled model.
+std::vector<mjsActuator*> actuators_of(mjSpec* spec, std::size_t count) {
+  std::vector<mjsActuator*> actuators(count, nullptr);
+  for (mjsElement* element = mjs_firstElement(spec, mjOBJ_ACTUATOR); element != nullptr;
+       element = mjs_nextElement(spec, element)) {
+    actuators[static_cast<std::size_t>(mjs_getId(element))] = mjs_asActuator(element);
+  }
+  return actuators;
 }
 
 // Makes the actuator's force the torque of its joint. Its rotor and friction stay what they are at
@@ -235,92 +303,23 @@ void ModelFile::find_joints() {
   }
   require(!model_joints_.empty(), file + "the model has no hinge and no slide, so nothing moves");
 
-  std::vector<Drive> drives;
-  // An actuator may have any number of inputs, so `nu` is not the number of actuators.
-  const int num_actuators = static_cast<int>(model.nactuator);
-  drives.reserve(static_cast<std::size_t>(num_actuators));
-  for (int i = 0; i < num_actuators; ++i) drives.push_back(drive_of(model, i));
-
-  std::vector<Target> targets;
-  const auto add = [&targets](const Target& target) {
-    if (std::ranges::find(targets, target) == targets.end()) targets.push_back(target);
-  };
-  for (const std::string& name : options_.joints) {
-    const int joint = mj_name2id(&model, mjOBJ_JOINT, name.c_str());
-    const int tendon = mj_name2id(&model, mjOBJ_TENDON, name.c_str());
-    const Target target = joint >= 0 ? Target{mjOBJ_JOINT, joint} : Target{mjOBJ_TENDON, tendon};
-    const bool is_drivable =
-        joint >= 0 ? is_scalar(model, joint) : tendon >= 0 && is_fixed_tendon(model, tendon);
-    std::vector<std::string> known;
-    known.reserve(model_joints_.size());
-    for (const ModelJoint& other : model_joints_) known.push_back(other.name);
-    for (int i = 0; i < static_cast<int>(model.ntendon); ++i) {
-      if (is_fixed_tendon(model, i)) known.push_back(name_of(model, mjOBJ_TENDON, i));
-    }
-    require(is_drivable, text_of(file, "no joint or fixed tendon '", name,
-                                 "' can be driven; there are ", joined(known)));
-    require(std::ranges::find(targets, target) == targets.end(),
-            text_of(file, "joint '", name, "' is named twice"));
-    targets.push_back(target);
-  }
-  if (options_.joints.empty()) {
-    for (int i = 0; i < num_actuators; ++i) {
-      const Drive& drive = drives[static_cast<std::size_t>(i)];
-      require(drive.problem.empty(),
-              file + "no motor can take the place of actuator '" +
-                  name_of(model, mjOBJ_ACTUATOR, i) + "', because " + drive.problem +
-                  "; name the joints to be driven (robot.joints), without it");
-      add(drive.target);
-    }
-    for (int joint = 0; num_actuators == 0 && joint < static_cast<int>(model.njnt); ++joint) {
-      if (is_scalar(model, joint)) add({.type = mjOBJ_JOINT, .id = joint});
-    }
-  }
-
-  for (const auto& [type, id] : targets) {
+  const std::vector<Drive> drives = drives_of(model);
+  for (const auto& [type, id] : options_.joints.empty()
+                                    ? driven_targets(model, drives, file)
+                                    : named_targets(model, options_.joints, file)) {
     DrivenJoint joint;
     Motor motor;
     joint.name = name_of(model, type, id);
     if (type == mjOBJ_JOINT) {
-      joint.is_slide = model.jnt_type[id] == mjJNT_SLIDE;
-      if (model.jnt_limited[id])
-        joint.range = {model.jnt_range[2 * id], model.jnt_range[2 * id + 1]};
-      joint.max_torque = joint_limit(model, id);
-      motor.parts.push_back(
-          {.position = model.jnt_qposadr[id], .velocity = model.jnt_dofadr[id], .share = 1.0});
+      describe_joint(id, joint, motor);
     } else {
-      require(
-          std::ranges::find(model_joints_, joint.name, &ModelJoint::name) == model_joints_.end(),
-          file + "tendon '" + joint.name + "' has the name of a joint; rename one of them");
-      if (model.tendon_limited[id]) {
-        joint.range = {model.tendon_range[2 * id], model.tendon_range[2 * id + 1]};
-      }
-      if (model.tendon_actfrclimited[id]) {
-        joint.max_torque = symmetric(model.tendon_actfrcrange + 2 * id);
-      }
-      motor.sum_of_squares = 0.0;
-      bool has_hinge = false;
-      for (int i = 0; i < model.tendon_num[id]; ++i) {
-        const int wrap = model.tendon_adr[id] + i;
-        const int coupled = model.wrap_objid[wrap];
-        const double share = model.wrap_prm[wrap];
-        const auto limit = joint_limit(model, coupled);
-        if (limit && share != 0.0) take_smaller(joint.max_torque, *limit / std::abs(share));
-        has_hinge = has_hinge || model.jnt_type[coupled] == mjJNT_HINGE;
-        motor.parts.push_back({.position = model.jnt_qposadr[coupled],
-                               .velocity = model.jnt_dofadr[coupled],
-                               .share = share});
-        motor.sum_of_squares += share * share;
-      }
-      joint.is_slide = !has_hinge;
-      require(motor.sum_of_squares > 0.0,
-              file + "tendon '" + joint.name + "' moves no joint, so it cannot be driven");
+      describe_tendon(id, joint, motor);
     }
-    for (int i = 0; i < num_actuators; ++i) {
-      const Drive& drive = drives[static_cast<std::size_t>(i)];
-      if (!drive.problem.empty() || drive.target != Target{type, id}) continue;
-      if (motor.actuator < 0) motor.actuator = i;
-      describe_actuator(model, i, joint);
+    for (std::size_t i = 0; i < drives.size(); ++i) {
+      if (!drives[i].problem.empty() || drives[i].target != Target{type, id}) continue;
+      const int actuator = static_cast<int>(i);
+      if (motor.actuator < 0) motor.actuator = actuator;
+      describe_actuator(model, actuator, joint);
     }
     joints_.push_back(std::move(joint));
     motors_.push_back(std::move(motor));
@@ -329,6 +328,47 @@ void ModelFile::find_joints() {
   for (std::size_t i = 0; drives_all_ && i < motors_.size(); ++i) {
     drives_all_ = joints_[i].name == model_joints_[i].name;
   }
+}
+
+// Adds to `joint` and `motor` what the model says about a joint.
+void ModelFile::describe_joint(int id, DrivenJoint& joint, Motor& motor) const {
+  const mjModel& model = *model_;
+  joint.is_slide = model.jnt_type[id] == mjJNT_SLIDE;
+  if (model.jnt_limited[id]) joint.range = {model.jnt_range[2 * id], model.jnt_range[2 * id + 1]};
+  joint.max_torque = joint_limit(model, id);
+  motor.parts.push_back(
+      {.position = model.jnt_qposadr[id], .velocity = model.jnt_dofadr[id], .share = 1.0});
+}
+
+// Adds to `joint` and `motor` what the model says about a fixed tendon.
+void ModelFile::describe_tendon(int id, DrivenJoint& joint, Motor& motor) const {
+  const mjModel& model = *model_;
+  require(std::ranges::find(model_joints_, joint.name, &ModelJoint::name) == model_joints_.end(),
+          text_of(options_.path.string(), ": tendon '", joint.name,
+                  "' has the name of a joint; rename one of them"));
+  if (model.tendon_limited[id]) {
+    joint.range = {model.tendon_range[2 * id], model.tendon_range[2 * id + 1]};
+  }
+  if (model.tendon_actfrclimited[id]) {
+    joint.max_torque = symmetric(model.tendon_actfrcrange + 2 * id);
+  }
+  motor.sum_of_squares = 0.0;
+  bool has_hinge = false;
+  for (int i = 0; i < model.tendon_num[id]; ++i) {
+    const int wrap = model.tendon_adr[id] + i;
+    const int coupled = model.wrap_objid[wrap];
+    const double share = model.wrap_prm[wrap];
+    const auto limit = joint_limit(model, coupled);
+    if (limit && share != 0.0) take_smaller(joint.max_torque, *limit / std::abs(share));
+    has_hinge = has_hinge || model.jnt_type[coupled] == mjJNT_HINGE;
+    motor.parts.push_back({.position = model.jnt_qposadr[coupled],
+                           .velocity = model.jnt_dofadr[coupled],
+                           .share = share});
+    motor.sum_of_squares += share * share;
+  }
+  joint.is_slide = !has_hinge;
+  require(motor.sum_of_squares > 0.0, text_of(options_.path.string(), ": tendon '", joint.name,
+                                              "' moves no joint, so it cannot be driven"));
 }
 
 // Replaces the actuators: one motor for each driven joint, and nothing else. From here on only the
@@ -350,11 +390,8 @@ void ModelFile::add_motors() {
        element = mjs_nextElement(spec_.get(), element)) {
     mjs_asTendon(element)->actfrclimited = mjLIMITED_FALSE;
   }
-  std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nactuator), nullptr);
-  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_ACTUATOR); element != nullptr;
-       element = mjs_nextElement(spec_.get(), element)) {
-    actuators[static_cast<std::size_t>(mjs_getId(element))] = mjs_asActuator(element);
-  }
+  const std::vector<mjsActuator*> actuators =
+      actuators_of(spec_.get(), static_cast<std::size_t>(model_->nactuator));
   for (std::size_t i = 0; i < actuators.size(); ++i) {
     make_motor(actuators[i]);
     const bool is_at_joint =

@@ -83,6 +83,8 @@ class ModelFile final : public SceneModel {
   };
   bool name_joints();
   void find_joints();
+  void describe_joint(int id, DrivenJoint& joint, Motor& motor) const;
+  void describe_tendon(int id, DrivenJoint& joint, Motor& motor) const;
   void add_motors();
   void set_step();
   void find_objects();
