@@ -68,6 +68,28 @@ std::vector<JointLimit> limits_of(const ServoRobotOptions& options) {
   return limits;
 }
 
+void check_reset(const ServoRobotOptions& options) {
+  const auto& reset = options.reset;
+  const std::size_t count = options.names.size();
+  for (const std::size_t joint : reset.first) {
+    require(joint < count, "reset.first has a joint that is not there");
+  }
+  for (const auto& [joint, position] : reset.untangle) {
+    require(joint < count, "reset.untangle has a joint that is not there");
+    const JointLimit& limit = options.limits[joint];
+    require(position >= limit.soft_lower && position <= limit.soft_upper,
+            text_of("reset.untangle of ", options.names[joint], " is ", position,
+                    ", its soft limits are ", limit.soft_lower, " and ", limit.soft_upper));
+  }
+  require(reset.tolerance > 0.0,
+          text_of("reset.tolerance is ", reset.tolerance, ", must be above 0"));
+  require(reset.attempts >= 0, "reset.attempts is negative");
+  for (const Nanoseconds time :
+       {reset.first_time, reset.move_time, reset.settle_time, reset.release_time}) {
+    require(time >= Nanoseconds::zero(), "a time of the reset is negative");
+  }
+}
+
 }  // namespace
 
 void ServoRobotOptions::validate() const {
@@ -115,22 +137,7 @@ void ServoRobotOptions::validate() const {
           text_of("torque_constant is ", torque_constant, " Nm/A, must be above 0"));
   require(max_current > 0.0 && max_current <= 1e3,
           text_of("max_current is ", max_current, " A, must be above 0"));
-  for (const std::size_t joint : reset.first) {
-    require(joint < count, "reset.first has a joint that is not there");
-  }
-  for (const auto& [joint, position] : reset.untangle) {
-    require(joint < count, "reset.untangle has a joint that is not there");
-    require(position >= limits[joint].soft_lower && position <= limits[joint].soft_upper,
-            text_of("reset.untangle of ", names[joint], " is ", position, ", its soft limits are ",
-                    limits[joint].soft_lower, " and ", limits[joint].soft_upper));
-  }
-  require(reset.tolerance > 0.0,
-          text_of("reset.tolerance is ", reset.tolerance, ", must be above 0"));
-  require(reset.attempts >= 0, "reset.attempts is negative");
-  for (const Nanoseconds time :
-       {reset.first_time, reset.move_time, reset.settle_time, reset.release_time}) {
-    require(time >= Nanoseconds::zero(), "a time of the reset is negative");
-  }
+  check_reset(*this);
   stop.validate(limits_of(*this));
   require(period > Nanoseconds::zero(), "period must be above 0");
 }
