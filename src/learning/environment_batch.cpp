@@ -1,39 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/learning/environment_batch.hpp"
 
-#include <mujoco/mjbatch.h>
-#include <mujoco/mujoco.h>
-
 #include <algorithm>
 #include <cmath>
-#include <deque>
-#include <exception>
-#include <mutex>
 #include <numeric>
 #include <string>
 #include <utility>
 
-#include "realtime/processors.hpp"
+#include "environment_batch_implementation.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/camera/pixels.hpp"
 #include "trifinger/core/errors.hpp"
-#include "trifinger/ipc/fork.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
-#include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::learning {
 namespace {
 
 using trifinger::detail::require;
-
-struct DeleteBatch {
-  ipc::ForkGuard fork{};
-
-  void operator()(mjBatch* batch) const noexcept {
-    // In a forked child the threads that this would wait for do not exist.
-    if (!fork.is_inherited()) mjb_deleteBatch(batch);
-  }
-};
 
 std::size_t checked_size(int size) {
   constexpr int kMost = 100000;
@@ -42,563 +23,50 @@ std::size_t checked_size(int size) {
   return static_cast<std::size_t>(size);
 }
 
-// Returns the part of `values` that belongs to one of `count` simulations.
-template <class T>
-std::span<T> row(std::vector<T>& values, std::size_t index, std::size_t count) noexcept {
-  const std::size_t width = values.size() / count;
-  return std::span(values).subspan(index * width, width);
-}
-
-// Eyes for the threads of a batch: a pair for each that can be at work at one time.
-class SharedEyes {
- public:
-  void add(rendering::Eyes eyes) {
-    all_.push_back(std::move(eyes));
-    free_.push_back(&all_.back());
-  }
-
-  // A pair that nobody else uses.
-  class Use {
-   public:
-    explicit Use(SharedEyes& shared) : shared_(shared), eyes_(shared.take()) {}
-    Use(const Use&) = delete;
-    Use& operator=(const Use&) = delete;
-    ~Use() {
-      const std::lock_guard lock(shared_.mutex_);
-      shared_.free_.push_back(eyes_);
-    }
-
-    [[nodiscard]] rendering::Eyes& operator*() const noexcept { return *eyes_; }
-
-   private:
-    SharedEyes& shared_;
-    rendering::Eyes* eyes_;
-  };
-
- private:
-  rendering::Eyes* take() {
-    const std::lock_guard lock(mutex_);
-    rendering::Eyes* const eyes = free_.back();
-    free_.pop_back();
-    return eyes;
-  }
-
-  std::mutex mutex_;
-  std::deque<rendering::Eyes> all_;
-  std::vector<rendering::Eyes*> free_;
-};
-
 }  // namespace
 
-class EnvironmentBatch::Implementation {
- public:
-  Implementation(Environment its_environment, std::size_t count,
-                 const std::optional<rendering::SightOptions>& sight)
-      : environment(std::move(its_environment)), size(count), seeds(count), runs(count) {
-    const EnvironmentOptions& options = environment.options();
-    require(sight.has_value() || !options.needs_cameras(),
-            "the options need simulated cameras, which are missing in the configuration");
-    if (options.layout == Layout::kImages) cameras = sight->cameras;
-    std::iota(seeds.begin(), seeds.end(), std::uint64_t{0});
-    for (Observations* observations : {&results.seen, &results.final}) {
-      observations->observation.resize(size * environment.observation_size());
-      observations->achieved.resize(size * environment.goal_size());
-      observations->desired.resize(size * environment.goal_size());
-      observations->distance.resize(size * environment.num_parts());
-      observations->finger_rewards.resize(size * environment.num_parts());
-      observations->scores.resize(size * environment.scores().size());
-      observations->success.resize(size);
-      if (!environment.object_name().empty()) observations->object_age.resize(size);
-      observations->image_age.resize(size * cameras.size());
-      for (const camera::Camera& camera : cameras) {
-        const auto pixels = static_cast<std::size_t>(camera.format.width) *
-                            static_cast<std::size_t>(camera.format.height);
-        observations->images.emplace_back(size * 3 * pixels);
-      }
-    }
-    results.reward.resize(size);
-    results.terminated.resize(size);
-    results.truncated.resize(size);
-    results.fault.resize(size);
-  }
-  Implementation(const Implementation&) = delete;
-  Implementation& operator=(const Implementation&) = delete;
-  virtual ~Implementation() = default;
-
-  [[nodiscard]] virtual int num_threads() const noexcept = 0;
-  // Does what `call` says in the given simulations.
-  virtual void run(std::span<const int> which) = 0;
-  // Throws InheritedHandle in a forked child, which has none of the threads.
-  void require_own() const {
-    if (!fork.is_inherited()) return;
-    throw InheritedHandle(
-        "these simulations were made before fork(); make new ones in the child process");
-  }
-
-  // The progress of one simulation.
-  struct Run {
-    Episode episode{};
-    std::uint64_t next_episode{0};
-    bool must_reset{true};
-    double reward{0.0};  // Reward of the newest observation.
-  };
-
-  // kBegin begins new episodes and keeps the results of those that have ended.
-  enum class Call : std::uint8_t { kReset, kStep, kBegin };
-
-  ipc::ForkGuard fork;
-  Environment environment;
-  std::vector<camera::Camera> cameras;  // that are observed
-  std::size_t size;
-  TimeIndex oldest_sure_age{0};
-  std::vector<std::uint64_t> seeds;
-  std::vector<Run> runs;
-  Results results;
-  std::vector<int> selected;
-  // The call in progress.
-  Call call{Call::kReset};
-  Autoreset autoreset{Autoreset::kNextStep};
-  std::span<const float> actions;
-};
-
-class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementation {
- public:
-  Simulations(Environment its_environment, const SimulationOptions& options, std::size_t count,
-              int num_threads, const std::optional<rendering::SightOptions>& sight)
-      : Implementation(std::move(its_environment), count, sight),
-        simulator_(options),
-        simulations_(count),
-        is_of_many_(environment.is_of_many()) {
-    oldest_sure_age = sight && sight->finds_objects ? rendering::oldest_sure_age(sight->capture)
-                                                    : rendering::oldest_sure_age(options);
-    require(num_threads >= 0,
-            "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
-    for (Simulation& one : simulations_) {
-      one.state = simulator_.make_state();
-      one.action = hold_position(one.state.observation);
-      one.objects.resize(objects().size());
-    }
-    const auto& model = simulator_.model();
-    if (const std::string name(environment.object_name()); !name.empty()) {
-      const auto found = std::ranges::find(objects(), name, &ObjectAddress::name);
-      object_ = static_cast<std::size_t>(found - objects().begin());
-      has_object_ = true;
-    }
-    mjBatchConfig config;
-    mjb_defaultConfig(&config);
-    config.nthread = num_threads > 0 ? num_threads : num_processors();
-    char error[500] = "";
-    batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
-                               static_cast<int>(sizeof(error))));
-    if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
-    open_eyes(sight);
-    if (environment.options().varies()) {
-      std::vector<const mjModel*> models;
-      const SceneModel::Compiled varied = make_varied_model();
-      for (Simulation& one : simulations_) {
-        one.varied.reset(mj_copyModel(nullptr, varied.get()));
-        if (one.varied == nullptr) throw Error("MuJoCo has no memory for the models");
-        models.push_back(one.varied.get());
-      }
-      mjb_setModels(batch_.get(), models.data());
+EnvironmentBatch::Implementation::Implementation(
+    Environment its_environment, std::size_t count,
+    const std::optional<rendering::SightOptions>& sight)
+    : environment(std::move(its_environment)), size(count), seeds(count), runs(count) {
+  const EnvironmentOptions& options = environment.options();
+  require(sight.has_value() || !options.needs_cameras(),
+          "the options need simulated cameras, which are missing in the configuration");
+  if (options.layout == Layout::kImages) cameras = sight->cameras;
+  std::iota(seeds.begin(), seeds.end(), std::uint64_t{0});
+  for (Observations* observations : {&results.seen, &results.final}) {
+    observations->observation.resize(size * environment.observation_size());
+    observations->achieved.resize(size * environment.goal_size());
+    observations->desired.resize(size * environment.goal_size());
+    observations->distance.resize(size * environment.num_parts());
+    observations->finger_rewards.resize(size * environment.num_parts());
+    observations->scores.resize(size * environment.scores().size());
+    observations->success.resize(size);
+    if (!environment.object_name().empty()) observations->object_age.resize(size);
+    observations->image_age.resize(size * cameras.size());
+    for (const camera::Camera& camera : cameras) {
+      const auto pixels = static_cast<std::size_t>(camera.format.width) *
+                          static_cast<std::size_t>(camera.format.height);
+      observations->images.emplace_back(size * 3 * pixels);
     }
   }
+  results.reward.resize(size);
+  results.terminated.resize(size);
+  results.truncated.resize(size);
+  results.fault.resize(size);
+}
 
-  [[nodiscard]] int num_threads() const noexcept override { return mjb_nthread(batch_.get()); }
-
-  void run(std::span<const int> which) override {
-    if (!is_of_many_) {
-      run_physics(which);
-      return;
-    }
-    try {
-      run_for_many(which);
-    } catch (...) {
-      // Nobody knows how these episodes go on.
-      for (const int i : which) {
-        const auto index = static_cast<std::size_t>(i);
-        simulations_[index].is_due = false;
-        results.truncated[index] = 1;
-        runs[index].must_reset = true;
-      }
-      throw;
-    }
-  }
-
- private:
-  // A task of many is asked before and after the physics.
-  void run_for_many(std::span<const int> which) {
-    due_.clear();
-    for (const int i : which) {
-      if (begins_in_call(static_cast<std::size_t>(i))) due_.push_back(i);
-    }
-    draw_starts(due_);
-    run_physics(which);
-    observe_due(which);
-    if (call != Call::kStep || autoreset != Autoreset::kSameStep) return;
-    due_.clear();
-    for (const int i : which) {
-      if (runs[static_cast<std::size_t>(i)].must_reset) due_.push_back(i);
-    }
-    if (due_.empty()) return;
-    for (const int i : due_) keep_final(static_cast<std::size_t>(i));
-    draw_starts(due_);
-    call = Call::kBegin;
-    run_physics(due_);
-    observe_due(due_);
-  }
-
-  // Whether an episode begins in this simulation.
-  [[nodiscard]] bool begins_in_call(std::size_t i) const noexcept {
-    return call != Call::kStep || (autoreset != Autoreset::kDisabled && runs[i].must_reset);
-  }
-
-  void draw_starts(std::span<const int> which) {
-    if (which.empty()) return;
-    std::vector<Beginning> beginnings;
-    for (const int i : which) {
-      const auto index = static_cast<std::size_t>(i);
-      Run& run = runs[index];
-      beginnings.push_back({.robot = index,
-                            .seed = seeds[index],
-                            .number = run.next_episode++,
-                            .episode = &run.episode,
-                            .start = &simulations_[index].start});
-    }
-    environment.begin(beginnings);
-  }
-
-  // Lets the task judge those that have moved or begun, all at once.
-  void observe_due(std::span<const int> which) {
-    std::vector<std::size_t> moved;
-    for (const int i : which) {
-      const auto index = static_cast<std::size_t>(i);
-      if (std::exchange(simulations_[index].is_due, false)) moved.push_back(index);
-    }
-    if (moved.empty()) return;
-    std::vector<Observed> robots(moved.size());
-    for (std::size_t k = 0; k < moved.size(); ++k) {
-      const std::size_t i = moved[k];
-      robots[k].robot = i;
-      robots[k].measurement = simulations_[i].measurement;
-      robots[k].episode = &runs[i].episode;
-      robots[k].observation = row(results.seen.observation, i, size);
-      robots[k].achieved = row(results.seen.achieved, i, size);
-      robots[k].desired = row(results.seen.desired, i, size);
-    }
-    environment.observe(robots);
-    for (const Observed& one : robots) {
-      keep(one.robot, one.outcome);
-      if (runs[one.robot].episode.actions > 0) end_of_step(one.robot, one.outcome);
-    }
-  }
-
-  void run_physics(std::span<const int> which) {
-    apply(which);
-    given_up_.clear();
-    const int* const status = mjb_status(batch_.get());
-    for (const int i : which) {
-      if (status[i] == 0) continue;
-      // A simulation in which MuJoCo has failed has ended, just like one that has diverged.
-      const auto index = static_cast<std::size_t>(i);
-      end_with_fault(index, Simulator::kDiverged);
-      keep_final(index);
-      given_up_.push_back(i);
-    }
-    const bool resets = call == Call::kStep && autoreset == Autoreset::kSameStep && !is_of_many_;
-    if (!given_up_.empty() && resets) {
-      call = Call::kBegin;
-      apply(given_up_);
-    }
-    // Only now, when all simulations are in order.
-    if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
-  }
-
-  [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept {
-    return simulator_.model().objects();
-  }
-
-  void open_eyes(const std::optional<rendering::SightOptions>& sight) {
-    if (!sight || !(environment.options().needs_cameras() || sight->finds_objects)) return;
-    is_tracked_ = sight->finds_objects;
-    for (Simulation& one : simulations_) {
-      one.sight.emplace(sight->capture, objects().size());
-      if (sight->varies) one.sight->vary(sight->rendering);
-    }
-    const std::size_t num_eyes = std::min(static_cast<std::size_t>(num_threads()), size);
-    for (std::size_t i = 0; i < num_eyes; ++i) {
-      eyes_.add(rendering::make_eyes(simulator_.options(), *sight));
-    }
-  }
-
-  // Makes a model that contains all pairs of surfaces whose friction any episode may set.
-  [[nodiscard]] SceneModel::Compiled make_varied_model() const {
-    Variation variation;
-    for (const SurfacePair pair : all_surface_pairs()) {
-      const auto& range = environment.options().pair_friction[pair];
-      if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;
-    }
-    return simulator_.make_varied_model(variation);
-  }
-
-  void apply(std::span<const int> which) {
-    mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Simulations::run_one,
-              this,
-              /*save=*/1);
-  }
-
-  struct Simulation {
-    Simulator::State state{};
-    SceneModel::Compiled varied{};
-    std::vector<ObjectPose> objects{};  // Newest poses seen.
-    TimeIndex object_step{kNeverSeen};
-    CountedAction action{};  // The action in effect.
-    std::optional<rendering::Sight> sight{};
-    bool is_blind{false};  // Drawing or reading an image has failed.
-    // For tasks of many: where the next episode begins, what was measured in this call, and whether
-    // it must be observed.
-    Start start{};
-    Measurement measurement{};
-    bool is_due{false};
-  };
-  static constexpr TimeIndex kNeverSeen = -2;  // Step -1 is that before the first one.
-
-  // While MuJoCo's physics run, no object in here may have a destructor, because MuJoCo leaves them
-  // by longjmp.
-  static void run_one(const mjModel* model, mjData* data, int index, void* self) {
-    static_cast<Simulations*>(self)->run_one(*model, *data, static_cast<std::size_t>(index));
-  }
-
-  void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    do_call(model, data, i);
-    // Whoever has called gets the exception, and this episode does not go on.
-    if (!std::exchange(simulations_[i].is_blind, false)) return;
-    end_with_fault(i, results.fault[i]);
-    simulations_[i].is_due = false;
-  }
-
-  void do_call(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    if (call == Call::kBegin) {
-      reset(model, data, i);
-      return;
-    }
-    if (begins_in_call(i)) {
-      reset(model, data, i);
-      results.reward[i] = 0.0;
-      results.terminated[i] = 0;
-      results.truncated[i] = 0;
-      results.fault[i] = 0;
-      return;
-    }
-    if (runs[i].must_reset) return;
-    step(model, data, i);
-    if (!runs[i].must_reset || autoreset != Autoreset::kSameStep || is_of_many_) return;
-    keep_final(i);
-    reset(model, data, i);
-  }
-
-  // Keeps the last results of the episode, so that they can be read after the reset.
-  void keep_final(std::size_t i) noexcept {
-    const auto keep = [this, i](auto& final, auto& seen) {
-      std::ranges::copy(row(seen, i, size), row(final, i, size).begin());
-    };
-    keep(results.final.observation, results.seen.observation);
-    keep(results.final.achieved, results.seen.achieved);
-    keep(results.final.desired, results.seen.desired);
-    keep(results.final.distance, results.seen.distance);
-    keep(results.final.finger_rewards, results.seen.finger_rewards);
-    keep(results.final.scores, results.seen.scores);
-    keep(results.final.success, results.seen.success);
-    keep(results.final.object_age, results.seen.object_age);
-    keep(results.final.image_age, results.seen.image_age);
-    for (std::size_t k = 0; k < cameras.size(); ++k) {
-      keep(results.final.images[k], results.seen.images[k]);
-    }
-  }
-
-  void reset(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    Simulation& one = simulations_[i];
-    Run& run = runs[i];
-    const Start start =
-        is_of_many_ ? one.start : environment.begin(seeds[i], run.next_episode++, run.episode);
-    run.must_reset = false;
-    if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
-    one.state.memory.counters.variation = start.variation;
-    put_at(start, data, one.state);
-    std::ranges::fill(one.objects, ObjectPose{});
-    one.object_step = kNeverSeen;
-    if (one.sight) one.sight->begin(one.state.memory.counters.random);
-    see(-1, model, data, one);
-    see(0, model, data, one);
-    one.action = hold_position(one.state.observation);
-    (void)observe(i);
-  }
-
-  void put_at(const Start& start, mjData& data, Simulator::State& state) noexcept {
-    const std::size_t joints = simulator_.num_joints();
-    const std::size_t others = std::min(state.model_position.size(), start.model_position.size());
-    simulator_.reset(std::span(start.position).first(joints), start.random, data, state,
-                     std::span(start.model_position).first(others));
-    if (has_object_) simulator_.place(objects()[object_], start.object, data, state);
-    if (!has_object_) return;
-    simulator_.set_velocity(objects()[object_], start.object_velocity, data);
-    simulator_.observe(data, state);
-  }
-
-  void step(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    Simulation& one = simulations_[i];
-    const int steps = environment.options().steps_per_action;
-    // Number of steps for which the previous action continues: docs/learning.md.
-    const int lag = environment.options().mapping == Mapping::kApproximation ? 1 : steps;
-    CountedAction next = one.action;
-    if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
-      return;  // Never: the actions were checked before.
-    }
-    CountedAppliedAction applied(simulator_.num_joints());
-    for (int k = 0; k < steps; ++k) {
-      if (k == lag) one.action = next;
-      const DriverReport report = simulator_.step(one.action, model, data, one.state, applied);
-      if (report.fault_code != 0) {
-        end_with_fault(i, report.fault_code);
-        return;
-      }
-      simulator_.observe(data, one.state);
-      see(one.state.memory.counters.step, model, data, one);
-    }
-    one.action = std::move(next);
-    results.terminated[i] = 0;
-    results.truncated[i] = 0;
-    results.fault[i] = 0;
-    if (const auto outcome = observe(i)) end_of_step(i, *outcome);
-  }
-
-  void end_of_step(std::size_t i, const Outcome& outcome) noexcept {
-    results.reward[i] = outcome.reward;
-    results.terminated[i] = outcome.terminated ? 1 : 0;
-    results.truncated[i] = outcome.truncated ? 1 : 0;
-    runs[i].must_reset = outcome.terminated || outcome.truncated;
-  }
-
-  void see(TimeIndex step, const mjModel& model, const mjData& data, Simulation& one) noexcept {
-    if (one.sight && one.sight->is_due(step)) {
-      std::vector<double> configuration(data.qpos, data.qpos + model.nq);
-      configuration.insert(configuration.end(), data.qvel, data.qvel + model.nv);
-      one.sight->capture(step, std::move(configuration));
-    }
-    // Tasks see all bodies of a robot from a file.
-    const bool sees_objects = has_object_ || simulator_.options().file != nullptr;
-    if (!sees_objects || one.objects.empty() || is_tracked_) return;
-    const auto* const received = simulator_.receive_poses(step, data, one.state);
-    if (received == nullptr) return;
-    std::ranges::copy(received->objects, one.objects.begin());
-    one.object_step = received->capture_index;
-  }
-
-  // Looks at the images that have arrived. An exception is thrown later, outside of MuJoCo.
-  void look(std::size_t i) noexcept {
-    Simulation& one = simulations_[i];
-    const TimeIndex now = one.state.memory.counters.step;
-    try {
-      const SharedEyes::Use eyes(eyes_);
-      if (one.sight->look(now, *eyes)) {
-        for (std::size_t k = 0; k < cameras.size(); ++k) {
-          camera::to_rgb(cameras[k].format, (*eyes).images()[k],
-                         std::as_writable_bytes(row(results.seen.images[k], i, size)));
-        }
-      }
-      while (const auto poses = one.sight->take_poses(now)) {
-        if (!is_tracked_) continue;
-        std::ranges::copy(poses->objects, one.objects.begin());
-        one.object_step = poses->capture_index;
-      }
-    } catch (...) {
-      one.is_blind = true;
-      const std::lock_guard lock(failure_mutex_);
-      failure_ = std::current_exception();
-    }
-  }
-
-  // Observes a robot. A task of many gets what was measured later, with that of all others.
-  std::optional<Outcome> observe(std::size_t i) noexcept {
-    Simulation& one = simulations_[i];
-    Observations& seen = results.seen;
-    const TimeIndex now = one.state.memory.counters.step;
-    if (one.sight) {
-      look(i);
-      const TimeIndex age = std::min(now - one.sight->images().capture_index, kOldestImage);
-      std::ranges::fill(row(seen.image_age, i, size), static_cast<float>(age));
-    }
-    Measurement measurement{.position = one.state.observation.position,
-                            .velocity = one.state.observation.velocity};
-    measurement.torque = one.state.observation.torque;
-    if (simulator_.options().file != nullptr) measurement.bodies = one.objects;
-    measurement.model_position = one.state.model_position;
-    measurement.model_velocity = one.state.model_velocity;
-    if (has_object_) {
-      measurement.object = &one.objects[object_];
-      if (environment.judges_by_truth()) measurement.true_object = &one.state.objects[object_];
-      seen.object_age[i] = one.object_step == kNeverSeen ? -1 : now - one.object_step;
-    }
-    if (is_of_many_) {
-      one.measurement = measurement;
-      one.is_due = true;
-      return std::nullopt;
-    }
-    const Outcome outcome =
-        environment.observe(measurement, runs[i].episode, row(seen.observation, i, size),
-                            row(seen.achieved, i, size), row(seen.desired, i, size));
-    keep(i, outcome);
-    return outcome;
-  }
-
-  void keep(std::size_t i, const Outcome& outcome) noexcept {
-    Observations& seen = results.seen;
-    const auto copy = [i, this](const auto& numbers, std::vector<double>& all) {
-      const std::span target = row(all, i, size);
-      std::copy_n(numbers.begin(), target.size(), target.begin());
-    };
-    copy(outcome.distance, seen.distance);
-    copy(outcome.finger_rewards, seen.finger_rewards);
-    copy(outcome.scores, seen.scores);
-    seen.success[i] = outcome.success ? 1 : 0;
-    runs[i].reward = outcome.reward;
-  }
-
-  // The observation stays the one before the fault.
-  void end_with_fault(std::size_t i, std::int32_t fault) noexcept {
-    results.fault[i] = fault;
-    results.reward[i] = runs[i].reward;
-    results.terminated[i] = 0;
-    results.truncated[i] = 1;
-    results.seen.success[i] = 0;
-    runs[i].must_reset = true;
-  }
-
-  [[nodiscard]] std::span<const float> row_of_actions(std::size_t i) const noexcept {
-    const std::size_t width = environment.num_joints();
-    return actions.subspan(i * width, width);
-  }
-
-  Simulator simulator_;
-  std::vector<Simulation> simulations_;
-  const bool is_of_many_;      // The task is.
-  std::vector<int> due_;       // Simulations in which an episode begins in this call.
-  std::vector<int> given_up_;  // Simulations in which MuJoCo has failed during this call.
-  std::size_t object_{0};
-  bool has_object_{false};
-  bool is_tracked_{false};  // A tracker finds the objects.
-  SharedEyes eyes_;
-  std::mutex failure_mutex_;
-  std::exception_ptr failure_;  // of somebody who looked at images
-  std::unique_ptr<mjBatch, DeleteBatch> batch_;
-};
+void EnvironmentBatch::Implementation::require_own() const {
+  if (!fork.is_inherited()) return;
+  throw InheritedHandle(
+      "these simulations were made before fork(); make new ones in the child process");
+}
 
 EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                                    const SimulationOptions& simulation, int size, int num_threads,
                                    const std::optional<rendering::SightOptions>& sight)
-    : implementation_(std::make_unique<Simulations>(Environment(task, options, simulation),
-                                                    simulation, checked_size(size), num_threads,
-                                                    sight)) {}
+    : implementation_(Implementation::make(Environment(task, options, simulation), simulation,
+                                           checked_size(size), num_threads, sight)) {}
 EnvironmentBatch::~EnvironmentBatch() = default;
 
 const Environment& EnvironmentBatch::environment() const noexcept {

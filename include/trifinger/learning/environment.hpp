@@ -89,7 +89,7 @@ struct Start {
   /// Positions of the first hinges and slides of a robot from a file, driven or not [rad], [m].
   /// NaN: where its configuration begins, or `position` says.
   std::array<double, kMaxCountedJoints> model_position =
-      detail::filled<kMaxCountedJoints>(kNotGiven);
+      trifinger::detail::filled<kMaxCountedJoints>(kNotGiven);
 };
 
 /// The result of an observation.

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "environment_implementation.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+double distance_between(std::span<const double> a, std::span<const double> b) noexcept {
+  double square = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) square += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(square);
+}
+
+// A quaternion and its negative mean the same; the one with w >= 0 is shown.
+ObjectPose upward(const ObjectPose& pose) noexcept {
+  ObjectPose shown = pose;
+  if (shown.orientation[0] < 0.0) {
+    for (double& value : shown.orientation) value = -value;
+  }
+  return shown;
+}
+
+}  // namespace
+
+double distance_of_places(std::span<const double> achieved,
+                          std::span<const double> desired) noexcept {
+  const std::size_t size = std::min<std::size_t>(achieved.size(), 3);
+  return distance_between(achieved.first(size), desired.first(size));
+}
+
+double Task::distance(std::span<const double> achieved,
+                      std::span<const double> desired) const noexcept {
+  return distance_of_places(achieved, desired);
+}
+
+void Environment::Implementation::show_goal(const Episode& episode, double* shown) const noexcept {
+  std::copy_n(episode.goal.begin(), goal.low.size(), shown);
+  if (!options.per_finger) return;
+  for (std::size_t finger = 0; finger < turns.size(); ++finger) {
+    const double cosine = std::cos(turns[finger]);
+    const double sine = std::sin(turns[finger]);
+    double* const xy = shown + 3 * finger;
+    const auto [x, y] = std::pair(xy[0], xy[1]);
+    xy[0] = cosine * x - sine * y;
+    xy[1] = sine * x + cosine * y;
+  }
+}
+
+void Environment::Implementation::find_points(const Measurement& measurement,
+                                              View& view) const noexcept {
+  if (kinematics) {
+    view.tips = kinematics->tip_positions(
+        JointValues::Map(view.position.data(), static_cast<Eigen::Index>(num_joints)));
+    return;
+  }
+  view.tips.resize(static_cast<Eigen::Index>(3 * num_points));
+  file->find_frames(
+      view.position,
+      measurement.model_position.empty() ? std::span<const double>() : view.model_position,
+      view.bodies, {view.tips.data(), 3 * num_points});
+}
+
+void Environment::Implementation::look(Observed& one) const noexcept {
+  const Measurement& measurement = one.measurement;
+  const std::size_t n = num_joints;
+  const std::size_t num_model = measurement.model_position.size();
+  std::ranges::copy(measurement.position, one.position.begin());
+  std::ranges::copy(measurement.velocity, one.velocity.begin());
+  std::ranges::copy(measurement.model_position, one.model_position.begin());
+  const auto add_noise = [&one](std::span<double> numbers, double deviation) {
+    if (!(deviation > 0.0)) return;
+    for (double& value : numbers) value += deviation * one.episode->noise.normal();
+  };
+  add_noise(std::span(one.position).first(n), options.position_noise);
+  add_noise(std::span(one.velocity).first(n), options.velocity_noise);
+  add_noise(std::span(one.model_position).first(num_model), options.position_noise);
+
+  View& view = one.view;
+  view.object = {};
+  view.time = time_of(*one.episode);
+  view.position = std::span(one.position).first(n);
+  view.velocity = std::span(one.velocity).first(n);
+  view.torque = measurement.torque;
+  view.model_position = std::span(one.model_position).first(num_model);
+  view.model_velocity = measurement.model_velocity;
+  view.bodies = measurement.bodies;
+  if (num_model == 0) {
+    view.model_position = view.position;
+    view.model_velocity = view.velocity;
+  }
+  find_points(measurement, view);
+  if (measurement.object == nullptr) return;
+  one.shown_object = upward(*measurement.object);
+  view.object =
+      measurement.true_object != nullptr ? upward(*measurement.true_object) : one.shown_object;
+}
+
+void Environment::Implementation::judge(Observed& one) const noexcept {
+  Episode& episode = *one.episode;
+  Outcome& outcome = one.outcome;
+  of_one->achieve(one.view, episode, one.achieved);
+  std::copy_n(episode.goal.begin(), goal.low.size(), one.desired.begin());
+  outcome = {};
+  outcome.reward = of_one->reward(one.achieved, one.desired) - of_one->cost(one.view);
+  outcome.success = of_one->is_success(one.achieved, one.desired, episode);
+  outcome.terminated = of_one->has_ended(one.view, episode);
+  of_one->score(one.view, one.achieved, one.desired,
+                std::span(outcome.scores).first(scores.size()));
+  one.goals = of_one->num_goals(one.view.time);
+}
+
+void Environment::Implementation::complete(Observed& one) const noexcept {
+  const Episode& episode = *one.episode;
+  Outcome& outcome = one.outcome;
+  outcome.terminated = outcome.terminated && episode.actions > 0;
+  outcome.truncated = !outcome.terminated && episode.actions >= episode_actions;
+  if (!task->has_goals_of_fingers()) {
+    outcome.distance[0] = of_one != nullptr ? of_one->distance(one.achieved, one.desired)
+                                            : distance_of_places(one.achieved, one.desired);
+    return;
+  }
+  for (std::size_t i = 0; i < num_parts; ++i) {
+    outcome.distance[i] =
+        distance_between(one.achieved.subspan(3 * i, 3), one.desired.subspan(3 * i, 3));
+    outcome.finger_rewards[i] = -outcome.distance[i];
+  }
+}
+
+bool Environment::Implementation::takes_next_goal(const Observed& one) noexcept {
+  if (one.outcome.truncated || one.episode->goals >= one.goals) return false;
+  ++one.episode->goals;
+  return true;
+}
+
+void Environment::Implementation::write(const Observed& one,
+                                        std::span<const double> shown) const noexcept {
+  std::array<double, kMaxValues> values;  // NOLINT(*-member-init)
+  double* next = std::ranges::copy(shown, values.data()).out;
+  if (!has_own_entries) {
+    next = std::ranges::copy(one.view.position, next).out;
+    next = std::ranges::copy(one.view.velocity, next).out;
+    if (!task->object_name().empty()) next = std::ranges::copy(one.view.tips, next).out;
+    if (shows_object()) {
+      next = std::ranges::copy(one.shown_object.position, next).out;
+      next = std::ranges::copy(one.shown_object.orientation, next).out;
+    }
+  }
+  if (shows_action) next = std::copy_n(one.episode->action.begin(), num_joints, next);
+  if (options.layout != Layout::kGoal && !has_own_entries) show_goal(*one.episode, next);
+
+  for (std::size_t i = 0; i < flat.size(); ++i) {
+    const std::size_t k = flat[i];
+    const double value = std::clamp(values[k], low[k], high[k]);
+    const double scaled = 2.0 * (value - low[k]) / (high[k] - low[k]) - 1.0;
+    one.observation[i] = static_cast<float>(is_flat() ? scaled : value);
+  }
+}
+
+void Environment::Implementation::observe(Observed& one) const noexcept {
+  look(one);
+  // The outcome is judged by the goal that was shown before this action.
+  judge(one);
+  complete(one);
+  while (takes_next_goal(one)) {
+    of_one->draw_goal(workspace, one.episode->random, goal_of(*one.episode));
+  }
+  std::array<double, kMaxValues> shown;  // NOLINT(*-member-init)
+  if (has_own_entries) of_one->show(one.view, *one.episode, std::span(shown).first(own_values));
+  write(one, std::span(shown).first(own_values));
+}
+
+}  // namespace trifinger::learning
