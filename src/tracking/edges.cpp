@@ -14,10 +14,98 @@ constexpr int kMostSpots = 14;       // on an edge
 constexpr int kFewSpots = 2;         // on an edge of an object with very many edges
 constexpr double kSpotDistance = 5;  // [pixel]
 constexpr int kMostLines = 4000;     // about
+constexpr int kStepReach = 12;       // half of the longest profile across an edge [pixel]
+constexpr int kStepMargin = 4;       // read on both sides of the step to know the colours
 
+// The unknowns are the position of the object, a turn about the world's axes, the shift of each
+// camera's image, and how far all edges seem to lie outside of where they are.
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7 + 2 * kMostCameras, 1>;
 using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 * kMostCameras,
                               7 + 2 * kMostCameras>;
+
+Eigen::Index shift_of(std::size_t camera) noexcept {
+  return static_cast<Eigen::Index>(6 + 2 * camera);
+}
+Eigen::Index growth_of(const Unknowns& unknowns) noexcept { return unknowns.size() - 1; }
+
+// How far a measured edge is from where the unknowns expect it [pixel].
+double unexplained(const EdgeLine& line, const Unknowns& unknowns) noexcept {
+  return line.offset - line.slope.dot(unknowns.head<6>()) -
+         line.normal.dot(unknowns.segment<2>(shift_of(line.camera))) -
+         unknowns[growth_of(unknowns)];
+}
+
+// Adds a measured edge to the upper half of the normal equations.
+void add_line(const EdgeLine& line, double weight, Normals& sum, Unknowns& right) noexcept {
+  const Eigen::Index shift = shift_of(line.camera);
+  const Eigen::Index growth = growth_of(right);
+  const double target = line.offset;
+  Eigen::Matrix<double, 8, 1> slope;
+  slope << line.slope.transpose(), line.normal;
+  sum.topLeftCorner<6, 6>() += weight * slope.head<6>() * slope.head<6>().transpose();
+  sum.block<6, 2>(0, shift) += weight * slope.head<6>() * slope.tail<2>().transpose();
+  sum.block<2, 2>(shift, shift) += weight * slope.tail<2>() * slope.tail<2>().transpose();
+  right.head<6>() += weight * target * slope.head<6>();
+  right.segment<2>(shift) += weight * target * slope.tail<2>();
+  sum.block<6, 1>(0, growth) += weight * slope.head<6>();
+  sum.block<2, 1>(shift, growth) += weight * slope.tail<2>();
+  sum(growth, growth) += weight;
+  right[growth] += weight * target;
+}
+
+// Adds what is known without any lines: then the pose stays where it is, and is known to nothing
+// better than this.
+void add_priors(double calibration_error, Normals& sum) noexcept {
+  constexpr double kUnknownPosition = 0.05;  // [m]
+  constexpr double kUnknownRotation = 0.5;   // [rad]
+  const Eigen::Index growth = sum.rows() - 1;
+  sum.diagonal().head<3>().array() += 1 / (kUnknownPosition * kUnknownPosition);
+  sum.diagonal().segment<3>(3).array() += 1 / (kUnknownRotation * kUnknownRotation);
+  sum.diagonal().segment(6, growth - 6).array() += 1 / (calibration_error * calibration_error);
+  // Blur next to dark rims, rims that are not as wide as they are said to be, and lenses make
+  // faces look larger or smaller than they are.
+  constexpr double kGrowth = 0.7;  // [pixel]
+  sum(growth, growth) += 1 / (kGrowth * kGrowth);
+}
+
+void move_pose(const Unknowns& unknowns, Eigen::Isometry3d& pose) noexcept {
+  const Eigen::Vector3d turn = unknowns.segment<3>(3);
+  pose.translation() += unknowns.head<3>();
+  if (turn.norm() > 1e-12) {
+    pose.linear() =
+        Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() *
+                           pose.linear())
+            .normalized()
+            .toRotationMatrix();
+  }
+}
+
+// The colours across an edge, from the inside of the face to its outside, a pixel apart.
+struct Profile {
+  int half{0};  // index of the middle
+  std::array<Rgb, 2 * kStepReach + 1> colours;
+  std::array<int, 2 * kStepReach + 1> is_face{};  // 1 where the colour may be the face's, else -1
+  int total{0};                                   // of `is_face`
+};
+
+// The first sample outside of the face: inside of it as many samples as possible have its colour,
+// outside as few as possible.
+int first_outside(const Profile& profile) noexcept {
+  int inside = 0;
+  double best = -1e9;
+  int step = 0;
+  for (int i = 0; i < 2 * profile.half - 1; ++i) {
+    if (i >= kStepMargin) {
+      const double score = inside - (profile.total - inside) - 0.15 * std::abs(i - profile.half);
+      if (score > best) {
+        best = score;
+        step = i;
+      }
+    }
+    inside += profile.is_face[static_cast<std::size_t>(i)];
+  }
+  return step;
+}
 
 }  // namespace
 
@@ -70,7 +158,7 @@ void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometr
           ++looked_;
           if (!measure(spot, offset)) continue;
           const Eigen::Vector3d arm = point - pose.translation();
-          Line line{.camera = c, .normal = normal, .slope = {}, .offset = offset};
+          EdgeLine line{.camera = c, .normal = normal, .slope = {}, .offset = offset};
           const Eigen::RowVector3d across = normal.transpose() * at.slope;
           line.slope.head<3>() = across;
           // across * (w x arm) = w * (arm x across)
@@ -118,42 +206,28 @@ bool EdgeFit::find_label_step(const Spot& spot, double reach, double& offset) no
 // Finds the step to a part of a pixel. The colours on both sides are taken from the image itself,
 // so light and shadow do not matter.
 bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const noexcept {
-  constexpr int kMost = 12;
-  constexpr int kMargin = 4;  // read on both sides of the step to know the colours
-  const int half = std::min(kMost, static_cast<int>(std::lround(reach)) + kMargin);
+  const int half = std::min(kStepReach, static_cast<int>(std::lround(reach)) + kStepMargin);
   const LabelledImage& image = spot.view->image;
   if (!image.contains(spot.pixel + half * spot.normal, 3) ||
       !image.contains(spot.pixel - half * spot.normal, 3)) {
     return false;
   }
-  std::array<Rgb, 2 * kMost + 1> colours;
-  std::array<int, 2 * kMost + 1> is_face{};
+  Profile profile;
+  profile.half = half;
+  auto& colours = profile.colours;
+  auto& is_face = profile.is_face;
   const auto x = static_cast<float>(spot.pixel.x());
   const auto y = static_cast<float>(spot.pixel.y());
   const auto nx = static_cast<float>(spot.normal.x());
   const auto ny = static_cast<float>(spot.normal.y());
-  const int count = 2 * half + 1;
-  int total = 0;
-  for (int i = 0; i < count; ++i) {
+  for (int i = 0; i <= 2 * half; ++i) {
     const auto d = static_cast<float>(i - half);
     const auto place = static_cast<std::size_t>(i);
     colours[place] = image.colour(x + d * nx, y + d * ny);
     is_face[place] = image.labels_of(*table_, colours[place]).may_be(spot.label) ? 1 : -1;
-    total += is_face[place];
+    profile.total += is_face[place];
   }
-  int inside = 0;
-  double best = -1e9;
-  int step = 0;  // the first sample outside
-  for (int i = 0; i < count - 2; ++i) {
-    if (i >= kMargin) {
-      const double score = inside - (total - inside) - 0.15 * std::abs(i - half);
-      if (score > best) {
-        best = score;
-        step = i;
-      }
-    }
-    inside += is_face[static_cast<std::size_t>(i)];
-  }
+  const int step = first_outside(profile);
   const auto at = [](int i) { return static_cast<std::size_t>(i); };
   if (is_face[at(step - 2)] < 0 || is_face[at(step - 3)] < 0 || is_face[at(step + 1)] > 0) {
     return false;
@@ -187,7 +261,6 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
   fit.looked = looked_;
   fit.lines = static_cast<int>(lines_.size());
   const auto size = static_cast<Eigen::Index>(7 + 2 * cameras);
-  const Eigen::Index growth = size - 1;  // how far all edges seem to lie outside of where they are
   Unknowns unknowns = Unknowns::Zero(size);
   Normals inverse(size, size);
   constexpr int kRounds = 4;
@@ -202,42 +275,19 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     fit.used = 0;
     fit.agreeing = 0;
     double squares = 0;
-    for (const Line& line : lines_) {
-      const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
-      const double error = line.offset - line.slope.dot(unknowns.head<6>()) -
-                           line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth];
+    for (const EdgeLine& line : lines_) {
+      const double error = unexplained(line, unknowns);
       const double relative = error / (3 * spread);
       if (std::abs(error) < std::max(kAgreeing, 3 * spread)) ++fit.agreeing;
       if (std::abs(relative) >= 1) continue;
       ++fit.used;
       squares += error * error;
       const double root = 1 - relative * relative;  // Tukey
-      const double weight = root * root / (kLineError * kLineError);
-      const double target = line.offset;
-      Eigen::Matrix<double, 8, 1> slope;
-      slope << line.slope.transpose(), line.normal;
-      sum.topLeftCorner<6, 6>() += weight * slope.head<6>() * slope.head<6>().transpose();
-      sum.block<6, 2>(0, shift) += weight * slope.head<6>() * slope.tail<2>().transpose();
-      sum.block<2, 2>(shift, shift) += weight * slope.tail<2>() * slope.tail<2>().transpose();
-      right.head<6>() += weight * target * slope.head<6>();
-      right.segment<2>(shift) += weight * target * slope.tail<2>();
-      sum.block<6, 1>(0, growth) += weight * slope.head<6>();
-      sum.block<2, 1>(shift, growth) += weight * slope.tail<2>();
-      sum(growth, growth) += weight;
-      right[growth] += weight * target;
+      add_line(line, root * root / (kLineError * kLineError), sum, right);
     }
     fit.residual = fit.used > 0 ? std::sqrt(squares / fit.used) : 0;
     sum.triangularView<Eigen::StrictlyLower>() = sum.transpose();
-    // Without any lines the pose stays where it is, and is known to nothing better than this.
-    constexpr double kUnknownPosition = 0.05;  // [m]
-    constexpr double kUnknownRotation = 0.5;   // [rad]
-    sum.diagonal().head<3>().array() += 1 / (kUnknownPosition * kUnknownPosition);
-    sum.diagonal().segment<3>(3).array() += 1 / (kUnknownRotation * kUnknownRotation);
-    sum.diagonal().segment(6, size - 7).array() += 1 / (calibration_error_ * calibration_error_);
-    // Blur next to dark rims, rims that are not as wide as they are said to be, and lenses make
-    // faces look larger or smaller than they are.
-    constexpr double kGrowth = 0.7;  // [pixel]
-    sum(growth, growth) += 1 / (kGrowth * kGrowth);
+    add_priors(calibration_error_, sum);
     const Eigen::LDLT<Normals> factors(sum);
     unknowns = factors.solve(right);
     if (round + 1 == kRounds || lines_.empty()) {
@@ -247,26 +297,14 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     }
     // The spread that most lines have.
     sorted_.clear();
-    for (const Line& line : lines_) {
-      const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
-      sorted_.push_back(std::abs(line.offset - line.slope.dot(unknowns.head<6>()) -
-                                 line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth]));
-    }
+    for (const EdgeLine& line : lines_) sorted_.push_back(std::abs(unexplained(line, unknowns)));
     if (sorted_.empty()) break;
     const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
     std::nth_element(sorted_.begin(), middle, sorted_.end());
     spread = std::clamp(1.5 * *middle, 0.2 * scale, scale);
   }
   fit.covariance = inverse.topLeftCorner<6, 6>();
-  const Eigen::Vector3d turn = unknowns.segment<3>(3);
-  pose.translation() += unknowns.head<3>();
-  if (turn.norm() > 1e-12) {
-    pose.linear() =
-        Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() *
-                           pose.linear())
-            .normalized()
-            .toRotationMatrix();
-  }
+  move_pose(unknowns, pose);
   return fit;
 }
 

@@ -21,6 +21,14 @@ struct Fit {
   int agreeing{0};     // measured places within about a pixel of the expected edge
 };
 
+// A measured place on an edge.
+struct EdgeLine {
+  std::size_t camera;
+  Eigen::Vector2d normal;             // out of the face
+  Eigen::Matrix<double, 1, 6> slope;  // of the edge along the normal [pixel per m, rad]
+  double offset;                      // of the measured edge from the expected one [pixel]
+};
+
 // Moves a pose until the edges of the coloured faces are where the cameras show them.
 //
 // At many places of each visible edge, the image is read along a line across the edge. Where the
@@ -38,13 +46,6 @@ class EdgeFit {
   [[nodiscard]] Fit refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept;
 
  private:
-  // A measured place on an edge.
-  struct Line {
-    std::size_t camera;
-    Eigen::Vector2d normal;             // out of the face
-    Eigen::Matrix<double, 1, 6> slope;  // of the edge along the normal [pixel per m, rad]
-    double offset;                      // of the measured edge from the expected one [pixel]
-  };
   // A place on an edge, before it is measured.
   struct Spot {
     const View* view;
@@ -66,7 +67,7 @@ class EdgeFit {
   double calibration_error_;
   int most_spots_{0};  // on an edge
   int looked_{0};
-  std::vector<Line> lines_;
+  std::vector<EdgeLine> lines_;
   std::vector<double> sorted_;
 };
 
