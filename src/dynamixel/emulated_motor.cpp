@@ -277,49 +277,60 @@ EmulatedMotor::Reply EmulatedMotor::read(std::size_t address, std::size_t size,
   return reply;
 }
 
+EmulatedMotor::Reply EmulatedMotor::ping(std::span<std::uint8_t> data) const noexcept {
+  Reply reply = answer(StatusError::kNone, true);
+  reply.is_sent = true;
+  reply.size = 3;
+  std::copy_n(memory_.begin() + regs::kModelNumber.address, 2, data.begin());
+  data[2] = memory_[regs::kFirmwareVersion.address];
+  return reply;
+}
+
+// Keeps a write until the action that carries it out.
+EmulatedMotor::Reply EmulatedMotor::register_write(
+    std::span<const std::uint8_t> parameters) noexcept {
+  if (parameters.size() < 3 || parameters.size() - 2 > registered_.data.size()) {
+    return answer(StatusError::kDataLength, false);
+  }
+  const std::size_t address = number_in(parameters.first(2));
+  const auto bytes = parameters.subspan(2);
+  const StatusError error = write_now(address, bytes, true);
+  if (error == StatusError::kNone) {
+    registered_.address = address;
+    registered_.size = bytes.size();
+    std::ranges::copy(bytes, registered_.data.begin());
+    set_value(regs::kRegisteredInstruction, 1);
+  }
+  return answer(error, false);
+}
+
+EmulatedMotor::Reply EmulatedMotor::write_registered() noexcept {
+  if (registered_.size == 0) return answer(StatusError::kInstruction, false);
+  const StatusError error =
+      write(registered_.address, std::span(registered_.data).first(registered_.size));
+  registered_ = {};
+  set_value(regs::kRegisteredInstruction, 0);
+  return answer(error, false);
+}
+
 EmulatedMotor::Reply EmulatedMotor::execute(Instruction instruction,
                                             std::span<const std::uint8_t> parameters,
                                             std::span<std::uint8_t> data) noexcept {
   if (!is_on_) return {};
   quiet_ = Nanoseconds::zero();
   switch (instruction) {
-    case Instruction::kPing: {
-      Reply reply = answer(StatusError::kNone, true);
-      reply.is_sent = true;
-      reply.size = 3;
-      std::copy_n(memory_.begin() + regs::kModelNumber.address, 2, data.begin());
-      data[2] = memory_[regs::kFirmwareVersion.address];
-      return reply;
-    }
+    case Instruction::kPing:
+      return ping(data);
     case Instruction::kRead:
       if (parameters.size() != 4) return answer(StatusError::kDataLength, true);
       return read(number_in(parameters.first(2)), number_in(parameters.subspan(2)), data);
     case Instruction::kWrite:
       if (parameters.size() < 3) return answer(StatusError::kDataLength, false);
       return answer(write(number_in(parameters.first(2)), parameters.subspan(2)), false);
-    case Instruction::kRegWrite: {
-      if (parameters.size() < 3 || parameters.size() - 2 > registered_.data.size()) {
-        return answer(StatusError::kDataLength, false);
-      }
-      const std::size_t address = number_in(parameters.first(2));
-      const auto bytes = parameters.subspan(2);
-      const StatusError error = write_now(address, bytes, true);
-      if (error == StatusError::kNone) {
-        registered_.address = address;
-        registered_.size = bytes.size();
-        std::ranges::copy(bytes, registered_.data.begin());
-        set_value(regs::kRegisteredInstruction, 1);
-      }
-      return answer(error, false);
-    }
-    case Instruction::kAction: {
-      if (registered_.size == 0) return answer(StatusError::kInstruction, false);
-      const StatusError error =
-          write(registered_.address, std::span(registered_.data).first(registered_.size));
-      registered_ = {};
-      set_value(regs::kRegisteredInstruction, 0);
-      return answer(error, false);
-    }
+    case Instruction::kRegWrite:
+      return register_write(parameters);
+    case Instruction::kAction:
+      return write_registered();
     case Instruction::kFactoryReset: {
       const bool is_known =
           parameters.size() == 1 &&
@@ -431,13 +442,20 @@ void EmulatedMotor::tick(Nanoseconds duration, double position, double velocity)
   }
   if (temperature_ > value(regs::kTemperatureLimit)) fail(HardwareError::kOverheating);
 
-  // The current that full PWM would give now in each direction, and what the mode asks for.
+  follow_profile(seconds);
+  const double pwm = drive(velocity, seconds);
+  torque_ = sign * current_ * model().torque_constant();
+  show_state(velocity, pwm);
+}
+
+// Sets the current to what the mode asks for, and returns its PWM.
+double EmulatedMotor::drive(double velocity, double seconds) noexcept {
+  // The current that full PWM would give now in each direction.
   const MotorModel& motor = model();
   const double emf = motor.stall_current * velocity / motor.no_load_speed;
   const double full = motor.stall_current * supply_ / kRatedVoltage;
   double pwm = 0.0;
   current_ = 0.0;
-  follow_profile(seconds);
   if (value(regs::kTorqueEnable) != 0) {
     const double unit = motor.current_unit;
     const double limit = unit * value(regs::kCurrentLimit);
@@ -454,20 +472,23 @@ void EmulatedMotor::tick(Nanoseconds duration, double position, double velocity)
     current_ = std::clamp(current_, -full - emf, full - emf);
     pwm = std::clamp((current_ + emf) / full * kFullPwm, -1.0 * kFullPwm, 1.0 * kFullPwm);
   }
-  torque_ = sign * current_ * motor.torque_constant();
+  return pwm;
+}
 
+// Writes what is measured into the registers.
+void EmulatedMotor::show_state(double velocity, double pwm) noexcept {
   const auto set = [this](const Register& which, double number) {
     constexpr double kMost = 2147483647.0;
     set_value(which, static_cast<std::int32_t>(std::lround(std::clamp(number, -kMost, kMost))));
   };
   const double steps_per_second = kVelocityUnit / kPositionUnit;
   set(regs::kPresentPwm, pwm);
-  set(regs::kPresentCurrent, current_ / motor.current_unit);
+  set(regs::kPresentCurrent, current_ / model().current_unit);
   set(regs::kPresentVelocity, velocity / kVelocityUnit);
   set(regs::kPresentPosition, shaft_);
   set(regs::kVelocityTrajectory, trajectory_velocity_ / steps_per_second);
   set(regs::kPositionTrajectory, trajectory_);
-  set(regs::kPresentInputVoltage, tenths);
+  set(regs::kPresentInputVoltage, 10.0 * supply_);
   set(regs::kPresentTemperature, temperature_);
   set(regs::kRealtimeTick, static_cast<double>((uptime_ / std::chrono::milliseconds(1)) % 32768));
   const bool is_moving = std::abs(velocity) / kVelocityUnit > value(regs::kMovingThreshold);

@@ -96,6 +96,9 @@ class EmulatedMotor {
   [[nodiscard]] StatusError write_now(std::size_t address, std::span<const std::uint8_t> data,
                                       bool is_trial) noexcept;
   [[nodiscard]] Reply answer(StatusError error, bool is_read) const noexcept;
+  [[nodiscard]] Reply ping(std::span<std::uint8_t> data) const noexcept;
+  [[nodiscard]] Reply register_write(std::span<const std::uint8_t> parameters) noexcept;
+  [[nodiscard]] Reply write_registered() noexcept;
   void begin() noexcept;
   void forget_turns() noexcept;
   void reset_goals() noexcept;
@@ -104,6 +107,8 @@ class EmulatedMotor {
   [[nodiscard]] OperatingMode mode() const noexcept;
   void watch(Nanoseconds duration) noexcept;
   void follow_profile(double seconds) noexcept;
+  double drive(double velocity, double seconds) noexcept;
+  void show_state(double velocity, double pwm) noexcept;
   [[nodiscard]] double wanted_pwm(double position, double velocity, double seconds) noexcept;
 
   EmulatedMotorOptions options_;
