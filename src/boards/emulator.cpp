@@ -141,6 +141,13 @@ void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
   } else if (fault.kind > Kind::kPowerOn) {
     require_number(fault.kind >= Kind::kBusLoses ? "bus" : "board", fault.number, boards_.size());
   }
+  add_to_bus(fault, begin, end);
+  faults_.push_back({.fault = fault, .begin = begin, .end = end});
+}
+
+// Adds a fault of a bus to the script of that bus.
+template <class R>
+void Emulator<R>::add_to_bus(const EmulatedFault& fault, Instant begin, Instant end) {
   using Bus = can::BusFault::Kind;
   const auto script = [&](Bus kind, double probability = 1.0) {
     can::BusFault on_bus{
@@ -185,7 +192,6 @@ void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
     default:
       break;
   }
-  faults_.push_back({.fault = fault, .begin = begin, .end = end});
 }
 
 template <class R>
@@ -231,6 +237,17 @@ void Emulator<R>::restore_power(Instant now) noexcept {
   }
 }
 
+// Ends the faults for which boards are without power.
+template <class R>
+void Emulator<R>::end_power_faults() noexcept {
+  for (ScheduledFault& other : faults_) {
+    const bool is_off = other.fault.kind == Kind::kPowerOff || other.fault.kind == Kind::kBoardOff;
+    if (is_off && other.phase == ScheduledFault::Phase::kLasts) {
+      other.phase = ScheduledFault::Phase::kIsOver;
+    }
+  }
+}
+
 template <class R>
 void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
   const std::size_t number = fault.number;
@@ -240,13 +257,7 @@ void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
       restore_power(now);
       break;
     case Kind::kPowerOn:
-      for (ScheduledFault& other : faults_) {
-        const bool is_off =
-            other.fault.kind == Kind::kPowerOff || other.fault.kind == Kind::kBoardOff;
-        if (is_off && other.phase == ScheduledFault::Phase::kLasts) {
-          other.phase = ScheduledFault::Phase::kIsOver;
-        }
-      }
+      end_power_faults();
       restore_power(now);
       break;
     case Kind::kBoardRestart:

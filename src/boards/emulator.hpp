@@ -96,12 +96,14 @@ class Emulator {
   // True unless a fault that lasts has switched the board off.
   [[nodiscard]] bool has_power(std::size_t board) const noexcept;
   void restore_power(Instant now) noexcept;
+  void end_power_faults() noexcept;
   void begin(const EmulatedFault& fault, Instant now) noexcept;
   void end(const EmulatedFault& fault, Instant now) noexcept;
   void turn_loose_motor(std::size_t joint, double amperes) noexcept;
   // Where the motor of a joint seems to be.
   [[nodiscard]] double seen_angle(std::size_t joint) noexcept;
   [[nodiscard]] double seen_speed(std::size_t joint) const noexcept;
+  void add_to_bus(const EmulatedFault& fault, Instant begin, Instant end);
   [[nodiscard]] can::ScriptedBus& scripted(std::size_t bus);
   [[nodiscard]] double holding_torque(std::size_t joint) const noexcept;
   [[nodiscard]] EmulatedBoard::Rotors rotors(std::size_t board) noexcept;
