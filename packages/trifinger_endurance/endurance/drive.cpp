@@ -186,45 +186,8 @@ std::optional<Drive::Ended> Drive::drive_session() {
       return Ended{.trouble = Trouble::kOtherRobot,
                    .text = fmt::format("'{}' is a {} with other fields now", info.name, info.type)};
     }
-    period_ = info.period;
-    robot.latest_observation(observations_.data(), kPatienceToBegin);
-    const auto position = numbers(observations_.data(), layout_.position_, layout_.joints());
-    if (home_.empty()) home_.assign(position.begin(), position.end());
-    motion_.begin(position, home_, options_.first_session + sessions_++, failed_tests_ * kFreeTime);
-    health_.begin_session();
-    next_ = 0;
-    ++current_.sessions;
-    is_tested_ = false;
-    lost_frames_ = 0;
-    discarded_ = 0;
-    try {
-      std::size_t oldest = 0;
-      append(robot, parts_[0]);
-      for (;;) {
-        append(robot, parts_[1 - oldest]);
-        read(robot, parts_[oldest]);
-        hand_over(false);
-        if (const std::optional<Ended> ended = judge_pass()) {
-          bring_to_rest(robot);
-          return ended;
-        }
-        if (is_over()) break;
-        if (health_.take_hindrance()) {
-          const std::size_t last = (kPart - 1) * layout_.types_.observation.size();
-          motion_.give_way(
-              numbers(observations_.data() + last, layout_.position_, layout_.joints()));
-        }
-        oldest = 1 - oldest;
-      }
-    } catch (const Stopped&) {
-      bring_to_rest(robot);
-      throw;
-    } catch (const RobotStopped&) {
-      read_rests(robot);
-      throw;
-    }
-    bring_to_rest(robot);
-    return std::nullopt;
+    begin_session(robot, info.period);
+    return move_at_random(robot);
   } catch (const RobotStopped& stopped) {
     if (!is_connected && stopped.fault().code == Fault::Code::kBackendDied) {
       return Ended{.trouble = Trouble::kAbsent, .text = stopped.what()};
@@ -250,6 +213,50 @@ std::optional<Drive::Ended> Drive::drive_session() {
     // For instance a session file that is being replaced, or a limit of the system.
     return Ended{.trouble = Trouble::kAbsent, .text = error.what()};
   }
+}
+
+void Drive::begin_session(const UntypedFrontend& robot, Nanoseconds period) {
+  period_ = period;
+  robot.latest_observation(observations_.data(), kPatienceToBegin);
+  const auto position = numbers(observations_.data(), layout_.position_, layout_.joints());
+  if (home_.empty()) home_.assign(position.begin(), position.end());
+  motion_.begin(position, home_, options_.first_session + sessions_++, failed_tests_ * kFreeTime);
+  health_.begin_session();
+  next_ = 0;
+  ++current_.sessions;
+  is_tested_ = false;
+  lost_frames_ = 0;
+  discarded_ = 0;
+}
+
+std::optional<Drive::Ended> Drive::move_at_random(UntypedFrontend& robot) {
+  try {
+    std::size_t oldest = 0;
+    append(robot, parts_[0]);
+    for (;;) {
+      append(robot, parts_[1 - oldest]);
+      read(robot, parts_[oldest]);
+      hand_over(false);
+      if (const std::optional<Ended> ended = judge_pass()) {
+        bring_to_rest(robot);
+        return ended;
+      }
+      if (is_over()) break;
+      if (health_.take_hindrance()) {
+        const std::size_t last = (kPart - 1) * layout_.types_.observation.size();
+        motion_.give_way(numbers(observations_.data() + last, layout_.position_, layout_.joints()));
+      }
+      oldest = 1 - oldest;
+    }
+  } catch (const Stopped&) {
+    bring_to_rest(robot);
+    throw;
+  } catch (const RobotStopped&) {
+    read_rests(robot);
+    throw;
+  }
+  bring_to_rest(robot);
+  return std::nullopt;
 }
 
 void Drive::append(UntypedFrontend& robot, Part& part) {

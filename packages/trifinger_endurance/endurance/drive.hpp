@@ -142,6 +142,9 @@ class Drive {
 
   // Drives one session. Returns why it ended; nothing if all is done.
   std::optional<Ended> drive_session();
+  void begin_session(const UntypedFrontend& robot, Nanoseconds period);
+  // Moves until the session has done its work, and brings the robot to rest.
+  std::optional<Ended> move_at_random(UntypedFrontend& robot);
   void append(UntypedFrontend& robot, Part& part);
   void read(const UntypedFrontend& robot, Part& part);
   void read_rests(const UntypedFrontend& robot) noexcept;

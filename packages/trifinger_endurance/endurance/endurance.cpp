@@ -243,6 +243,33 @@ int endure(EnduranceOptions options) {
   return is_written ? kDone : kIncomplete;
 }
 
+void add_simulation_options(CLI::App& program, SimulatedOptions& simulated) {
+  program
+      .add_option("--simulate", simulated.robot,
+                  "Instead of a running robot, simulate this configuration, as fast as it goes")
+      ->option_text("CONFIG");
+  program.add_option("--set", simulated.overrides, "A setting of this configuration")
+      ->allow_extra_args(false)
+      ->option_text("KEY=VALUE ...");
+  add_number(
+      program, "--faults-every",
+      [&simulated](double value) { simulated.faults_every = static_cast<std::uint64_t>(value); }, 0,
+      1e15, "With --simulate: steps from one injected fault to the next; default: none")
+      ->option_text("STEPS");
+}
+
+void add_recovery_options(CLI::App& program, RecoveryOptions& recovery) {
+  add_number(
+      program, "--attempts",
+      [&recovery](double value) { recovery.attempts = static_cast<int>(value); }, 1, 1000,
+      "Attempts in a row to recover before a hand is asked for; default: 8");
+  add_duration(program, "--patience", recovery.patience,
+               "How long to wait for a robot that nobody runs; default: 10min");
+  add_number(
+      program, "--most-troubles", [&recovery](double value) { recovery.most_per_hour = value; }, 1,
+      1e9, "Troubles in an hour before a hand is asked for; default: 30");
+}
+
 int endurance_command(const std::vector<std::string>& words) {
   EnduranceOptions options;
   CLI::App program(
@@ -261,20 +288,7 @@ int endurance_command(const std::vector<std::string>& words) {
   add_number(
       program, "--steps", [&steps](double value) { steps = value; }, 1, 1e15,
       "Number of steps; default: any");
-  program
-      .add_option("--simulate", options.simulated.robot,
-                  "Instead of a running robot, simulate this configuration, as fast as it goes")
-      ->option_text("CONFIG");
-  program.add_option("--set", options.simulated.overrides, "A setting of this configuration")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
-  add_number(
-      program, "--faults-every",
-      [&options](double value) {
-        options.simulated.faults_every = static_cast<std::uint64_t>(value);
-      },
-      0, 1e15, "With --simulate: steps from one injected fault to the next; default: none")
-      ->option_text("STEPS");
+  add_simulation_options(program, options.simulated);
   add_number(
       program, "--seed",
       [&options](double value) { options.drive.motion.seed = static_cast<std::uint64_t>(value); },
@@ -285,16 +299,7 @@ int endurance_command(const std::vector<std::string>& words) {
   Nanoseconds pass_every = std::chrono::minutes(10);
   add_duration(program, "--pass-every", pass_every,
                "Time from one measurement of friction to the next; default: 10min");
-  add_number(
-      program, "--attempts",
-      [&options](double value) { options.drive.recovery.attempts = static_cast<int>(value); }, 1,
-      1000, "Attempts in a row to recover before a hand is asked for; default: 8");
-  add_duration(program, "--patience", options.drive.recovery.patience,
-               "How long to wait for a robot that nobody runs; default: 10min");
-  add_number(
-      program, "--most-troubles",
-      [&options](double value) { options.drive.recovery.most_per_hour = value; }, 1, 1e9,
-      "Troubles in an hour before a hand is asked for; default: 30");
+  add_recovery_options(program, options.drive.recovery);
   add_duration(program, "--write-every", options.write_every,
                "Time from one writing of the files to the next; default: 10s");
   add_user_scheduling(program, options.scheduling);

@@ -111,69 +111,111 @@ std::vector<double> ticks(double low, double high, int wanted) {
   return result;
 }
 
-// Draws curves over the hours of the middle of each interval.
-std::string draw(const Chart& chart, const std::vector<double>& hours, double last_hour) {
+struct ValueRange {
+  double low;
+  double high;
+
+  [[nodiscard]] bool is_empty() const noexcept { return low > high; }
+};
+
+// Whether a value can be drawn.
+bool is_shown(const Chart& chart, const Value& value) {
+  return value && !(chart.is_logarithmic && *value <= 0.0);
+}
+
+ValueRange values_of(const Chart& chart) {
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
   for (const Curve& curve : chart.curves) {
     for (const Value& value : curve.values) {
-      if (!value || (chart.is_logarithmic && *value <= 0.0)) continue;
+      if (!is_shown(chart, value)) continue;
       low = std::min(low, *value);
       high = std::max(high, *value);
     }
   }
-  std::string svg = fmt::format(
-      "<figure><figcaption><b>{}</b>{}. {}</figcaption>", escaped(chart.title),
-      chart.unit.empty() ? "" : fmt::format(" [{}]", chart.unit), escaped(chart.explanation));
-  if (low > high) return svg + "<p class=\"none\">Nothing was measured yet.</p></figure>";
+  return {low, high};
+}
+
+// The range of the axis: of powers of ten if it is logarithmic.
+ValueRange axis_of(const Chart& chart, ValueRange range) {
   if (chart.is_logarithmic) {
-    low = std::floor(std::log10(low));
-    high = std::max(low + 1.0, std::ceil(std::log10(high)));
+    range.low = std::floor(std::log10(range.low));
+    range.high = std::max(range.low + 1.0, std::ceil(std::log10(range.high)));
   } else {
-    low = std::min(low, 0.0);
-    if (high <= low) high = low + 1.0;
-    high += 0.05 * (high - low);
+    range.low = std::min(range.low, 0.0);
+    if (range.high <= range.low) range.high = range.low + 1.0;
+    range.high += 0.05 * (range.high - range.low);
   }
-  const auto x = [&](double hour) {
+  return range;
+}
+
+// Places of hours and values in the drawing.
+struct Axes {
+  double last_hour;
+  ValueRange range;
+
+  [[nodiscard]] double x(double hour) const {
     return kLeft + (kWidth - kLeft - kRight) * (last_hour > 0.0 ? hour / last_hour : 0.0);
-  };
-  const auto y = [&](double value) {
-    return kTop + (kHeight - kTop - kBottom) * (high - value) / (high - low);
-  };
-  svg += fmt::format(R"(<svg viewBox="0 0 {} {}" role="img">)", kWidth, kHeight);
+  }
+  [[nodiscard]] double y(double value) const {
+    return kTop + (kHeight - kTop - kBottom) * (range.high - value) / (range.high - range.low);
+  }
+};
+
+std::string draw_grid(const Chart& chart, const Axes& axes) {
+  std::string svg;
+  const auto [low, high] = axes.range;
   for (const double tick :
        ticks(low, high, chart.is_logarithmic ? static_cast<int>(high - low) : 5)) {
     const double shown = chart.is_logarithmic ? std::pow(10.0, tick) : tick;
     svg += fmt::format(
         "<line class=\"grid\" x1=\"{:.1f}\" x2=\"{:.1f}\" y1=\"{:.1f}\" y2=\"{:.1f}\"/><text "
         "x=\"{:.1f}\" y=\"{:.1f}\" class=\"y\">{:g}</text>",
-        kLeft, kWidth - kRight, y(tick), y(tick), kLeft - 6, y(tick) + 4, shown);
+        kLeft, kWidth - kRight, axes.y(tick), axes.y(tick), kLeft - 6, axes.y(tick) + 4, shown);
   }
-  for (const double tick : ticks(0.0, std::max(last_hour, 1e-3), 8)) {
-    svg += fmt::format(R"(<text x="{:.1f}" y="{:.1f}" class="x">{:g} h</text>)", x(tick),
+  for (const double tick : ticks(0.0, std::max(axes.last_hour, 1e-3), 8)) {
+    svg += fmt::format(R"(<text x="{:.1f}" y="{:.1f}" class="x">{:g} h</text>)", axes.x(tick),
                        kHeight - 8, tick);
   }
-  for (std::size_t i = 0; i < chart.curves.size(); ++i) {
-    const Curve& curve = chart.curves[i];
-    const std::string_view colour = kColours[i % kColours.size()];
-    std::string points;
-    std::string dots;
-    for (std::size_t k = 0; k < curve.values.size(); ++k) {
-      const Value& value = curve.values[k];
-      if (!value || (chart.is_logarithmic && *value <= 0.0)) continue;
-      const double at = y(chart.is_logarithmic ? std::log10(*value) : *value);
-      points += fmt::format("{:.1f},{:.1f} ", x(hours[k]), at);
-      if (hours.size() <= 60) {
-        dots += fmt::format(R"(<circle cx="{:.1f}" cy="{:.1f}" r="2" fill="{}"/>)", x(hours[k]), at,
-                            colour);
-      }
+  return svg;
+}
+
+std::string_view colour_of(std::size_t curve) { return kColours[curve % kColours.size()]; }
+
+std::string draw_curve(const Chart& chart, std::size_t index, const std::vector<double>& hours,
+                       const Axes& axes) {
+  const Curve& curve = chart.curves[index];
+  const std::string_view colour = colour_of(index);
+  std::string points;
+  std::string dots;
+  for (std::size_t k = 0; k < curve.values.size(); ++k) {
+    const Value& value = curve.values[k];
+    if (!is_shown(chart, value)) continue;
+    const double at = axes.y(chart.is_logarithmic ? std::log10(*value) : *value);
+    points += fmt::format("{:.1f},{:.1f} ", axes.x(hours[k]), at);
+    if (hours.size() <= 60) {
+      dots += fmt::format(R"(<circle cx="{:.1f}" cy="{:.1f}" r="2" fill="{}"/>)", axes.x(hours[k]),
+                          at, colour);
     }
-    svg += fmt::format(R"(<polyline points="{}" stroke="{}"/>)", points, colour) + dots;
   }
+  return fmt::format(R"(<polyline points="{}" stroke="{}"/>)", points, colour) + dots;
+}
+
+// Draws curves over the hours of the middle of each interval.
+std::string draw(const Chart& chart, const std::vector<double>& hours, double last_hour) {
+  std::string svg = fmt::format(
+      "<figure><figcaption><b>{}</b>{}. {}</figcaption>", escaped(chart.title),
+      chart.unit.empty() ? "" : fmt::format(" [{}]", chart.unit), escaped(chart.explanation));
+  const ValueRange values = values_of(chart);
+  if (values.is_empty()) return svg + "<p class=\"none\">Nothing was measured yet.</p></figure>";
+  const Axes axes{.last_hour = last_hour, .range = axis_of(chart, values)};
+  svg += fmt::format(R"(<svg viewBox="0 0 {} {}" role="img">)", kWidth, kHeight);
+  svg += draw_grid(chart, axes);
+  for (std::size_t i = 0; i < chart.curves.size(); ++i) svg += draw_curve(chart, i, hours, axes);
   svg += "</svg><p class=\"legend\">";
   for (std::size_t i = 0; i < chart.curves.size(); ++i) {
-    svg += fmt::format("<span><i style=\"background:{}\"></i>{}</span> ",
-                       kColours[i % kColours.size()], escaped(chart.curves[i].name));
+    svg += fmt::format("<span><i style=\"background:{}\"></i>{}</span> ", colour_of(i),
+                       escaped(chart.curves[i].name));
   }
   return svg + "</p></figure>";
 }
@@ -218,18 +260,7 @@ Value pass_error_rms(const JointTally& joint) {
   return std::sqrt(joint.pass_error_squares / static_cast<double>(joint.pass_steps));
 }
 
-std::vector<Chart> charts_of(const History& history) {
-  const auto per_hour = [](std::uint64_t count, const Tally& tally) -> Value {
-    const double hours = hours_of(tally.time);
-    if (hours <= 0.0) return std::nullopt;
-    return static_cast<double>(count) / hours;
-  };
-  const auto lateness = [](double fraction) {
-    return [fraction](const Tally& tally) -> Value {
-      if (tally.lateness.count() == 0) return std::nullopt;
-      return microseconds(tally.lateness.quantile(fraction));
-    };
-  };
+std::vector<Chart> joint_charts(const History& history) {
   return {
       {.title = "Friction",
        .unit = "Nm",
@@ -256,6 +287,22 @@ std::vector<Chart> charts_of(const History& history) {
                                 if (tally.steps == 0) return std::nullopt;
                                 return joint.thermal_margin;
                               })},
+  };
+}
+
+std::vector<Chart> session_charts(const History& history) {
+  const auto per_hour = [](std::uint64_t count, const Tally& tally) -> Value {
+    const double hours = hours_of(tally.time);
+    if (hours <= 0.0) return std::nullopt;
+    return static_cast<double>(count) / hours;
+  };
+  const auto lateness = [](double fraction) {
+    return [fraction](const Tally& tally) -> Value {
+      if (tally.lateness.count() == 0) return std::nullopt;
+      return microseconds(tally.lateness.quantile(fraction));
+    };
+  };
+  return {
       {.title = "Lateness of the loop",
        .unit = "µs",
        .explanation = "Of the back-end: from the deadline to the beginning of the step. Simulated "
@@ -411,7 +458,9 @@ std::string make_page(const History& history, const PageState& state) {
       "<p>{} steps in {}, since {}; written {}. Each point is an interval of at least {}.</p>",
       count_text(history.total().steps), span_text(history.total().time), since,
       date_text(state.now), span_text(history.length()));
-  for (const Chart& chart : charts_of(history)) page += draw(chart, hours, hours_of(passed));
+  for (const auto& charts : {joint_charts(history), session_charts(history)}) {
+    for (const Chart& chart : charts) page += draw(chart, hours, hours_of(passed));
+  }
   page += counts_table(history) + troubles_table(history) + reasons_table(history) +
           joints_table(history);
   return page + "</body></html>\n";

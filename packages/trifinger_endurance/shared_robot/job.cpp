@@ -61,6 +61,40 @@ void add_limits(CLI::App& command, JobLimits& limits, std::uint64_t& processes,
                    "The log of the robot; above it the oldest files are removed; default: 2GB"));
 }
 
+void add_turn_options(CLI::App& command, TurnOptions& turn) {
+  command.add_option("--robot", turn.robot, "Name of the running robot")->required();
+  command
+      .add_option(
+          "--output", turn.output,
+          "A new folder for report, log, output and files of the job; default: one in jobs/")
+      ->option_text("DIR");
+  command
+      .add_option(
+          "--user", turn.user,
+          "Whose turn it is: the program runs as this user. Needed by root, and only for root")
+      ->option_text("NAME");
+  command
+      .add_option("--env", turn.environment,
+                  "A variable for the program's environment, with a value or as it is here")
+      ->allow_extra_args(false)
+      ->option_text("NAME[=VALUE]");
+  add_care(command, turn.care);
+  add_limits(command, turn.limits, turn.limits.processes, turn.limits.file_count);
+  command.add_flag_callback("--without-namespaces", [&turn] { turn.with_namespaces = false; })
+      ->group("");
+  command.footer(
+      "Times are such as 30s, 10min, 1h; sizes such as 500MB, 2GiB.\n"
+      "The program gets TRIFINGER_ROBOT, the name of the robot, and TRIFINGER_JOB_FOLDER, its "
+      "working\nfolder. Ctrl-C and SIGTERM end it early and bring the robot back; a second one "
+      "ends "
+      "at once.\n"
+      "Exit code 0: the program has succeeded, and the robot is fit. 10: the program has failed.\n"
+      "11: a limit has ended it. 12: the robot was not fit, and the program was not started.\n"
+      "13: the robot is not fit afterwards: somebody must look at it. 130, 143: interrupted.\n"
+      "Example:\n"
+      "  trifinger job run --robot sim --time 5min -- python3 my_experiment.py");
+}
+
 void check(const TurnOptions& options) {
   constexpr std::uint64_t kSmallestLog = 8'000'000;
   if (options.limits.log < kSmallestLog) {
@@ -87,33 +121,7 @@ int job_command(const std::vector<std::string>& all_words) {
   TurnOptions turn;
   CLI::App& run = *program.add_subcommand(
       "run", "Check the robot, run a program within limits, and bring the robot back");
-  run.add_option("--robot", turn.robot, "Name of the running robot")->required();
-  run.add_option("--output", turn.output,
-                 "A new folder for report, log, output and files of the job; default: one in jobs/")
-      ->option_text("DIR");
-  run.add_option(
-         "--user", turn.user,
-         "Whose turn it is: the program runs as this user. Needed by root, and only for root")
-      ->option_text("NAME");
-  run.add_option("--env", turn.environment,
-                 "A variable for the program's environment, with a value or as it is here")
-      ->allow_extra_args(false)
-      ->option_text("NAME[=VALUE]");
-  add_care(run, turn.care);
-  add_limits(run, turn.limits, turn.limits.processes, turn.limits.file_count);
-  run.add_flag_callback("--without-namespaces", [&turn] { turn.with_namespaces = false; })
-      ->group("");
-  run.footer(
-      "Times are such as 30s, 10min, 1h; sizes such as 500MB, 2GiB.\n"
-      "The program gets TRIFINGER_ROBOT, the name of the robot, and TRIFINGER_JOB_FOLDER, its "
-      "working\nfolder. Ctrl-C and SIGTERM end it early and bring the robot back; a second one "
-      "ends "
-      "at once.\n"
-      "Exit code 0: the program has succeeded, and the robot is fit. 10: the program has failed.\n"
-      "11: a limit has ended it. 12: the robot was not fit, and the program was not started.\n"
-      "13: the robot is not fit afterwards: somebody must look at it. 130, 143: interrupted.\n"
-      "Example:\n"
-      "  trifinger job run --robot sim --time 5min -- python3 my_experiment.py");
+  add_turn_options(run, turn);
   run.callback([&] { work = [&] { return take_turn(turn); }; });
 
   std::string robot;
