@@ -13,6 +13,8 @@
 
 #include "base/moved.hpp"
 #include "realtime/processors.hpp"
+#include "rollout_records.hpp"
+#include "rollout_weights.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/core/errors.hpp"
@@ -34,21 +36,8 @@ struct DeleteBatch {
   }
 };
 
-bool is_share(double value) noexcept { return value >= 0.0 && value <= 1.0; }
-
 int num_steps_of(Seconds horizon, Seconds step) noexcept {
   return std::max(1, static_cast<int>(std::lround(horizon / step)));
-}
-
-// The median of the finite costs; of an even number the upper one. `scratch` is as long as `costs`.
-double median_of(std::span<const double> costs, std::span<double> scratch) noexcept {
-  const auto end = std::ranges::copy_if(costs, scratch.begin(), [](double cost) {
-                     return std::isfinite(cost);
-                   }).out;
-  if (end == scratch.begin()) return kInfinity;
-  const auto middle = scratch.begin() + (end - scratch.begin()) / 2;
-  std::nth_element(scratch.begin(), middle, end);
-  return *middle;
 }
 
 // As MuJoCo judges numbers: beyond this a simulation has diverged.
@@ -61,70 +50,6 @@ bool is_good(const double* values, std::size_t count) noexcept {
 }
 
 }  // namespace
-
-void validate(const PlannerOptions& options) {
-  const auto at_least_one = [](const char* name, int value) {
-    require(value >= 1,
-            std::string(name) + " is " + std::to_string(value) + ", must be at least 1");
-  };
-  at_least_one("samples", options.samples);
-  at_least_one("rounds", options.rounds);
-  at_least_one("knots", options.knots);
-  at_least_one("elites", options.elites);
-  require(options.num_threads >= 0,
-          "num_threads is " + std::to_string(options.num_threads) + ", must be at least 0");
-  detail::require_positive("horizon", options.horizon.count());
-  detail::require_not_negative("kp", options.kp);
-  detail::require_not_negative("kd", options.kd);
-  detail::require_positive("least_sigma", options.least_sigma);
-  require(std::isfinite(options.most_sigma) && options.most_sigma >= options.least_sigma,
-          "most_sigma is " + std::to_string(options.most_sigma) +
-              ", must be at least least_sigma, " + std::to_string(options.least_sigma));
-  require(is_share(options.one_finger_share),
-          "one_finger_share is " + std::to_string(options.one_finger_share) + ", must be 0 to 1");
-  require(is_share(options.constant_share),
-          "constant_share is " + std::to_string(options.constant_share) + ", must be 0 to 1");
-  detail::require_positive("temperature", options.temperature);
-}
-
-void path_integral_weights(std::span<const double> costs, double temperature,
-                           std::span<double> weights) noexcept {
-  double least = kInfinity;
-  for (const double cost : costs) {
-    if (std::isfinite(cost)) least = std::min(least, cost);
-  }
-  // If half of the rollouts are equally good, only these count.
-  const double scale = temperature * (median_of(costs, weights) - least);
-  double sum = 0.0;
-  for (std::size_t i = 0; i < costs.size(); ++i) {
-    weights[i] = 0.0;
-    if (!std::isfinite(costs[i])) continue;
-    if (costs[i] == least) {
-      weights[i] = 1.0;
-    } else if (scale > 0.0) {
-      weights[i] = std::exp(-(costs[i] - least) / scale);
-    }
-    sum += weights[i];
-  }
-  if (sum == 0.0) return;
-  for (double& weight : weights) weight /= sum;
-}
-
-void elite_weights(std::span<const double> costs, int count, std::span<double> weights) noexcept {
-  std::ranges::fill(weights, 0.0);
-  int found = 0;
-  for (; found < count; ++found) {
-    std::size_t best = costs.size();
-    for (std::size_t i = 0; i < costs.size(); ++i) {
-      if (weights[i] != 0.0 || !std::isfinite(costs[i])) continue;
-      if (best == costs.size() || costs[i] < costs[best]) best = i;
-    }
-    if (best == costs.size()) break;
-    weights[best] = 1.0;
-  }
-  if (found == 0) return;
-  for (double& weight : weights) weight /= found;
-}
 
 class PredictivePlanner::Implementation {
  public:
@@ -267,15 +192,6 @@ class PredictivePlanner::Implementation {
                           " numbers per knot, must have " + std::to_string(model_.num_joints()));
   }
 
-  // Where a rollout writes its states; null pointers for nowhere.
-  struct Record {
-    double* positions{nullptr};
-    double* velocities{nullptr};
-    double* targets{nullptr};
-    double* torques{nullptr};
-    double* tips{nullptr};
-  };
-
   [[nodiscard]] std::size_t num_states() const noexcept {
     return static_cast<std::size_t>(num_steps_) + 1;
   }
@@ -311,12 +227,7 @@ class PredictivePlanner::Implementation {
 
   void make_records() {
     if (!task_.batch_cost) return;
-    const std::size_t count = (num_samples_ + 1) * num_states();
-    positions_.resize(count * position_size());
-    velocities_.resize(count * velocity_size());
-    targets_.resize(count * num_joints());
-    torques_.resize(count * num_joints());
-    tips_.resize(count * 3 * model_.tip_sites().size());
+    records_.resize(model_, num_samples_ + 1, num_states());
   }
 
   // Makes `plan_.commands` the previous plan, seen from the new start.
@@ -382,10 +293,7 @@ class PredictivePlanner::Implementation {
     }
     if (!task_.batch_cost || job_ == Job::kSingle) return;
     const auto first = static_cast<std::size_t>(ids.front());
-    const auto part = [&](const std::vector<double>& all) {
-      const std::size_t width = all.size() / (num_samples_ + 1);
-      return std::span<const double>(all).subspan(first * width, ids.size() * width);
-    };
+    const std::size_t count = ids.size();
     const RolloutBatch batch{.num_rollouts = static_cast<int>(ids.size()),
                              .num_states = num_steps_ + 1,
                              .position_size = model_.position_size(),
@@ -394,12 +302,12 @@ class PredictivePlanner::Implementation {
                              .num_tips = static_cast<int>(model_.tip_sites().size()),
                              .begin = start_.time,
                              .time_step = model_.time_step(),
-                             .positions = part(positions_),
-                             .velocities = part(velocities_),
-                             .targets = part(targets_),
-                             .torques = part(torques_),
-                             .tips = part(tips_)};
-    const std::span costs = std::span(costs_).subspan(first, ids.size());
+                             .positions = records_.positions(first, count),
+                             .velocities = records_.velocities(first, count),
+                             .targets = records_.targets(first, count),
+                             .torques = records_.torques(first, count),
+                             .tips = records_.tips(first, count)};
+    const std::span costs = std::span(costs_).subspan(first, count);
     // Whatever is added to infinity must not make it finite.
     for (std::size_t i = 0; i < costs.size(); ++i) masked_[i] = std::isfinite(costs[i]) ? 0 : 1;
     task_.batch_cost(batch, costs);
@@ -422,7 +330,7 @@ class PredictivePlanner::Implementation {
             rollout(model, data, plan_.commands, row(index), num_steps_, record_of(index));
         return;
       case Job::kPlan: {
-        const Record record = record_of(index);
+        const RolloutRecord record = record_of(index);
         costs_[index] =
             rollout(model, data, plan_.commands, plan_.commands.values(), num_steps_, record);
         return;
@@ -436,14 +344,10 @@ class PredictivePlanner::Implementation {
     }
   }
 
-  [[nodiscard]] Record record_of(std::size_t index) noexcept {
-    Record record;
-    if (task_.batch_cost) {
-      const auto part = [&](std::vector<double>& all) {
-        return all.data() + index * (all.size() / (num_samples_ + 1));
-      };
-      record = {part(positions_), part(velocities_), part(targets_), part(torques_), part(tips_)};
-    } else if (index == num_samples_) {
+  [[nodiscard]] RolloutRecord record_of(std::size_t index) noexcept {
+    if (task_.batch_cost) return records_.of(index);
+    RolloutRecord record;
+    if (index == num_samples_) {
       record.positions = plan_.states.positions.data();
       record.velocities = plan_.states.velocities.data();
     }
@@ -485,7 +389,7 @@ class PredictivePlanner::Implementation {
 
   // Returns the cost of a rollout from `start_`.
   double rollout(const mjModel& model, mjData& data, const KnotSpline& commands,
-                 std::span<const double> knots, int steps, const Record& record) noexcept {
+                 std::span<const double> knots, int steps, const RolloutRecord& record) noexcept {
     std::ranges::copy(start_.position, data.qpos);
     std::ranges::copy(start_.velocity, data.qvel);
     std::fill_n(data.qacc_warmstart, velocity_size(), 0.0);
@@ -500,7 +404,7 @@ class PredictivePlanner::Implementation {
       is_bad =
           is_bad || !is_good(data.qpos, position_size()) || !is_good(data.qvel, velocity_size());
       if (is_bad) {
-        write(record, static_cast<std::size_t>(k), nullptr, target);
+        record.write(model_, static_cast<std::size_t>(k), nullptr, target);
         if (record.positions == nullptr) return kInfinity;
         continue;
       }
@@ -522,7 +426,7 @@ class PredictivePlanner::Implementation {
       if (is_end) std::fill_n(data.ctrl, num_joints(), 0.0);
       const double weight = is_end ? 1.0 : step * (k >= late ? task_.late_factor : 1.0);
       cost += weight * cost_of(input);
-      write(record, static_cast<std::size_t>(k), &data, target);
+      record.write(model_, static_cast<std::size_t>(k), &data, target);
       if (!is_end) mj_step2(&model, &data);
     }
     return std::isfinite(cost) && !is_bad ? cost : kInfinity;
@@ -548,35 +452,6 @@ class PredictivePlanner::Implementation {
     }
     if (task_.cost) cost += task_.cost(input);
     return cost;
-  }
-
-  // Without data, the state is not a number.
-  void write(const Record& record, std::size_t k, const mjData* data,
-             std::span<const double> target) const noexcept {
-    if (record.positions == nullptr) return;
-    const auto put = [k](double* to, const double* from, std::size_t count) {
-      if (to == nullptr) return;
-      if (from == nullptr) {
-        std::fill_n(to + k * count, count, std::numeric_limits<double>::quiet_NaN());
-      } else {
-        std::copy_n(from, count, to + k * count);
-      }
-    };
-    const bool is_good = data != nullptr;
-    put(record.positions, is_good ? data->qpos : nullptr, position_size());
-    put(record.velocities, is_good ? data->qvel : nullptr, velocity_size());
-    put(record.targets, is_good ? target.data() : nullptr, num_joints());
-    put(record.torques, is_good ? data->ctrl : nullptr, num_joints());
-    if (record.tips == nullptr) return;
-    const std::size_t tips = model_.tip_sites().size();
-    for (std::size_t i = 0; i < tips; ++i) {
-      double* const tip = record.tips + 3 * (k * tips + i);
-      if (is_good) {
-        std::copy_n(data->site_xpos + std::ptrdiff_t{3} * model_.tip_sites()[i], 3, tip);
-      } else {
-        std::fill_n(tip, 3, std::numeric_limits<double>::quiet_NaN());
-      }
-    }
   }
 
   // Makes a plan of the rollouts of a round.
@@ -622,12 +497,8 @@ class PredictivePlanner::Implementation {
     plan_.cost = costs_[num_samples_];
     plan_.states.begin = start_.time;
     if (!task_.batch_cost) return;
-    const auto keep = [this](const std::vector<double>& all, std::vector<double>& own) {
-      std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(num_samples_ * own.size()), own.size(),
-                  own.begin());
-    };
-    keep(positions_, plan_.states.positions);
-    keep(velocities_, plan_.states.velocities);
+    std::ranges::copy(records_.positions(num_samples_, 1), plan_.states.positions.begin());
+    std::ranges::copy(records_.velocities(num_samples_, 1), plan_.states.velocities.begin());
   }
 
   PlanningModel model_;
@@ -651,11 +522,7 @@ class PredictivePlanner::Implementation {
   std::vector<std::uint8_t> masked_ = std::vector<std::uint8_t>(num_samples_ + 1);
 
   // Of all samples and the plan, for costs of batches.
-  std::vector<double> positions_;
-  std::vector<double> velocities_;
-  std::vector<double> targets_;
-  std::vector<double> torques_;
-  std::vector<double> tips_;
+  RolloutRecords records_;
 
   // The call in progress.
   Job job_{Job::kSample};
