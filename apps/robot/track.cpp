@@ -125,6 +125,45 @@ std::vector<std::span<const std::byte>> usable(const camera::Images& images, Ins
   return pixels;
 }
 
+// One thing for each object. Says which of them can never be found for sure.
+std::vector<TrackedThing> tracked_things(const TrackOptions& options,
+                                         const std::vector<ObjectDescription>& objects,
+                                         const std::vector<camera::Camera>& cameras) {
+  const tracking::ColourModel colours = options.colours
+                                            ? tracking::read_colour_model(*options.colours)
+                                            : tracking::ColourModel::standard();
+  std::vector<TrackedThing> things;
+  things.reserve(objects.size());
+  for (const ObjectDescription& object : objects) {
+    const TrackedThing& thing = things.emplace_back(cameras, object, colours);
+    if (const auto warning = thing.warning()) say(options.robot, *warning);
+  }
+  return things;
+}
+
+// How many images were looked at, and how long that took.
+class LookCounts {
+ public:
+  void add_look(Nanoseconds took) {
+    sum_ += took;
+    longest_ = std::max(longest_, took);
+    ++looked_;
+  }
+  void add_written() { ++written_; }
+
+  [[nodiscard]] std::string text() const {
+    return fmt::format("{} of {} images gave poses; {} each on average, {} at most", written_,
+                       looked_, duration_text(looked_ > 0 ? sum_ / looked_ : Nanoseconds(0)),
+                       duration_text(longest_));
+  }
+
+ private:
+  std::int64_t looked_{0};
+  std::int64_t written_{0};
+  Nanoseconds sum_{0};
+  Nanoseconds longest_{0};
+};
+
 int track(const TrackOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
   const Signals signals;
@@ -138,24 +177,13 @@ int track(const TrackOptions& options) {
                           "' has no objects; 'objects' in its configuration names them");
   }
   const std::vector<camera::Camera> cameras = camera::calibration_of(session).cameras;
-  const tracking::ColourModel colours = options.colours
-                                            ? tracking::read_colour_model(*options.colours)
-                                            : tracking::ColourModel::standard();
-  std::vector<TrackedThing> things;
-  things.reserve(objects.size());
-  for (const ObjectDescription& object : objects) {
-    const TrackedThing& thing = things.emplace_back(cameras, object, colours);
-    if (const auto warning = thing.warning()) say(options.robot, *warning);
-  }
+  std::vector<TrackedThing> things = tracked_things(options, objects, cameras);
   camera::LiveCameras live(options.robot, cameras);
   UntypedSensorWriter writer(options.robot, options.sensor, companion->element);
   std::vector<std::byte> element(companion->element.size());
   say(options.robot, fmt::format("poses become the sensor '{}'", options.sensor));
 
-  std::int64_t looked = 0;
-  std::int64_t written = 0;
-  Nanoseconds sum{0};
-  Nanoseconds longest{0};
+  LookCounts counts;
   constexpr Nanoseconds kLook = std::chrono::milliseconds(100);
   const Deadline deadline(options.length > Nanoseconds(0) ? options.length : kForever);
   std::vector<ObjectPose> poses(things.size());
@@ -176,25 +204,19 @@ int track(const TrackOptions& options) {
         is_complete = is_complete && pose;
         if (pose) poses[i] = *pose;
       }
-      const Nanoseconds took = Clock::now() - begin;
-      sum += took;
-      longest = std::max(longest, took);
-      ++looked;
+      counts.add_look(Clock::now() - begin);
       // Pixels that were overwritten meanwhile may have shown two times at once.
       if (is_complete && images->is_valid()) {
         write_objects({}, poses, element.data());
         writer.write(time, element.data());
-        ++written;
+        counts.add_written();
       }
     }
     for (TrackedThing& thing : things) {
       if (const auto sentence = thing.news(begin)) say(options.robot, *sentence);
     }
   }
-  say(options.robot,
-      fmt::format("{} of {} images gave poses; {} each on average, {} at most", written, looked,
-                  duration_text(looked > 0 ? sum / looked : Nanoseconds(0)),
-                  duration_text(longest)));
+  say(options.robot, counts.text());
   return kDone;
 }
 
