@@ -17,6 +17,9 @@
 
 namespace trifinger::bindings {
 
+/// Binds splines, states and models for planning.
+void bind_planning_model(nanobind::module_& m);
+
 /// A task of Python: terms and a function.
 struct PythonTask {
   nanobind::object terms;  ///< A tuple of `CostTerm`.
