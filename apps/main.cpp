@@ -132,8 +132,8 @@ int run_program(const std::vector<std::string>& words) {
 
   try {
     program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
-  } catch (const CLI::Success& wish) {                                      // help or version
-    return program.exit(wish);
+  } catch (const CLI::Success& success) {                                   // help or version
+    return program.exit(success);
   } catch (const CLI::ParseError& error) {
     throw UsageError(
         fmt::format("{}; '{} --help' tells more", error.what(), full_name(program, words)));

@@ -44,8 +44,8 @@ class Controller {
   explicit Controller(const Pose& rest)
       : lift_(rest, {rest.position + Eigen::Vector3d(0, 0, 0.1), rest.orientation},
               kCycles * kCyclePeriod) {
-    const std::vector<Motion> way{lift_.at(Seconds(0)), lift_.at(lift_.duration())};
-    controller_.grasp(GraspPlanner(description()).plan(way).value().touches, rest);
+    const std::vector<Motion> trajectory{lift_.at(Seconds(0)), lift_.at(lift_.duration())};
+    controller_.grasp(GraspPlanner(description()).plan(trajectory).value().touches, rest);
   }
 
   // Returns where the cube should be in the next cycle.

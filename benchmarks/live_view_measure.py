@@ -16,8 +16,8 @@ import trifinger
 import viser
 from chromium import open_browser
 from rows import Row
+from trifinger_view.authentication import Authentication, page_server
 from trifinger_view.commands import view as command
-from trifinger_view.gate import Gate, page_server
 from trifinger_view.live import LiveRun
 from trifinger_view.page import Page, help_slow_browsers
 from websockets.exceptions import ConnectionClosed
@@ -171,9 +171,9 @@ def pictures_of(name: str, *, is_plain: bool, is_quick: bool) -> tuple[Any, floa
     Light and shadows take a processor seconds for each picture, so a quick look takes few.
     """
     settling, seconds, pictures_at_least = (0, 0.5, 3) if is_quick else (10, 10.0, 6)
-    gate = Gate(port=0)
-    help_slow_browsers(gate, is_plain=is_plain)
-    page = Page(page_server(gate, name), name, is_plain=is_plain)
+    authentication = Authentication(port=0)
+    help_slow_browsers(authentication, is_plain=is_plain)
+    page = Page(page_server(authentication, name), name, is_plain=is_plain)
     stamp = page.server.gui.add_html("", order=-1.0)
     live = LiveRun(name)
     robot = trifinger.observe(name)
@@ -199,7 +199,7 @@ def pictures_of(name: str, *, is_plain: bool, is_quick: bool) -> tuple[Any, floa
     try:
         with open_browser() as browser:
             tab = browser.new_page(viewport={"width": 480, "height": 320})
-            tab.goto(gate.url, timeout=0)
+            tab.goto(authentication.url, timeout=0)
             tab.wait_for_selector(f"#{STAMP}", state="attached", timeout=0)
             tab.wait_for_timeout(1000 * settling)  # textures, and the scene fades in
             tab.evaluate(PROBE)
@@ -214,5 +214,5 @@ def pictures_of(name: str, *, is_plain: bool, is_quick: bool) -> tuple[Any, floa
         is_over.set()
         thread.join()
         page.server.stop()
-        gate.close()
+        authentication.close()
     return ages, rate

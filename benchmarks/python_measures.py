@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "packages" / "trifinger_compa
 ORIGINAL_PLATFORM = 6100.0  # steps/s of the original's platform with its cube
 
 # Options of a robot that outlives long breaks of its controller.
-PATIENCE = (
+TIMEOUT = (
     *("--set", "backend.late_action.max_repeats=1000000"),
     *("--set", "backend.max_skipped_ticks=1000000"),
 )
@@ -210,7 +210,7 @@ def recorder_rows(effort: Effort) -> list[Row]:
     with (
         tempfile.TemporaryDirectory() as folder,
         # Nobody sends actions while a recorder starts or ends.
-        back_end("sim", *PATIENCE) as name,
+        back_end("sim", *TIMEOUT) as name,
         trifinger.connect(name) as robot,
     ):
         window = lateness_window(robot, effort.window_time)
@@ -355,7 +355,7 @@ def environment(effort: Effort) -> list[Row]:
 def live_view(effort: Effort) -> list[Row]:
     """Shows a simulated robot with its object, which moves at 1 kHz, in three viewers."""
     rounds = -(-effort.windows // live_view_measure.WINDOWS)
-    with back_end("sim", *PATIENCE) as name:
+    with back_end("sim", *TIMEOUT) as name:
         with trifinger.connect(name) as robot:
             window = lateness_window(robot, effort.window_time)
             lateness = live_view_measure.lateness_row(name, in_rounds(rounds), window)

@@ -18,7 +18,7 @@ from random import Random
 
 import trifinger
 from measuring import Measure, folders, run
-from python_measures import PATIENCE, back_end, recorder
+from python_measures import TIMEOUT, back_end, recorder
 from rows import Row
 
 # A controller at 1 kHz. It runs until it is killed, whatever happens to its robot.
@@ -75,7 +75,7 @@ def memory(minutes: float) -> bool:
     window = minutes / 30 * 60
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        name = stack.enter_context(back_end("sim", *PATIENCE))
+        name = stack.enter_context(back_end("sim", *TIMEOUT))
         controller = stack.enter_context(subprocess.Popen([sys.executable, "-c", CONTROLLER, name]))
         stack.callback(controller.terminate)
         # Each window has a file of its own, so that all windows see the same.
@@ -212,7 +212,9 @@ def endurance(steps: float, processes: int) -> bool:
         for name, count in sorted(total.items()):
             print(f"{name}: {count}")
         needed = [drive.returncode for drive in drives if drive.returncode != 0]
-        print(f"drives that needed a hand or failed: {len(needed)} of {processes} {needed or ''}")
+        print(
+            f"drives that needed an operator or failed: {len(needed)} of {processes} {needed or ''}"
+        )
         holds = not needed and total["steps"] >= steps
         for usage in (usage for of_one in usages for usage in of_one if usage.windows):
             quarter = max(1, len(usage.windows) // 4)
@@ -246,7 +248,7 @@ def endurance_in_real_time(minutes: float) -> bool:
         run_words = ("trifinger", "run", robot, "--name", name, *patient)
         drive_words = (
             *("trifinger-endurance", "--robot", name, "--output", str(folder)),
-            *("--most-troubles", "1000"),
+            *("--max-failures", "1000"),
         )
         back_end_process = start(*run_words)
         while not trifinger.list_sessions() or name not in [

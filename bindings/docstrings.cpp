@@ -13,7 +13,7 @@ const char* const linear = R"([m/s^2])";
 }
 
 namespace Approach {
-const char* const Approach = R"(The way of a tip to its touch. The centre of the tip's sphere passes these points, given in
+const char* const Approach = R"(The path of a tip to its touch. The centre of the tip's sphere passes these points, given in
 the world frame.)";
 const char* const above = R"([m])";
 const char* const beside = R"([m])";
@@ -90,11 +90,11 @@ const char* const kSquare = R"(The square of the quantity.)";
 
 namespace CostTerm {
 const char* const CostTerm = R"(One ready-made part of a cost: plain data.)";
-const char* const distance = R"(Of TIP_OBJECT [m].)";
+const char* const distance = R"(Distance of TIP_OBJECT [m].)";
 const char* const end_weight = R"(Weight in the cost of the end.)";
 const char* const index = R"(The object in the model's list, or the finger.)";
-const char* const joints = R"(Of JOINT_POSITION [rad].)";
-const char* const smoothing = R"(Of SMOOTH, in the unit of the quantity.)";
+const char* const joints = R"(Joint positions of JOINT_POSITION [rad].)";
+const char* const smoothing = R"(Scale of SMOOTH, in the unit of the quantity.)";
 const char* const weight = R"(Weight in the running cost [1/s].)";
 }
 
@@ -158,7 +158,7 @@ Each simulation gives the same results, bit for bit, as an `Environment` with a 
 of its own. One batch must not be used by several threads at once. In a forked child `reset`
 and `step` raise InheritedHandle.
 
-Simulations that see share one pair of eyes per thread. An image is drawn when an
+Simulations with cameras share one vision pipeline per thread. An image is drawn when an
 observation needs it.)";
 const char* const cameras = R"(The cameras of each simulation that are observed; none without `Layout.IMAGES`.)";
 const char* const oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is
@@ -183,7 +183,7 @@ ended.)";
 namespace Estimate {
 const char* const Estimate = R"(Where an object is, as images show it.)";
 const char* const cameras = R"(Cameras that show the object.)";
-const char* const confidence = R"(From 0 to 1, at least 0.5 if the state is `SURE`.)";
+const char* const confidence = R"(Confidence from 0 to 1, at least 0.5 if the state is `SURE`.)";
 const char* const faces = R"(Faces that at least one camera shows.)";
 const char* const position_deviation = R"(Standard deviations [m].)";
 const char* const residual = R"(Root mean square distance of measured from expected edges [pixel].)";
@@ -340,11 +340,12 @@ const char* const kRelease = R"(The tips move off the faces, and then up.)";
 
 namespace GraspPlanner {
 const char* const GraspPlanner = R"(Chooses which finger touches which side face of a box, and where: a face that is upright at
-the beginning of the way. The fingers reach the whole way. Only their tips touch anything,
-and they touch only the box. They carry it within friction, also during upward acceleration,
-with as little torque as possible. One object must not be used by several threads at once.)";
-const char* const plan = R"(The best grasp to lead the object along `way`, which begins where it is grasped. None if
-there is none. The object may be tilted on the way, which takes longer to plan: up to a
+the beginning of the trajectory. The fingers reach the whole trajectory. Only their tips
+touch anything, and they touch only the box. They carry it within friction, also during
+upward acceleration, with as little torque as possible. One object must not be used by
+several threads at once.)";
+const char* const plan = R"(The best grasp to lead the object along `trajectory`, which begins where it is grasped. None
+if there is none. The object may be tilted on the way, which takes longer to plan: up to a
 second instead of some milliseconds. Allocates memory.)";
 }
 
@@ -380,9 +381,9 @@ const char* const wanted = R"(The wanted contact forces while the object is held
 namespace Guide {
 const char* const Guide = R"(Lets slow callers steer a robot that must hear from its controller every millisecond.
 
-A thread of its own drives the robot in every step. It obeys the newest wishes of any number
-of threads and never waits for them. The safety checks of the robot apply as always. At
-first the robot holds the pose in which it is found.
+A thread of its own drives the robot in every step. It follows the newest setpoints of any
+number of threads and never waits for them. The safety checks of the robot apply as always.
+At first the robot holds the pose in which it is found.
 
 Any thread may call any function at any time. After a fork only the parent's guide is
 usable: in the child all functions raise InheritedHandle.)";
@@ -415,11 +416,11 @@ const char* const move_tip = R"(Moves the tip of `finger` on a straight line to 
 tip cannot get there, it goes near it: see `GuideState.refusal`. The other fingers keep
 their targets.
 
-A wish returns at once. It replaces earlier ones for the same fingers.
+A setpoint returns at once. It replaces earlier ones for the same fingers.
 
 Raises InvalidArgument for numbers that are not finite, a finger that does not exist, or
 after the end of the guide; otherwise what ended the guide.)";
-const char* const realtime_lacks = R"(What the guide's thread lacks to be a real-time thread: sentences with the remedies.)";
+const char* const realtime_warnings = R"(What keeps the guide's thread from being a real-time thread: sentences with the remedies.)";
 const char* const state = R"(Returns where the robot is. Waits for the first measurement: a robot may first be homing.
 
 Raises what ended the guide before its first measurement, TimedOut.)";
@@ -427,19 +428,20 @@ const char* const stop = R"(Ends the session at once, whatever other calls wait 
 does. Faults are left to `check`.
 
 Raises TimedOut like `finish`.)";
-const char* const wait_until_arrived = R"(Waits until the robot rests at the target of all wishes so far.
+const char* const wait_until_arrived = R"(Waits until the robot rests at the target of all setpoints so far.
 
 Raises InvalidArgument if the robot floats, what ended the guide, TimedOut.)";
 }
 
 namespace GuideState {
 const char* const GuideState = R"(Where a guided robot is and where it goes.)";
-const char* const has_arrived = R"(All wishes so far are granted, and the robot rests at their target. Always False while
+const char* const has_arrived = R"(The robot has reached all setpoints so far and rests at their target. Always False while
 floating.)";
 const char* const joints = R"(Measured positions [rad].)";
 const char* const reference_joints = R"(Where the joints should be now [rad].)";
 const char* const reference_tips = R"(Points that follow from `reference_joints` [m].)";
-const char* const refusal = R"(One sentence per finger whose last wish cannot be fulfilled: why, and what is done instead.)";
+const char* const refusal = R"(One sentence per finger whose last setpoint cannot be reached: why, and what is done
+instead.)";
 const char* const step = R"(Step of the newest measurement; -1 before step 0.)";
 const char* const target_joints = R"(Where the joints should end [rad].)";
 const char* const target_tips = R"(Points that follow from `target_joints` [m].)";
@@ -694,12 +696,12 @@ the next plan is made from a state after the newest one has begun.)";
 namespace OnlinePlannerStatus {
 const char* const OnlinePlannerStatus = R"(How plans were made. Plain data.)";
 const char* const begin = R"(Instant from which the newest plan is used.)";
-const char* const cost = R"(`Plan.cost`)";
+const char* const cost = R"(`Plan.cost` of the newest plan.)";
 const char* const duration = R"(What the newest plan took, from its state on.)";
 const char* const has_failed = R"(A cost function has thrown, so no other plan will come.)";
 const char* const lateness = R"(How long after its `begin` it was ready; 0 if in time.)";
-const char* const median_cost = R"(`Plan.median_cost`)";
-const char* const num_masked = R"(`Plan.num_masked`)";
+const char* const median_cost = R"(`Plan.median_cost` of the newest plan.)";
+const char* const num_masked = R"(`Plan.num_masked` of the newest plan.)";
 const char* const num_refused_states = R"(States with numbers that are not finite.)";
 const char* const state_time = R"(Time of the state from which the newest plan was made.)";
 }
@@ -735,7 +737,7 @@ namespace PlannerOptions {
 const char* const PlannerOptions = R"(Settings of a planner. The defaults turn and flip cubes; docs/planning.md says what each
 does.)";
 const char* const constant_share = R"(Share of rollouts that change all knots equally.)";
-const char* const elites = R"(Of CROSS_ENTROPY: number of best rollouts.)";
+const char* const elites = R"(Number of best rollouts of CROSS_ENTROPY.)";
 const char* const horizon = R"(Rounded to whole steps of the model, at least one.)";
 const char* const kd = R"(Damping with which they follow [Nms/rad].)";
 const char* const kp = R"(Stiffness with which joints follow their targets [Nm/rad].)";
@@ -746,8 +748,8 @@ const char* const num_threads = R"(The calling thread included; 0: one per proce
 const char* const one_finger_share = R"(Share of rollouts that change one finger only.)";
 const char* const rounds = R"(Rounds per plan.)";
 const char* const samples = R"(Rollouts per round. The first one is the plan before the round.)";
-const char* const seed = R"(Of all random numbers.)";
-const char* const temperature = R"(Of PATH_INTEGRAL: the costs' scale, as a share of the median's distance from the least cost.)";
+const char* const seed = R"(Seed of all random numbers.)";
+const char* const temperature = R"(The costs' scale of PATH_INTEGRAL, as a share of the median's distance from the least cost.)";
 }
 
 namespace PlanningMethod {
@@ -898,7 +900,7 @@ const char* const begin = R"(Time of the first state.)";
 const char* const num_states = R"(Per rollout: one more than its steps.)";
 const char* const positions = R"(MuJoCo's `qpos`.)";
 const char* const targets = R"(Joint targets or torques, after the last step repeated.)";
-const char* const time_step = R"(From one state to the next one.)";
+const char* const time_step = R"(Time from one state to the next one.)";
 const char* const torques = R"([Nm]; after the last step 0.)";
 const char* const velocities = R"(MuJoCo's `qvel`.)";
 }
@@ -1149,7 +1151,7 @@ namespace camera::Calibration {
 const char* const Calibration = R"(The cameras of a robot as they were calibrated, in the order of its images.)";
 const char* const date = R"(When it was measured: "2026-11-22 21:50:00 UTC"; empty if unknown.)";
 const char* const residual = R"(Root mean square of what the calibration could not explain [pixel].)";
-const char* const text = R"(As the text of a file, in YAML.)";
+const char* const text = R"(Returns the text of a file, in YAML.)";
 }
 
 namespace camera {
@@ -1165,12 +1167,12 @@ Raises config.ConfigError at what makes no sense.)";
 namespace control::Plan {
 const char* const Plan = R"(A plan, and how good it is. All is from the planning model.)";
 const char* const commands = R"(Its `begin` is the time of the start.)";
-const char* const cost = R"(Of a rollout of this plan; infinite if it diverged.)";
-const char* const least_cost = R"(Of the best rollout of the last round.)";
-const char* const median_cost = R"(Of the last round, without masked rollouts.)";
+const char* const cost = R"(Cost of a rollout of this plan; infinite if it diverged.)";
+const char* const least_cost = R"(Cost of the best rollout of the last round.)";
+const char* const median_cost = R"(Median cost of the last round, without masked rollouts.)";
 const char* const num_masked = R"(Rollouts of the last round that diverged.)";
 const char* const number = R"(Counts plans from 1.)";
-const char* const previous_cost = R"(Of the plan with which this one began.)";
+const char* const previous_cost = R"(Cost of the plan with which this one began.)";
 const char* const states = R"(What this plan leads to.)";
 }
 
@@ -1182,8 +1184,8 @@ const char* const value = R"(0 at the beginning, 1 at the end.)";
 }
 
 namespace log::SessionHeader {
-const char* const realtime_lacks = R"(In real-time mode: what the loop lacked to be a real-time thread, one sentence each. None if
-it was not recorded.)";
+const char* const realtime_warnings = R"(In real-time mode: what kept the loop from being a real-time thread, one sentence each. None
+if it was not recorded.)";
 }
 
 }  // namespace trifinger::bindings::docs

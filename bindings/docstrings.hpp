@@ -249,7 +249,7 @@ extern const char* const home;
 extern const char* const is_running;
 extern const char* const move_joints;
 extern const char* const move_tip;
-extern const char* const realtime_lacks;
+extern const char* const realtime_warnings;
 extern const char* const state;
 extern const char* const stop;
 extern const char* const wait_until_arrived;
@@ -767,7 +767,7 @@ extern const char* const value;
 }
 
 namespace log::SessionHeader {
-extern const char* const realtime_lacks;
+extern const char* const realtime_warnings;
 }
 
 }  // namespace trifinger::bindings::docs

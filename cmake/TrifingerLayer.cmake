@@ -122,8 +122,10 @@ function(trifinger_layer name)
   target_link_libraries(${target} PUBLIC ${layer_PUBLIC} PRIVATE ${layer_PRIVATE})
   trifinger_use_headers(${target} layer)
   install(TARGETS ${target} EXPORT trifinger-targets ARCHIVE DESTINATION lib/trifinger COMPONENT development)
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/trifinger/${name} DESTINATION include/trifinger
-          COMPONENT development)
+  if(EXISTS ${PROJECT_SOURCE_DIR}/include/trifinger/${name})  # some layers have no public headers
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/trifinger/${name} DESTINATION include/trifinger
+            COMPONENT development)
+  endif()
   set_property(GLOBAL APPEND PROPERTY TRIFINGER_LAYERS ${name})
 endfunction()
 

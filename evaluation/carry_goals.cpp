@@ -24,14 +24,14 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kMostFar = 0.138708;  // From the axis [m].
-constexpr double kLowest = 0.056292;   // Half the diagonal of the cube [m].
-constexpr double kHighest = 0.1;       // [m]
+constexpr double kMaxDistance = 0.138708;  // From the axis [m].
+constexpr double kLowest = 0.056292;       // Half the diagonal of the cube [m].
+constexpr double kHighest = 0.1;           // [m]
 constexpr std::string_view kPosition = "goal.position=";
 constexpr std::string_view kOrientation = "goal.orientation=";
 
 Vector3d in_disc(TrialRandom& random, double z) {
-  const double distance = kMostFar * std::sqrt(random.between(0, 1));
+  const double distance = kMaxDistance * std::sqrt(random.between(0, 1));
   const double azimuth = random.between(-kPi, kPi);
   return {distance * std::cos(azimuth), distance * std::sin(azimuth), z};
 }

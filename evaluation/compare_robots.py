@@ -39,7 +39,7 @@ ROBOTS = {
 JOINTS = 3
 DIRECTIONS = 500
 PUSH_TIME = 0.2  # [s]
-PUSH_WAY = 0.01  # [m]
+PUSH_DISTANCE = 0.01  # [m]
 SWING_STEPS = 1000
 
 
@@ -99,7 +99,7 @@ class Finger:
         forces = np.min(torque / np.maximum(needed, 1e-12), axis=1)
         return float(forces.min()), float(forces.max())
 
-    def way(self, force: Array) -> float:
+    def displacement(self, force: Array) -> float:
         """How far the released finger gives way to a force at its tip within `PUSH_TIME` [m]."""
         self.reset()
         body = self.model.site_bodyid[self.site]
@@ -117,7 +117,7 @@ class Finger:
         return float(furthest)
 
     def push_back(self, friction: float = 0.0) -> float:
-        """The force that moves the released tip by `PUSH_WAY` [N], in its heaviest direction.
+        """The force that moves the released tip by `PUSH_DISTANCE` [N], in its heaviest direction.
 
         `friction` is dry friction of each joint [Nm], in addition to what the model has.
         """
@@ -127,7 +127,7 @@ class Finger:
             low, high = 0.0, 100.0
             for _ in range(30):
                 middle = (low + high) / 2
-                if self.way(direction * middle) < PUSH_WAY:
+                if self.displacement(direction * middle) < PUSH_DISTANCE:
                     low = middle
                 else:
                     high = middle

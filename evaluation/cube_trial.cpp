@@ -50,9 +50,9 @@ SkillTrial varied(const SkillTrial& trial, std::uint64_t seed) {
   simulation.object_position_noise = 1e-3;
   simulation.object_orientation_noise = 0.5 * kPi / 180;
   simulation.seed = seed;
-  if (made.sight) {
+  if (made.vision) {
     trifinger::Random light{.seed = seed};
-    made.sight->rendering = rendering::RenderingVariation{}.draw(made.sight->rendering, light);
+    made.vision->rendering = rendering::RenderingVariation{}.draw(made.vision->rendering, light);
   }
   return made;
 }

@@ -174,7 +174,7 @@ def page(runs: Sequence[Run], rows: Sequence[Row], seeds: int) -> str:
         f"### {kind.title}\n\n![learning curves]({kind.name}_curve.png)\n\n"
         f"Tips relative to their goals in the xy plane, as in the paper's figure: starts are "
         f"crosses, ends are dots, the ellipse is 2 cm from the goal. Seed 1.\n\n"
-        f"![ways of the tips]({kind.name}_tips.png)"
+        f"![paths of the tips]({kind.name}_tips.png)"
         for kind in KINDS
     )
     lines = "\n".join(

@@ -28,7 +28,7 @@ RESULTS = Path("docs/results")
 FOLDER = Path("build/learning/push")
 JUDGED = 500  # episodes that neither the training nor its curve has seen
 LONG = Options.of("push").duration  # [s]
-WAYS = (0.0, 0.05, 0.1, 0.15, 0.2, np.inf)  # how far the cube has to go [m]
+DISTANCES = (0.0, 0.05, 0.1, 0.15, 0.2, np.inf)  # how far the cube has to go [m]
 
 
 def minutes(folder: Path) -> float:
@@ -41,7 +41,7 @@ def minutes(folder: Path) -> float:
 
 def table(evaluation: Evaluation) -> str:
     """Returns a table of the episodes, by how far the cube had to go."""
-    needed = np.linalg.norm(evaluation.ways[:, 0], axis=1)
+    needed = np.linalg.norm(evaluation.paths[:, 0], axis=1)
 
     def row(name: str, chosen: Array) -> str:
         low, median, high = 100 * np.percentile(evaluation.distances[chosen], (25, 50, 75))
@@ -52,7 +52,7 @@ def table(evaluation: Evaluation) -> str:
         )
 
     rows = []
-    for low, high in pairwise(WAYS):
+    for low, high in pairwise(DISTANCES):
         chosen = (needed >= low) & (needed < high)
         if not chosen.any():
             continue
@@ -74,7 +74,7 @@ def page(
     """Returns the text of docs/results/push.md."""
     plan, options = training.plan, training.plan.options
     actions = plan.episodes * training.episode_actions / 1e6
-    untouched = np.linalg.norm(evaluation.ways[:, 0], axis=1)
+    untouched = np.linalg.norm(evaluation.paths[:, 0], axis=1)
     lucky = (untouched <= 0.02).mean()
     return f"""\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
@@ -104,10 +104,10 @@ that plans its grasps.
 
 ![learning curve](push_curve.png)
 
-Ways of the cube relative to its goal in the xy plane: starts are crosses, ends are dots, the circle
-is 2 cm from the goal.
+Paths of the cube relative to its goal in the xy plane: starts are crosses, ends are dots, the
+circle is 2 cm from the goal.
 
-![ways of the cube](push_ways.png)
+![paths of the cube](push_paths.png)
 """
 
 
@@ -129,7 +129,7 @@ def main() -> int:
             )
         )
         save_curve({"push": training.curve}, RESULTS / "push_curve.png")
-        shutil.copy(folder / "object.png", RESULTS / "push_ways.png")
+        shutil.copy(folder / "object.png", RESULTS / "push_paths.png")
         (RESULTS / "push.md").write_text(
             page(training, evaluation, noisy.summary(), longer.summary(), minutes(folder))
         )

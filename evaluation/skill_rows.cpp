@@ -12,7 +12,7 @@ namespace trifinger::evaluation {
 namespace {
 
 // The same row, played as it was taught, with or without what varies. Nobody asks for a rate: what
-// comes out is told.
+// comes out is reported.
 SkillRow taught(SkillRow row, bool varies) {
   row.what = (varies ? "taught, varied: " : "taught, as it was taught: ") + row.what;
   row.reach = "stated";

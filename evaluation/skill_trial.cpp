@@ -19,7 +19,7 @@
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -33,9 +33,9 @@ control::Pose pose_of(const ObjectPose& object) {
 }
 
 // Notes what is true in a simulation.
-class Witness {
+class TruthObserver {
  public:
-  Witness(const SkillTrial& trial, const SimulatedRobot& robot, const std::string& object)
+  TruthObserver(const SkillTrial& trial, const SimulatedRobot& robot, const std::string& object)
       : robot_(robot),
         kinematics_(trial.simulation.description),
         tip_radius_(variant_figures(trial.simulation.description.variant).tip_radius) {
@@ -69,11 +69,11 @@ class Witness {
   std::optional<ObjectDescription> object_;
 };
 
-// A robot and a witness of each of its steps, in the thread of the back-end.
-class WitnessedRobot final : public Driver<TriFinger> {
+// A robot and an observer of each of its steps, in the thread of the back-end.
+class ObservedRobot final : public Driver<TriFinger> {
  public:
-  WitnessedRobot(SimulatedRobot& robot, Witness& witness, std::size_t most_steps)
-      : robot_(robot), witness_(witness) {
+  ObservedRobot(SimulatedRobot& robot, TruthObserver& observer, std::size_t most_steps)
+      : robot_(robot), observer_(observer) {
     truth_.reserve(most_steps);
   }
   // What was true at each step. Call it when the back-end has ended.
@@ -99,7 +99,7 @@ class WitnessedRobot final : public Driver<TriFinger> {
                                           AppliedAction& applied) noexcept override {
     const DriverReport report = robot_.apply_action(&desired, &applied);
     if (truth_.size() < truth_.capacity())
-      truth_.push_back(witness_.look(static_cast<TimeIndex>(truth_.size()) - 1, observation_));
+      truth_.push_back(observer_.look(static_cast<TimeIndex>(truth_.size()) - 1, observation_));
     steps_.store(truth_.size(), std::memory_order_relaxed);
     return report;
   }
@@ -124,7 +124,7 @@ class WitnessedRobot final : public Driver<TriFinger> {
 
  private:
   SimulatedRobot& robot_;
-  Witness& witness_;
+  TruthObserver& observer_;
   Observation observation_{};
   std::vector<TrueStep> truth_;
   std::atomic<std::size_t> steps_{0};
@@ -172,22 +172,22 @@ SkillTrialResult run_on_boards(const SkillTrial& trial) {
 }
 
 Simulation simulation_of(const SkillTrial& trial) {
-  if (!trial.sight) return Simulation(trial.simulation);
-  RobotConfig config = trial.sight->config;
+  if (!trial.vision) return Simulation(trial.simulation);
+  RobotConfig config = trial.vision->config;
   config.simulation = trial.simulation;
-  return rendering::make_simulation(config, trial.sight->rendering);
+  return rendering::make_simulation(config, trial.vision->rendering);
 }
 
 // A back-end in a thread of its own, the skill in this one.
 SkillTrialResult run_in_real_time(const SkillTrial& trial) {
   SimulatedRobot simulation(trial.simulation);
   const auto skill = make(trial);
-  Witness witness(trial, simulation, std::string(skill->object()));
+  TruthObserver observer(trial, simulation, std::string(skill->object()));
   // The robot holds before the first action and after the last one; these steps count, too.
   constexpr control::Seconds kSpare{5.0};
   const auto most = static_cast<std::size_t>((skill->max_duration() + trial.after + kSpare) /
                                              trial.simulation.period);
-  WitnessedRobot robot(simulation, witness, most);
+  ObservedRobot robot(simulation, observer, most);
   SessionHost host =
       SessionHost::anonymous({.documents = model_documents(trial.simulation)}, "skill-trial");
   Backend backend(robot, host, *trial.real_time);
@@ -273,7 +273,7 @@ SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
                    .believed = simulation.description};
   if (config.boards)
     trial.boards = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
-  if (config.tracks_objects) trial.sight = SkillTrial::Sight{.config = std::move(config)};
+  if (config.tracks_objects) trial.vision = SkillTrial::Vision{.config = std::move(config)};
   return trial;
 }
 
@@ -304,17 +304,16 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   if (trial.boards) return run_on_boards(trial);
   const Simulation simulation = simulation_of(trial);
   const auto skill = make(trial);
-  Witness witness(trial, simulation.robot(), std::string(skill->object()));
+  TruthObserver observer(trial, simulation.robot(), std::string(skill->object()));
   SkillTrialResult result;
   const auto after = static_cast<TimeIndex>(trial.after / trial.simulation.period);
   {
     auto robot = simulation.connect();
-    result.trace =
-        manipulation::run_skill(robot, *skill, {.on_step = [&](TimeIndex t) {
-                                  result.truth.push_back(witness.look(t, robot.get_observation(t)));
-                                  if (trial.interfere)
-                                    trial.interfere(simulation.robot(), t, skill->state());
-                                }});
+    result.trace = manipulation::run_skill(
+        robot, *skill, {.on_step = [&](TimeIndex t) {
+          result.truth.push_back(observer.look(t, robot.get_observation(t)));
+          if (trial.interfere) trial.interfere(simulation.robot(), t, skill->state());
+        }});
   }
   result.end = result.truth.size();
   result.figures = figures_of(*skill, result);
@@ -326,7 +325,7 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
     const auto hold = hold_position(robot.latest_observation());
     for (TimeIndex i = 0; i < after; ++i) {
       const TimeIndex t = robot.append_desired_action(hold);
-      TrueStep truth = witness.look(t, robot.get_observation(t));
+      TrueStep truth = observer.look(t, robot.get_observation(t));
       truth.step = result.truth.empty() ? 0 : result.truth.back().step + 1;
       result.truth.push_back(truth);
     }

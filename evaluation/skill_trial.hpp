@@ -39,11 +39,11 @@ struct SkillTrial {
   // of the object are known, until the skill's end.
   std::optional<boards::BoardRobotOptions<TriFinger>> boards{};
   // The robot knows its objects only from the images of its cameras.
-  struct Sight {
+  struct Vision {
     RobotConfig config;
     rendering::RenderingOptions rendering{};
   };
-  std::optional<Sight> sight{};
+  std::optional<Vision> vision{};
 };
 
 // Makes a trial from the configuration of a robot and the skill's own, without any variation. If
@@ -109,7 +109,7 @@ struct Judgement {
   bool succeeds{false};
   double figure{0.0};  // The row's figure, in SI units.
   std::string why;     // In words, if it does not.
-  std::string note{};  // What else is to be told, such as the lateness of the loop.
+  std::string note{};  // What else is to be reported, such as the lateness of the loop.
 };
 using Judge = std::function<Judgement(const SkillTrial& trial, const SkillTrialResult& result)>;
 

@@ -57,7 +57,7 @@ int evaluate(const Options& options) {
 }
 
 int run_program(const std::vector<std::string>& words) {
-  return run_evaluation("skills", "Carries out every skill, and writes what came out.",
+  return run_evaluation("skills", "Runs every skill, and writes what came out.",
                         {.first_seed = 700, .output = "docs/results/skills.md"}, words, evaluate);
 }
 

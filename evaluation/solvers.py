@@ -44,7 +44,7 @@ LARGEST_TORQUE = 0.9  # share of the motors' torque that carrying may take
 TURNS = (0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8)  # turns on the way to a goal [rad]
 TURN_COST = 0.1  # cost of 1 rad, in shares of the motors' torque
 VIA_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)  # turns on the way to the place of the next grasp [rad]
-POINTS = np.linspace(0.0, 1.0, 8)  # points of a way that the planner checks
+POINTS = np.linspace(0.0, 1.0, 8)  # points of a trajectory that the planner checks
 
 
 def options(task: str, **changes: Any) -> Options:
@@ -63,7 +63,7 @@ class Leg(NamedTuple):
     """A part of a route with one grasp."""
 
     touches: Sequence[control.Touch]
-    way: PoseTrajectory
+    trajectory: PoseTrajectory
     table_share: float
     """Share of the cube's weight that stays on the table."""
     cost: float
@@ -71,7 +71,7 @@ class Leg(NamedTuple):
 
     def at(self, time: float) -> Motion:
         """Returns the cube's desired motion, `time` [s] after the beginning of the leg."""
-        return _relieved(self.way.at(time), self.table_share)
+        return _relieved(self.trajectory.at(time), self.table_share)
 
 
 def pose_of(observation: Observation) -> Pose:
@@ -135,14 +135,14 @@ class RoutePlanner:
         distance = float(np.linalg.norm(end.position - start.position))
         angle = float(np.linalg.norm(control.rotation_error(end.orientation, start.orientation)))
         duration = max(distance / SPEED, angle / TURN_SPEED, SHORTEST_LEAD)
-        way = PoseTrajectory(start, end, duration)
+        trajectory = PoseTrajectory(start, end, duration)
         is_lifted = end.position[2] > start.position[2] + HARDLY_LIFTED
         table_share = 0.0 if is_lifted else TABLE_SHARE
-        motions = [_relieved(way.at(share * duration), table_share) for share in POINTS]
+        motions = [_relieved(trajectory.at(share * duration), table_share) for share in POINTS]
         grasp = self._planner.plan(motions)
         if grasp is None:
             return None
-        return Leg(grasp.touches, way, table_share, grasp.torque_share)
+        return Leg(grasp.touches, trajectory, table_share, grasp.torque_share)
 
 
 class Solver:
@@ -173,7 +173,7 @@ class Solver:
 
     @property
     def is_leading(self) -> bool:
-        """True while the cube is held, on its way or at its goal."""
+        """True while the cube is held, on its trajectory or at its goal."""
         return self._controller.state.phase is GraspPhase.HOLD
 
     def act(self, observation: Observation, info: dict[str, Any]) -> npt.NDArray[np.float32]:
@@ -201,7 +201,7 @@ class Solver:
         self._look_time = self._now + REST_TIME
         if phase is GraspPhase.HOLD and self._leg:
             self._lead_begin = min(self._lead_begin, self._now)
-            has_arrived = self._now > self._lead_begin + self._leg.way.duration
+            has_arrived = self._now > self._lead_begin + self._leg.trajectory.duration
             if has_arrived and not self._is_last:
                 self._controller.release()
         elif phase is GraspPhase.LOST:

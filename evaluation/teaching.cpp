@@ -35,7 +35,7 @@ std::vector<HandsAt> shown(const SkillTrial& trial, const manipulation::SkillCon
   auto robot = simulation.connect();
   const auto skill = manipulation::make_skill(trial.skill, context, {}, trial.settings);
   Kinematics kinematics(trial.simulation.description);
-  std::vector<HandsAt> way;
+  std::vector<HandsAt> path;
   const auto note = [&](TimeIndex t) {
     const TriFinger::Observation y = robot.get_observation(t);
     const auto applied = robot.get_applied_action(t);
@@ -44,13 +44,13 @@ std::vector<HandsAt> shown(const SkillTrial& trial, const manipulation::SkillCon
     const JointMatrix jacobians = kinematics.tip_jacobians();
     const TipPositions force =
         forces_of(jacobians, joint_values(applied.torque) - kinematics.bias_torques(velocity));
-    way.push_back({.position = kinematics.tip_positions() + force / hands.stiffness,
-                   .velocity = jacobians * velocity});
+    path.push_back({.position = kinematics.tip_positions() + force / hands.stiffness,
+                    .velocity = jacobians * velocity});
   };
   const auto trace = manipulation::run_skill(robot, *skill, {.on_step = note});
   if (!trace.failure.empty())
     throw Error("'" + trial.skill + "' was not shown well: " + std::string(trace.failure));
-  return way;
+  return path;
 }
 
 }  // namespace
@@ -61,7 +61,7 @@ manipulation::TaughtMotion taught(const SkillTrial& trial, const Hands& hands,
       .description = trial.believed,
       .limits = manipulation::safety_limits_of(trial.simulation),
       .period = trial.simulation.period};
-  const std::vector<HandsAt> way = shown(trial, context, hands);
+  const std::vector<HandsAt> path = shown(trial, context, hands);
 
   const Simulation simulation(trial.simulation);
   auto robot = simulation.connect();
@@ -71,14 +71,14 @@ manipulation::TaughtMotion taught(const SkillTrial& trial, const Hands& hands,
   manipulation::TaughtMotion motion{
       .interval = static_cast<double>(every) * context.period, .positions = {}, .torques = {}};
   TriFinger::Observation y = robot.latest_observation();
-  for (std::size_t i = 0; i < way.size(); ++i) {
+  for (std::size_t i = 0; i < path.size(); ++i) {
     const JointValues position = joint_values(y.position);
     const JointValues velocity = joint_values(y.velocity);
     kinematics.update(position);
     const JointMatrix jacobians = kinematics.tip_jacobians();
     const TipPositions force =
-        hands.stiffness * (way[i].position - kinematics.tip_positions()) +
-        hands.damping * (way[i].velocity - TipPositions(jacobians * velocity));
+        hands.stiffness * (path[i].position - kinematics.tip_positions()) +
+        hands.damping * (path[i].velocity - TipPositions(jacobians * velocity));
     const JointValues led = jacobians.transpose() * force;
     // Without its weight and what brakes it, a finger floats.
     const JointValues damping = JointValues::Map(context.limits.safety_kd.data(), kMaxJoints);

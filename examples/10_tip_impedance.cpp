@@ -23,10 +23,11 @@ int main(int argument_count, char** arguments) {
 
   auto y = robot.latest_observation();
   kinematics.update(joint_values(y.position));
-  std::vector<trifinger::control::LineTrajectory> ways;
+  std::vector<trifinger::control::LineTrajectory> trajectories;
   for (int finger = 0; finger < 3; ++finger) {
     const Eigen::Vector3d tip = kinematics.tip_position(finger);
-    ways.emplace_back(tip, tip + Eigen::Vector3d(0, 0, 0.03), trifinger::control::Seconds(1));
+    trajectories.emplace_back(tip, tip + Eigen::Vector3d(0, 0, 0.03),
+                              trifinger::control::Seconds(1));
   }
 
   double error = 0;
@@ -37,7 +38,7 @@ int main(int argument_count, char** arguments) {
     JointValues forces(9);
     error = 0;
     for (int finger = 0; finger < 3; ++finger) {
-      const auto wanted = ways[static_cast<std::size_t>(finger)].at(i * period);
+      const auto wanted = trajectories[static_cast<std::size_t>(finger)].at(i * period);
       const Eigen::Vector3d tip = kinematics.tip_position(finger);
       forces.segment<3>(3 * finger) = trifinger::control::tip_impedance(
           wanted, tip, velocity.segment<3>(3 * finger), {.stiffness = 200, .damping = 2.5});

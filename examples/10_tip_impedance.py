@@ -18,12 +18,14 @@ kinematics = control.Kinematics()
 spring = control.TipGains(stiffness=200, damping=2.5)
 
 y = robot.latest_observation()
-ways = [control.LineTrajectory(tip, tip + UP, 1.0) for tip in kinematics.tip_positions(y.position)]
+trajectories = [
+    control.LineTrajectory(tip, tip + UP, 1.0) for tip in kinematics.tip_positions(y.position)
+]
 for i in range(2000):
     jacobians = kinematics.tip_jacobians(y.position)
     tips = kinematics.tip_positions(y.position)
     velocities = (jacobians @ y.velocity).reshape(3, 3)
-    wanted = [way.at(i * 1e-3) for way in ways]
+    wanted = [trajectory.at(i * 1e-3) for trajectory in trajectories]
     forces = [
         control.tip_impedance(*motion, spring)
         for motion in zip(wanted, tips, velocities, strict=True)
@@ -32,6 +34,6 @@ for i in range(2000):
     torque = jacobians.T @ np.concatenate(forces) + bias
     y = robot.get_observation(robot.append_desired_action(robot.new_action(torque=torque)))
 
-errors = [np.linalg.norm(way.position - tip) for way, tip in zip(wanted, tips, strict=True)]
+errors = [np.linalg.norm(point.position - tip) for point, tip in zip(wanted, tips, strict=True)]
 print(f"the tips are within {1e3 * max(errors):.2f} mm of where they should be")
 assert max(errors) < 1e-3

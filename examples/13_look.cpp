@@ -9,7 +9,7 @@
 
 #include "trifinger/camera/images.hpp"
 #include "trifinger/camera/pixels.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 
 namespace {
 

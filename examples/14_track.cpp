@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "trifinger/camera/images.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 #include "trifinger/tracking/tracked_object.hpp"
 #include "trifinger/tracking/tracker.hpp"
 

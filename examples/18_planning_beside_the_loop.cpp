@@ -18,7 +18,7 @@ namespace {
 constexpr Seconds kPeriod(1e-3);
 const Eigen::Vector3d kAway(0.03, 0.02, 0);  // [m]
 constexpr double kNear = 0.01;               // [m]
-constexpr trifinger::TimeIndex kMostSteps = 60'000;
+constexpr trifinger::TimeIndex kMaxSteps = 60'000;
 
 Pose pose_of(const trifinger::ObjectPose& object) {
   const auto& [w, x, y, z] = object.orientation;
@@ -51,7 +51,7 @@ int main(int argument_count, char** arguments) {
 
   const auto begin = std::chrono::steady_clock::now();
   double distance = std::numeric_limits<double>::infinity();
-  while (distance > kNear && t < kMostSteps) {
+  while (distance > kNear && t < kMaxSteps) {
     const auto y = robot.get_observation(t);
     const Pose seen = pose_of(poses.get_latest_at(t)->cube);
     distance = (seen.position - goal.position).norm();

@@ -37,7 +37,7 @@ struct ManipulateOptions {
   std::string task;
   std::string config;
   std::string robot{"sim"};
-  bool needs_sight{false};
+  bool needs_cameras{false};
   bool is_taught{false};
   std::vector<std::string> settings;
   std::filesystem::path output{"manipulate_output"};
@@ -45,8 +45,8 @@ struct ManipulateOptions {
 };
 
 // The robot according to its back-end, and the limits of its safety checks.
-manipulation::SkillContext context_of(const Session& session, bool needs_sight) {
-  if (needs_sight && !has_tracked_objects(robot_config_of(session))) {
+manipulation::SkillContext context_of(const Session& session, bool needs_cameras) {
+  if (needs_cameras && !has_tracked_objects(robot_config_of(session))) {
     throw InvalidArgument("'" + session.info().name +
                           "' does not see: its simulation says where objects are; 'trifinger run "
                           "sim_tracked' runs a robot that finds them in images");
@@ -54,14 +54,14 @@ manipulation::SkillContext context_of(const Session& session, bool needs_sight) 
   return manipulation::context_of(session);
 }
 
-void tell_state(const manipulation::Skill& skill) {
+void report_state(const manipulation::Skill& skill) {
   const manipulation::SkillState& state = skill.state();
   print_safely("  {}{}{}\n", state.phase, state.failure.empty() ? "" : ": ", state.failure);
   std::fflush(stdout);
 }
 
-void tell_sight(const manipulation::Skill& skill) {
-  print_safely("  {}\n", skill.state().is_in_sight
+void report_visibility(const manipulation::Skill& skill) {
+  print_safely("  {}\n", skill.state().is_visible
                              ? "the object is in sight again"
                              : "the object is out of sight: the tips feel where it is");
   std::fflush(stdout);
@@ -138,7 +138,7 @@ void require_task(const std::string& task) {
 int manipulate(const ManipulateOptions& options) {
   require_task(options.task);
   auto robot = connect<TriFinger>(options.robot);
-  const auto context = context_of(robot.session(), options.needs_sight);
+  const auto context = context_of(robot.session(), options.needs_cameras);
   const auto make = options.is_taught ? manipulation::make_taught_skill : manipulation::make_skill;
   const auto skill = make(options.task, context, options.config, options.settings);
   const std::atomic<bool>& stop = stop_on_signals();
@@ -151,8 +151,8 @@ int manipulate(const ManipulateOptions& options) {
        .stop = &stop,
        .on_step = {},
        .on_update = {},
-       .on_phase = tell_state,
-       .on_sight = tell_sight});
+       .on_phase = report_state,
+       .on_visibility = report_visibility});
   nlohmann::ordered_json json{{"is_done", trace.failure.empty()}, {"failure", trace.failure}};
   for (const manipulation::Figure& figure : skill->figures(trace, trace.seen)) {
     json[figure.name] = figure.value;
@@ -191,7 +191,7 @@ int manipulate_command(const std::vector<std::string>& words) {
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
       "  trifinger manipulate lift                      in another\n"
-      "With nothing but eyes and joints:\n"
+      "With nothing but cameras and joints:\n"
       "  trifinger run sim_tracked --set fingers.height=0.3\n"
       "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
   program.add_option("TASK", options.task, "What to do; see above")->required();
@@ -204,7 +204,7 @@ int manipulate_command(const std::vector<std::string>& words) {
   program
       .add_option_function<std::string>(
           "--poses",
-          [&options](const std::string& poses) { options.needs_sight = poses == "cameras"; },
+          [&options](const std::string& poses) { options.needs_cameras = poses == "cameras"; },
           "Where poses may come from. cameras: only from images; any (the default)")
       ->check(CLI::IsMember({"cameras", "any"}))
       ->option_text("SOURCE");

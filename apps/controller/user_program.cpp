@@ -47,8 +47,8 @@ int run_user_program(CLI::App& program, const std::vector<std::string>& words,
     try {
       program.parse(
           std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
-    } catch (const CLI::Success& wish) {                            // help
-      return program.exit(wish);
+    } catch (const CLI::Success& success) {                         // help
+      return program.exit(success);
     } catch (const CLI::ParseError& error) {
       throw UsageError(fmt::format("{}; --help tells more", error.what()));
     }

@@ -130,8 +130,8 @@ class RecordReporter {
       lag = std::max(lag, robot.lag);
     }
     std::vector<Segment> segments{{fmt::format("{}", fmt::join(names, ", ")), 10, Style::kBold}};
-    if (!state.trouble.empty()) {
-      segments.push_back({"cannot write: " + state.trouble, 11, Style::kBad});
+    if (!state.error.empty()) {
+      segments.push_back({"cannot write: " + state.error, 11, Style::kBad});
     } else if (is_stopping) {
       segments.push_back({"finishing", 11, Style::kWarning});
     } else {

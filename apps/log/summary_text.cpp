@@ -100,10 +100,10 @@ void print_session(const InfoSheet& sheet, const SessionSummary& summary, std::s
                                                 first, end - 1, summary.steps.duration(),
                                                 rate_text(summary.steps.rate()))
                                   : "none");
-  if (header.realtime_lacks) {
-    const Style style = header.realtime_lacks->empty() ? Style::kPlain : Style::kWarning;
+  if (header.realtime_warnings) {
+    const Style style = header.realtime_warnings->empty() ? Style::kPlain : Style::kWarning;
     std::string label = "realtime";
-    for (const std::string& line : realtime_lines(*header.realtime_lacks)) {
+    for (const std::string& line : realtime_lines(*header.realtime_warnings)) {
       sheet.line(std::exchange(label, {}), line, style);
     }
   }

@@ -61,10 +61,10 @@ void require_usable(const std::string& name) {
         "them, such as my_robot",
         name));
   }
-  constexpr std::size_t kMostLetters = 40;
-  if (name.size() > kMostLetters) {
+  constexpr std::size_t kMaxLetters = 40;
+  if (name.size() > kMaxLetters) {
     throw UsageError(
-        fmt::format("the name '{}' has {} letters, may have {}", name, name.size(), kMostLetters));
+        fmt::format("the name '{}' has {} letters, may have {}", name, name.size(), kMaxLetters));
   }
   constexpr std::array<std::string_view, 9> kTaken{
       "all", "clean", "finger", "help", "install", "package", "test", "trifinger", "main"};
@@ -151,11 +151,11 @@ void write_driver(const NewRobotOptions& options) {
       folder.string(), options.name, folder.string());
 }
 
-// The way to `path` from `folder`; absolute if there is none.
+// The path to `path` from `folder`; absolute if there is none.
 fs::path relative_path(const fs::path& path, const fs::path& folder) {
   std::error_code ignored;
-  const fs::path way = fs::relative(fs::absolute(path), fs::absolute(folder), ignored);
-  return way.empty() ? fs::absolute(path) : way;
+  const fs::path relative = fs::relative(fs::absolute(path), fs::absolute(folder), ignored);
+  return relative.empty() ? fs::absolute(path) : relative;
 }
 
 // A name in the file, for a comment.

@@ -29,7 +29,7 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
@@ -162,13 +162,13 @@ void print(const std::string& robot, const camera::FeedStatistics& statistics) {
 }
 
 int list_devices() {
-  std::vector<std::string> lacks;
-  const std::vector<camera::DeviceInfo> devices = camera::list_devices(lacks);
+  std::vector<std::string> warnings;
+  const std::vector<camera::DeviceInfo> devices = camera::list_devices(warnings);
   for (const camera::DeviceInfo& device : devices) {
     print_safely("{:7} {:24} {}  {}\n", device.kind, device.id, device.name, device.detail);
   }
   if (devices.empty()) print_safely("There is no camera.\n");
-  for (const std::string& lack : lacks) print_safely(stderr, "{}\n", lack);
+  for (const std::string& warning : warnings) print_safely(stderr, "{}\n", warning);
   return kDone;
 }
 
@@ -183,7 +183,7 @@ int cameras(const CamerasOptions& options) {
   const Cameras found = cameras_of(options);
   // Before the source is opened: each device has a thread, which inherits the priority.
   if (only_copies(options, found)) {
-    for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
+    for (const std::string& warning : enter_realtime(options.realtime)) say(found.robot, warning);
   } else if (options.realtime.demand == Demand::kRequire) {
     throw UsageError(
         "--scheduling require is for GenICam cameras (cameras.source: aravis); to draw, decode or "
@@ -200,7 +200,7 @@ int cameras(const CamerasOptions& options) {
   const Deadline deadline(options.length > Nanoseconds(0) ? options.length : kForever);
   while (!deadline.passed() && !signals.wait(Nanoseconds::zero())) {
     const bool goes_on = feed.step();
-    for (const std::string& sentence : feed.take_news()) say(found.robot, sentence);
+    for (const std::string& sentence : feed.take_messages()) say(found.robot, sentence);
     if (!goes_on) break;
   }
   print(found.robot, feed.statistics());

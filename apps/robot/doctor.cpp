@@ -111,7 +111,7 @@ Finding check_kernel(const Machine& machine) {
   if (version.find("PREEMPT") != std::string::npos) {
     return {"kernel", Verdict::kNote, release + ", PREEMPT without RT", kRemedy};
   }
-  return {"kernel", Verdict::kLacks, release + ", not preemptible", kRemedy};
+  return {"kernel", Verdict::kFails, release + ", not preemptible", kRemedy};
 }
 
 Finding check_priority(const Machine& machine) {
@@ -122,7 +122,7 @@ Finding check_priority(const Machine& machine) {
   // The loop has priority 80, and its watchdog one more.
   constexpr int kWanted = 81;
   const bool is_enough = limit == "unlimited" || std::strtol(limit.c_str(), nullptr, 10) >= kWanted;
-  return {"real-time priority", is_enough ? Verdict::kGood : Verdict::kLacks,
+  return {"real-time priority", is_enough ? Verdict::kGood : Verdict::kFails,
           fmt::format("limit {}, {} is wanted", limit, kWanted),
           is_enough ? "" : remedy_for(RealtimeLimit::kPriority, machine.path(""))};
 }
@@ -133,7 +133,7 @@ Finding check_locked_memory(const Machine& machine) {
   }
   const std::string limit = soft_limit(machine, "Max locked memory");
   const bool is_enough = limit == "unlimited";
-  return {"locked memory", is_enough ? Verdict::kGood : Verdict::kLacks,
+  return {"locked memory", is_enough ? Verdict::kGood : Verdict::kFails,
           is_enough ? "unlimited" : "limit " + limit + " bytes, unlimited is wanted",
           is_enough ? "" : remedy_for(RealtimeLimit::kLockedMemory, machine.path(""))};
 }
@@ -154,7 +154,7 @@ Finding check_governor(const Machine& machine) {
   std::string found;
   for (const std::string& governor : governors) found += (found.empty() ? "" : ", ") + governor;
   const bool is_fast = governors == std::set<std::string>{"performance"};
-  return {"frequency governor", is_fast ? Verdict::kGood : Verdict::kLacks, found,
+  return {"frequency governor", is_fast ? Verdict::kGood : Verdict::kFails, found,
           is_fast ? "" : "cpupower frequency-set --governor performance"};
 }
 
@@ -221,7 +221,7 @@ Finding check_throttling(const Machine& machine) {
   const double share = period > 0.0 ? 100.0 * std::strtod(runtime.c_str(), nullptr) / period : 0.0;
   // The kernel's default. Other real-time programs decide whether the limit is ever reached.
   constexpr double kUsual = 95.0;
-  return {"real-time throttling", share >= kUsual ? Verdict::kNote : Verdict::kLacks,
+  return {"real-time throttling", share >= kUsual ? Verdict::kNote : Verdict::kFails,
           fmt::format("at {:.0f} % of a processor all real-time threads on it are stopped", share),
           kRemedy};
 }
@@ -258,12 +258,12 @@ Finding check_clock(const Machine& machine) {
 Finding check_shared_memory(const Machine& machine) {
   struct statvfs file_system{};
   if (::statvfs(machine.path("dev/shm").c_str(), &file_system) != 0) {
-    return {"/dev/shm", Verdict::kLacks, "missing", "mount -t tmpfs tmpfs /dev/shm"};
+    return {"/dev/shm", Verdict::kFails, "missing", "mount -t tmpfs tmpfs /dev/shm"};
   }
   constexpr std::uint64_t kWanted = 64;  // [MiB]: a few robots with the default history
   const std::uint64_t free = file_system.f_bavail * file_system.f_frsize >> 20U;
   const bool is_enough = free >= kWanted;
-  return {"/dev/shm", is_enough ? Verdict::kGood : Verdict::kLacks,
+  return {"/dev/shm", is_enough ? Verdict::kGood : Verdict::kFails,
           fmt::format("{} MiB free, {} MiB are wanted", free, kWanted),
           is_enough
               ? ""
@@ -291,7 +291,7 @@ Finding check_steal(const Machine& machine) {
   constexpr const char* kRemedy =
       "the hypervisor gives this machine's processors to others: pin them there, or use a machine "
       "of your own";
-  if (percent >= 1.0) return {"stolen time", Verdict::kLacks, found, kRemedy};
+  if (percent >= 1.0) return {"stolen time", Verdict::kFails, found, kRemedy};
   if (percent >= 0.01) return {"stolen time", Verdict::kNote, found, kRemedy};
   return {"stolen time", Verdict::kGood, found, ""};
 }
@@ -323,19 +323,19 @@ int doctor(const DoctorOptions& options) {
   const std::size_t width = terminal.width();
   constexpr std::size_t kIndent = 29;
   const std::size_t room = std::max<std::size_t>(width - std::min(width, kIndent), 20);
-  std::size_t lacking = 0;
+  std::size_t failing = 0;
   for (const Finding& finding : findings) {
-    lacking += finding.verdict == Verdict::kLacks ? 1 : 0;
+    failing += finding.verdict == Verdict::kFails ? 1 : 0;
     const auto [word, style] = [&]() -> std::pair<const char*, Style> {
       switch (finding.verdict) {
         case Verdict::kGood:
           return {"ok", Style::kGood};
         case Verdict::kNote:
           return {"note", Style::kWarning};
-        case Verdict::kLacks:
+        case Verdict::kFails:
           break;
       }
-      return {"lacks", Style::kBad};
+      return {"fails", Style::kBad};
     }();
     fmt::print("{}  {}\n", terminal.paint(pad(word, 5), style),
                terminal.paint(pad(finding.what, kIndent - 7) + finding.found, Style::kPlain));
@@ -346,11 +346,11 @@ int doctor(const DoctorOptions& options) {
     }
   }
   const std::string purpose = options.robot ? *options.robot : "real time";
-  if (lacking == 0) {
+  if (failing == 0) {
     print_safely("\nThis machine has what {} needs.\n", purpose);
     return kDone;
   }
-  print_safely("\nThis machine lacks {} of {} things for {}; simulation works without.\n", lacking,
+  print_safely("\nThis machine fails {} of {} checks for {}; simulation works without.\n", failing,
                findings.size(), purpose);
   return kFailed;
 }
@@ -360,7 +360,8 @@ int doctor(const DoctorOptions& options) {
 void add_doctor(CLI::App& program, Action& action) {
   const auto& [command, options] = add_command(
       program, action, "doctor",
-      "Tell what this machine lacks for real time and for a robot, and the remedy", doctor);
+      "Check whether this machine is ready for real time and for a robot, with the remedies",
+      doctor);
   CLI::Option* const robot =
       command
           .add_option("ROBOT", options.robot,
@@ -386,7 +387,7 @@ void add_doctor(CLI::App& program, Action& action) {
       "Without ROBOT, every CAN interface of this machine is judged by what motor boards need, as "
       "a\n"
       "note. Nothing is sent and nothing is changed, so a robot may run meanwhile.\n"
-      "Exit code 0 if nothing is lacking, 1 otherwise. Notes do not count.\n"
+      "Exit code 0 if no check fails, 1 otherwise. Notes do not count.\n"
       "Example:\n"
       "  trifinger doctor\n"
       "  trifinger doctor trifinger_edu_can");

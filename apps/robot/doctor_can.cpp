@@ -50,8 +50,8 @@ std::vector<Finding> judge(const can::InterfaceState& state, Verdict verdict) {
 Finding finding_of(const Error& error) {
   const std::string text = error.what();
   const std::size_t end = text.find("; ");
-  if (end == std::string::npos) return {kInterface, Verdict::kLacks, text, ""};
-  return {kInterface, Verdict::kLacks, text.substr(0, end), text.substr(end + 2)};
+  if (end == std::string::npos) return {kInterface, Verdict::kFails, text, ""};
+  return {kInterface, Verdict::kFails, text.substr(0, end), text.substr(end + 2)};
 }
 
 // What a board is connected to, and whether it answers.
@@ -97,7 +97,7 @@ Finding judge_answers(const std::vector<BoardBus>& boards, const std::string& co
   if (silent.empty()) {
     return {kWhat, Verdict::kGood, fmt::format("{} answer", boards.size()), ""};
   }
-  return {kWhat, Verdict::kLacks, fmt::format("none answers on {}", fmt::join(silent, ", ")),
+  return {kWhat, Verdict::kFails, fmt::format("none answers on {}", fmt::join(silent, ", ")),
           are_virtual ? fmt::format("start them: trifinger emulate {}", configuration)
                       : "check their supply, their cables and the emergency stop"};
 }
@@ -129,7 +129,7 @@ std::vector<Finding> examine_boards(const BoardsConfig& config, const std::strin
         continue;
       }
       const auto state = can::read_interface_state(bus);
-      if (state) std::ranges::move(judge(*state, Verdict::kLacks), std::back_inserter(findings));
+      if (state) std::ranges::move(judge(*state, Verdict::kFails), std::back_inserter(findings));
       // Without problems, or without an interface, opening it says the rest.
       if (state && findings.back().verdict != Verdict::kGood) continue;
       boards.push_back({.name = bus,

@@ -58,18 +58,18 @@ class Faults {
   void add(const std::string& text, Instant now) {
     emulator_.add(boards::parse_fault(text), now);
     texts_.push_back(text);
-    told_.push_back(boards::ScheduledFault::Phase::kWaits);
+    reported_.push_back(boards::ScheduledFault::Phase::kWaits);
   }
 
   // Prints what has begun and ended.
   void report() {
     using Phase = boards::ScheduledFault::Phase;
-    for (std::size_t i = 0; i < told_.size(); ++i) {
+    for (std::size_t i = 0; i < reported_.size(); ++i) {
       const Phase phase = emulator_.faults()[i].phase;
-      if (phase == told_[i]) continue;
-      if (told_[i] == Phase::kWaits) print("begins", i);
+      if (phase == reported_[i]) continue;
+      if (reported_[i] == Phase::kWaits) print("begins", i);
       if (phase == Phase::kIsOver) print("is over", i);
-      told_[i] = phase;
+      reported_[i] = phase;
     }
   }
 
@@ -82,7 +82,7 @@ class Faults {
   boards::Emulator<R>& emulator_;
   std::string name_;
   std::vector<std::string> texts_;
-  std::vector<boards::ScheduledFault::Phase> told_;
+  std::vector<boards::ScheduledFault::Phase> reported_;
 };
 
 // Runs the boards until a signal comes.

@@ -8,7 +8,7 @@ namespace trifinger::apps {
 enum class Verdict : unsigned char {
   kGood,
   kNote,   // Could be better; enough for simulation.
-  kLacks,  // Deadlines will be missed, sessions cannot be made, or the robot cannot start.
+  kFails,  // Deadlines will be missed, sessions cannot be made, or the robot cannot start.
 };
 
 // What `trifinger doctor` says of one thing.

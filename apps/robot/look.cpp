@@ -31,7 +31,7 @@ struct LookOptions {
   std::string robot;
   fs::path target{"."};
   bool raw{false};
-  Nanoseconds patience{std::chrono::seconds(5)};
+  Nanoseconds timeout{std::chrono::seconds(5)};
 };
 
 using Pixels = std::vector<std::byte>;
@@ -113,10 +113,10 @@ Nanoseconds age_of(const camera::Images& images, const Session& robot) {
 
 // Images of the process of the cameras, or of the robot's own. Waits for good ones that are new: a
 // process that was stopped or killed leaves old ones.
-camera::Images newest_images(const Session& robot, const std::string& name, Nanoseconds patience) {
+camera::Images newest_images(const Session& robot, const std::string& name, Nanoseconds timeout) {
   const camera::CameraReader reader(robot, UntypedFrontend(robot.companion(camera::kCompanion)));
   camera::LiveCameras live(name, reader.calibration().cameras);
-  const Deadline deadline(patience);
+  const Deadline deadline(timeout);
   std::optional<camera::Images> last;
   bool is_old = false;
   do {
@@ -139,7 +139,7 @@ camera::Images newest_images(const Session& robot, const std::string& name, Nano
 
 int look(const LookOptions& options) {
   const Session robot = Session::open(options.robot);
-  const camera::Images images = newest_images(robot, options.robot, options.patience);
+  const camera::Images images = newest_images(robot, options.robot, options.timeout);
 
   std::vector<std::optional<camera::Picture>> pictures(images.cameras().size());
   int exit_code = kDone;
@@ -180,7 +180,7 @@ void add_look(CLI::App& program, Action& action) {
           "by side; default: this folder")
       ->option_text("PATH");
   command.add_flag("--raw", options.raw, "Save what the camera delivers, such as a Bayer mosaic");
-  add_seconds(command, "--timeout", options.patience, 3600.0,
+  add_seconds(command, "--timeout", options.timeout, 3600.0,
               "How long to wait for images; default: 5");
   command.footer(
       "Exit code 3 means that some camera had no image.\n"

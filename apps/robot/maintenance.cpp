@@ -87,7 +87,7 @@ void ServicedRobot::prepare(const std::function<void()>& while_ready) {
     const std::string_view doing =
         visit([](const auto& boards) { return phase_text(boards.phase()); });
     if (!doing.empty() && doing != said) print(said = doing);
-    print_news(wear_.look());
+    print_warning(wear_.look());
     if (!is_stopping) visit([this](auto& boards) { ask_for_reference(boards); });
     if (const std::optional<int> signal = signals_.wait(kRefresh)) {
       if (is_stopping) Signals::die_of(*signal);
@@ -101,7 +101,7 @@ void ServicedRobot::prepare(const std::function<void()>& while_ready) {
     }
   }
   loop.stop();
-  print_news(wear_.finish());
+  print_warning(wear_.finish());
   if (is_stopping) throw Error(robot_.name + ": interrupted");
 }
 

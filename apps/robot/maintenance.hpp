@@ -10,7 +10,7 @@
 #include "boards/board_robot.hpp"
 #include "commands.hpp"
 #include "robot/runnable_robot.hpp"
-#include "robot/wear_keeper.hpp"
+#include "robot/wear_recorder.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/time.hpp"
@@ -68,15 +68,15 @@ class ServicedRobot {
   void ask_for_reference(boards::BoardRobot<R>& boards);
   // True when somebody has pressed Enter.
   [[nodiscard]] static bool was_enter_pressed();
-  void print_news(const std::string& news) {
-    if (!news.empty()) print(news, Style::kWarning);
+  void print_warning(const std::string& warning) {
+    if (!warning.empty()) print(warning, Style::kWarning);
   }
 
   const Signals signals_;  // before any thread
   RealtimeOptions realtime_;
   RunnableRobot robot_;
   SessionHost host_;
-  WearKeeper wear_;
+  WearRecorder wear_;
   Question question_{Question::kNone};
   Console console_;
 };

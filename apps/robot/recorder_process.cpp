@@ -39,7 +39,7 @@ bool RecorderProcess::finish(Nanoseconds timeout) {
   const Deadline deadline(timeout);
   look_after();
   while (!is_over_ && !deadline.passed()) {
-    tell_child();
+    notify_child();
     end_silence();
     if (child_) {
       child_->program.wait(deadline.remaining(timeout));
@@ -79,7 +79,7 @@ void RecorderProcess::start_again() {
   try {
     spawn();
   } catch (const SystemError& error) {
-    see_trouble("cannot be started", error.what());
+    report_error("cannot be started", error.what());
     next_start_ = now() + kPause;
     if (is_ending_ && ++endings_ >= kMaxEndings) give_up(error.what());
   }
@@ -115,24 +115,24 @@ void RecorderProcess::replace(int status) {
     give_up(how);
     return;
   }
-  see_trouble("is gone", how + "; another one goes on");
+  report_error("is gone", how + "; another one goes on");
   // If a recorder fails at once, the next one is started only after a pause.
   next_start_ = child.has_given_sign ? Instant{} : now() + kPause;
   if (now() >= next_start_) start_again();
 }
 
 // Tells the child that the robot has stopped.
-void RecorderProcess::tell_child() {
-  if (!child_ || child_->is_told) return;
+void RecorderProcess::notify_child() {
+  if (!child_ || child_->is_notified) return;
   // If the child is gone, `look_after` will notice.
   static_cast<void>(::write(child_->program.input(), "", 1));
-  child_->is_told = true;
+  child_->is_notified = true;
 }
 
 // Ends a silence at the end of the program: a recorder that hangs is killed, and another one takes
 // over. If the system cannot kill it, recording is given up.
 void RecorderProcess::end_silence() {
-  if (!child_ || silence() < kPatience) return;
+  if (!child_ || silence() < kTimeout) return;
   if (child_->was_killed) {
     give_up(fmt::format("stands still, and process {} cannot be killed", child_->program.pid()));
     return;

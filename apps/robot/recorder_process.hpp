@@ -33,7 +33,7 @@ class RecorderProcess final : public RunRecorder {
     ChildProgram program;
     std::string last_words{};
     bool has_given_sign{false};
-    bool is_told{false};  // that the robot has stopped
+    bool is_notified{false};  // that the robot has stopped
     bool was_killed{false};
   };
 
@@ -44,7 +44,7 @@ class RecorderProcess final : public RunRecorder {
   void read_output();
   // Replaces the child, which has ended with `status`, unless its work is done.
   void replace(int status);
-  void tell_child();
+  void notify_child();
   void end_silence();
   void give_up(const std::string& why);
 

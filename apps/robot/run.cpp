@@ -26,7 +26,7 @@
 #include "robot/run_reporter.hpp"
 #include "robot/runnable_robot.hpp"
 #include "robot/sensor_processes.hpp"
-#include "robot/wear_keeper.hpp"
+#include "robot/wear_recorder.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
@@ -173,7 +173,7 @@ class Run {
     finish_recording();
     if (recorder_ != nullptr && !recorder_->failure().empty()) leave_memory_behind(loop);
     loop.stop();
-    if (wear_) print_news(wear_->finish());
+    if (wear_) print_warning(wear_->finish());
     reporter_.print("stopped");
     return kDone;
   }
@@ -191,10 +191,10 @@ class Run {
   void report() {
     // Taken before `look`, so that the end of a session is reported before the sentences about it.
     const std::vector<std::string> sentences = messages_.take();
-    reporter_.look(is_stopping_, recorder_ != nullptr ? recorder_->trouble() : "");
+    reporter_.look(is_stopping_, recorder_ != nullptr ? recorder_->error() : "");
     for (const std::string& sentence : sentences) reporter_.print(sentence);
-    if (wear_) print_news(wear_->look());
-    for (const std::string& sentence : robot_.news()) reporter_.print(sentence);
+    if (wear_) print_warning(wear_->look());
+    for (const std::string& sentence : robot_.messages()) reporter_.print(sentence);
     if (sensors_) {
       for (const std::string& sentence : sensors_->look()) reporter_.print(sentence);
     }
@@ -204,16 +204,16 @@ class Run {
       }
     }
     for (const log::FlightRecorder::Left& left : flight_recorder_.write()) {
-      if (left.trouble.empty()) {
+      if (left.error.empty()) {
         reporter_.print("what came before the fault is in " + left.file.string());
       } else {
-        reporter_.print("what came before the fault is lost: " + left.trouble, Style::kWarning);
+        reporter_.print("what came before the fault is lost: " + left.error, Style::kWarning);
       }
     }
   }
 
-  void print_news(const std::string& news) {
-    if (!news.empty()) reporter_.print(news, Style::kWarning);
+  void print_warning(const std::string& warning) {
+    if (!warning.empty()) reporter_.print(warning, Style::kWarning);
   }
 
   void finish_sensors() {
@@ -268,7 +268,7 @@ class Run {
   SessionHost host_;
   log::FlightRecorder flight_recorder_;
   Messages messages_;
-  std::optional<WearKeeper> wear_;
+  std::optional<WearRecorder> wear_;
   std::unique_ptr<RunRecorder> recorder_;  // before the back-end, which it must outlive
   Backend backend_;
   RunReporter reporter_;

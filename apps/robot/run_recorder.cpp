@@ -37,7 +37,7 @@ class RecorderInThread final : public RunRecorder {
       return true;
     }
     look_after();
-    if (silence() < kPatience) return false;
+    if (silence() < kTimeout) return false;
     fail("stands still");
     return true;
   }
@@ -84,23 +84,23 @@ std::unique_ptr<RunRecorder> RunRecorder::start(const std::string& robot,
 
 void RunRecorder::see_sign() {
   begin_watch();
-  if (trouble_.empty()) return;
-  say(fmt::format("is well again after {}", duration_text(last_sign_ - trouble_since_)));
-  trouble_.clear();
+  if (error_.empty()) return;
+  say(fmt::format("is well again after {}", duration_text(last_sign_ - error_since_)));
+  error_.clear();
 }
 
 void RunRecorder::see_silence() {
-  if (!trouble_.empty() || silence() <= kWorryingSilence) return;
-  see_trouble("stands still",
-              fmt::format("has stood still for {}: it was stopped, or its disk hangs. What it "
-                          "misses is not lost as long as the history of the session holds it",
-                          duration_text(kWorryingSilence)));
+  if (!error_.empty() || silence() <= kWorryingSilence) return;
+  report_error("stands still",
+               fmt::format("has stood still for {}: it was stopped, or its disk hangs. What it "
+                           "misses is not lost as long as the history of the session holds it",
+                           duration_text(kWorryingSilence)));
 }
 
-void RunRecorder::see_trouble(const std::string& trouble, const std::string& text) {
-  if (trouble_.empty()) trouble_since_ = last_sign_;
-  if (trouble_ != trouble) say(text, Style::kBad);
-  trouble_ = trouble;
+void RunRecorder::report_error(const std::string& error, const std::string& text) {
+  if (error_.empty()) error_since_ = last_sign_;
+  if (error_ != error) say(text, Style::kBad);
+  error_ = error;
 }
 
 }  // namespace trifinger::apps

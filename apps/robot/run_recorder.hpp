@@ -46,7 +46,7 @@ class RunRecorder {
     return std::exchange(lines_, {});
   }
   // Returns what is wrong at present, in a few words; empty if nothing is.
-  [[nodiscard]] const std::string& trouble() const noexcept { return trouble_; }
+  [[nodiscard]] const std::string& error() const noexcept { return error_; }
   // Lets the recorder write what is left; the robot has stopped. Returns false if this takes longer
   // than `timeout`: then call it again. Returns true when the recorder has ended or was given up.
   [[nodiscard]] virtual bool finish(Nanoseconds timeout) = 0;
@@ -55,19 +55,19 @@ class RunRecorder {
 
  protected:
   // Silence at the end of the program after which a recorder is given up.
-  static constexpr Nanoseconds kPatience = std::chrono::seconds(10);
+  static constexpr Nanoseconds kTimeout = std::chrono::seconds(10);
 
   RunRecorder() = default;
 
   // The recorder is started.
   void begin_watch() noexcept { last_sign_ = std::chrono::steady_clock::now(); }
-  // The recorder makes progress. Reports the end of its trouble.
+  // The recorder makes progress. Reports that its error is over.
   void see_sign();
   // Reports that the recorder stands still, if that has lasted too long. Call this after the signs
   // so far were seen.
   void see_silence();
-  // Reports trouble unless it is the last one. `trouble` is a few words, `text` a sentence.
-  void see_trouble(const std::string& trouble, const std::string& text);
+  // Reports an error unless it is the last one. `error` is a few words, `text` a sentence.
+  void report_error(const std::string& error, const std::string& text);
   void say(std::string text, Style style = Style::kPlain) {
     lines_.push_back({std::move(text), style});
   }
@@ -82,8 +82,8 @@ class RunRecorder {
   virtual void look_after() = 0;
 
   Instant last_sign_{std::chrono::steady_clock::now()};
-  Instant trouble_since_;
-  std::string trouble_;  // trouble that was reported
+  Instant error_since_;
+  std::string error_;  // that was reported
   std::vector<Line> lines_;
   std::string failure_;
 };

@@ -11,12 +11,12 @@
 
 namespace trifinger::apps {
 
-void RunReporter::look(bool is_stopping, const std::string& recorder_trouble) {
+void RunReporter::look(bool is_stopping, const std::string& recorder_error) {
   if (session_) observe(*session_);
   // A next session is searched only when there may be one, because mapping memory costs time in
   // the process of the loop.
   if (!session_ || phase_ == SessionInfo::Phase::kEnded) find_next_session();
-  if (session_ && console_.is_live()) console_.draw(status_line(is_stopping, recorder_trouble));
+  if (session_ && console_.is_live()) console_.draw(status_line(is_stopping, recorder_error));
 }
 
 void RunReporter::find_next_session() {
@@ -77,14 +77,14 @@ std::string RunReporter::summary(const SessionInfo& info) const {
 }
 
 std::vector<Segment> RunReporter::status_line(bool is_stopping,
-                                              const std::string& recorder_trouble) const {
+                                              const std::string& recorder_error) const {
   const SessionInfo info = session_->session().info();
   const Health health = health_of(info);
   const std::string state = is_stopping ? "stopping" : state_text(info);
   std::vector<Segment> segments{{name_, 10, Style::kBold},
                                 {state, 11, is_stopping ? Style::kWarning : style_of(health)}};
-  if (!recorder_trouble.empty()) {
-    segments.push_back({"recorder " + recorder_trouble, 10, Style::kBad});
+  if (!recorder_error.empty()) {
+    segments.push_back({"recorder " + recorder_error, 10, Style::kBad});
   }
   if (info.phase == SessionInfo::Phase::kRunning) {
     const StepCounts recent = figures_.last_second();

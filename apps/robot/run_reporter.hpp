@@ -28,8 +28,8 @@ class RunReporter {
     console_.print(about, text, style);
   }
 
-  // Reads the current session and reports. `recorder_trouble` says what is wrong with its recorder.
-  void look(bool is_stopping, const std::string& recorder_trouble);
+  // Reads the current session and reports. `recorder_error` says what is wrong with its recorder.
+  void look(bool is_stopping, const std::string& recorder_error);
 
  private:
   void find_next_session();
@@ -40,7 +40,7 @@ class RunReporter {
   // Summarises the session that has ended.
   [[nodiscard]] std::string summary(const SessionInfo& info) const;
   [[nodiscard]] std::vector<Segment> status_line(bool is_stopping,
-                                                 const std::string& recorder_trouble) const;
+                                                 const std::string& recorder_error) const;
 
   std::string name_;
   const SessionHost& host_;

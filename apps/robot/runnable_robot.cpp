@@ -30,7 +30,7 @@
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -119,10 +119,10 @@ void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors
   if (sensors.empty()) return;
   auto with_sensors =
       std::make_unique<DriverWithSensors>(std::move(robot.driver), robot.name, std::move(sensors));
-  robot.news = [sensors = with_sensors.get(), others = std::move(robot.news)] {
-    std::vector<std::string> news = others();
-    std::ranges::move(sensors->take_news(), std::back_inserter(news));
-    return news;
+  robot.messages = [sensors = with_sensors.get(), others = std::move(robot.messages)] {
+    std::vector<std::string> messages = others();
+    std::ranges::move(sensors->take_messages(), std::back_inserter(messages));
+    return messages;
   };
   robot.driver = std::move(with_sensors);
 }
@@ -168,7 +168,7 @@ void add_simulation(RunnableRobot& robot, const RobotConfig& config,
   options.has_hand = true;
   auto driver = std::make_unique<SimulatedRobot>(std::move(options));
   driver->listen_to_hand(robot.name);
-  robot.news = [simulation = driver.get()] { return simulation->take_hand_news(); };
+  robot.messages = [simulation = driver.get()] { return simulation->take_hand_messages(); };
   if (state) begin_in(*driver, *state);
   robot.state_before = state_before(driver.get());
   if (!is_real_time) {
@@ -188,7 +188,9 @@ void add_simulation(RunnableRobot& robot, const RobotConfig& config,
 void add_servos(RunnableRobot& robot, servos::ServoConfig config) {
   config.loop.realtime = {.demand = Demand::kTry};
   servos::ConnectedRobot connected = servos::connect(config, robot.name);
-  robot.news = [lacks = std::move(connected.lacks)]() mutable { return std::exchange(lacks, {}); };
+  robot.messages = [warnings = std::move(connected.warnings)]() mutable {
+    return std::exchange(warnings, {});
+  };
   robot.driver = std::move(connected.robot);
 }
 

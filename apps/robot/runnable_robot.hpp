@@ -41,7 +41,7 @@ struct RunnableRobot {
   std::function<SimulationState(const Fault& fault)> state_before{
       [](const Fault&) { return SimulationState(); }};
   // Returns what a user should know and has happened since the last call, in sentences.
-  std::function<std::vector<std::string>()> news{[] { return std::vector<std::string>(); }};
+  std::function<std::vector<std::string>()> messages{[] { return std::vector<std::string>(); }};
 };
 
 // A robot as it is called on the command line.

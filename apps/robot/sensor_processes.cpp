@@ -19,13 +19,13 @@ namespace {
 constexpr Nanoseconds kShortestPause = std::chrono::seconds(1);
 constexpr Nanoseconds kLongestPause = std::chrono::seconds(30);
 constexpr Nanoseconds kLongLife = std::chrono::seconds(10);
-constexpr Nanoseconds kPatience = std::chrono::seconds(3);
+constexpr Nanoseconds kTimeout = std::chrono::seconds(3);
 
 // Takes what it has printed. Each line begins with the name of the robot, which is known here.
-void take_sentences(ChildProgram& program, std::vector<std::string>& news) {
+void take_sentences(ChildProgram& program, std::vector<std::string>& messages) {
   for (const std::string& line : program.take_lines()) {
     const std::size_t colon = line.find(": ");
-    news.push_back(colon == std::string::npos ? line : line.substr(colon + 2));
+    messages.push_back(colon == std::string::npos ? line : line.substr(colon + 2));
   }
 }
 
@@ -42,13 +42,13 @@ SensorProcesses::SensorProcesses(std::vector<std::vector<std::string>> commands)
 }
 
 SensorProcesses::~SensorProcesses() {
-  while (!finish(kPatience)) {
+  while (!finish(kTimeout)) {
   }
 }
 
 bool SensorProcesses::finish(Nanoseconds timeout) {
   if (kill_at_ == Instant::max()) {
-    kill_at_ = now() + kPatience;
+    kill_at_ = now() + kTimeout;
     for (const Process& process : processes_) {
       if (process.program) process.program->signal(SIGTERM);
     }
@@ -74,22 +74,22 @@ bool SensorProcesses::finish(Nanoseconds timeout) {
 }
 
 std::vector<std::string> SensorProcesses::look() {
-  std::vector<std::string> news;
+  std::vector<std::string> messages;
   for (Process& process : processes_) {
     if (!process.program) {
-      if (now() >= process.next_start) start(process, news);
+      if (now() >= process.next_start) start(process, messages);
       continue;
     }
-    take_sentences(*process.program, news);
+    take_sentences(*process.program, messages);
     if (const std::optional<int> status = process.program->has_ended()) {
-      take_sentences(*process.program, news);
-      see_end(process, *status, news);
+      take_sentences(*process.program, messages);
+      see_end(process, *status, messages);
     }
   }
-  return news;
+  return messages;
 }
 
-void SensorProcesses::start(Process& process, std::vector<std::string>& news) {
+void SensorProcesses::start(Process& process, std::vector<std::string>& messages) {
   process.started = now();
   try {
     std::vector<std::string> words = process.words;
@@ -97,18 +97,18 @@ void SensorProcesses::start(Process& process, std::vector<std::string>& news) {
     words.push_back(std::to_string(::getpid()));
     process.program.emplace(std::move(words));
   } catch (const SystemError& error) {
-    news.emplace_back(error.what());
+    messages.emplace_back(error.what());
     process.next_start = now() + process.pause;
     process.pause = std::min(2 * process.pause, kLongestPause);
   }
 }
 
-void SensorProcesses::see_end(Process& process, int status, std::vector<std::string>& news) {
+void SensorProcesses::see_end(Process& process, int status, std::vector<std::string>& messages) {
   process.program.reset();
   if (now() - process.started > kLongLife) process.pause = kShortestPause;
   const std::string how =
       WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "has ended" : ending_text(status);
-  news.push_back(
+  messages.push_back(
       fmt::format("'trifinger {}' {}; it is started again in {} s", process.words.front(), how,
                   std::chrono::duration_cast<std::chrono::seconds>(process.pause).count()));
   process.next_start = now() + process.pause;

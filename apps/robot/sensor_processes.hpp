@@ -37,8 +37,8 @@ class SensorProcesses {
     Instant next_start;
     Nanoseconds pause;
   };
-  void start(Process& process, std::vector<std::string>& news);
-  void see_end(Process& process, int status, std::vector<std::string>& news);
+  void start(Process& process, std::vector<std::string>& messages);
+  void see_end(Process& process, int status, std::vector<std::string>& messages);
 
   std::vector<Process> processes_;
   Instant kill_at_{Instant::max()};

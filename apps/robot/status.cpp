@@ -156,8 +156,8 @@ class Observer {
     }
     if (info.is_real_time) {
       std::string label = "realtime";
-      for (const std::string& line : realtime_lines(info.realtime_lacks)) {
-        sheet.add(std::exchange(label, {}), line, warn_if(!info.realtime_lacks.empty()));
+      for (const std::string& line : realtime_lines(info.realtime_warnings)) {
+        sheet.add(std::exchange(label, {}), line, warn_if(!info.realtime_warnings.empty()));
       }
     }
     sheet.add("steps", std::to_string(info.steps));

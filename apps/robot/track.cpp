@@ -73,14 +73,14 @@ class TrackedThing {
   }
 
   // A sentence if the object was lost for a while or found again.
-  [[nodiscard]] std::optional<std::string> news(Instant time) {
+  [[nodiscard]] std::optional<std::string> message(Instant time) {
     constexpr Nanoseconds kLastLook = std::chrono::milliseconds(500);
-    constexpr Nanoseconds kFirstPatience = std::chrono::seconds(5);
+    constexpr Nanoseconds kFirstTimeout = std::chrono::seconds(5);
     if (!begin_) begin_ = time;
     const bool is_there = last_ && time - last_time_ < kLastLook;
     if (is_there == was_there_) return std::nullopt;
     if (!was_there_ && !is_there) {
-      if (time - *begin_ < kFirstPatience) return std::nullopt;
+      if (time - *begin_ < kFirstTimeout) return std::nullopt;
       was_there_ = false;
       return name_ +
              " was not found yet: 'trifinger look' shows what the cameras see, --colours "
@@ -213,7 +213,7 @@ int track(const TrackOptions& options) {
       }
     }
     for (TrackedThing& thing : things) {
-      if (const auto sentence = thing.news(begin)) say(options.robot, *sentence);
+      if (const auto sentence = thing.message(begin)) say(options.robot, *sentence);
     }
   }
   say(options.robot, counts.text());

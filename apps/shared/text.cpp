@@ -16,9 +16,9 @@ std::string counted(std::int64_t count, const std::string& what) {
   return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }
 
-std::vector<std::string> realtime_lines(const std::vector<std::string>& lacks) {
-  if (lacks.empty()) return {"yes"};
-  std::vector<std::string> lines = lacks;
+std::vector<std::string> realtime_lines(const std::vector<std::string>& warnings) {
+  if (warnings.empty()) return {"yes"};
+  std::vector<std::string> lines = warnings;
   lines.front() = "no: " + lines.front();
   return lines;
 }

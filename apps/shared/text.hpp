@@ -17,7 +17,7 @@ namespace trifinger::apps {
 [[nodiscard]] std::string counted(std::int64_t count, const std::string& what);
 // Says whether a loop runs as a real-time thread, one line each: "yes", or "no: " and what it
 // lacks.
-[[nodiscard]] std::vector<std::string> realtime_lines(const std::vector<std::string>& lacks);
+[[nodiscard]] std::vector<std::string> realtime_lines(const std::vector<std::string>& warnings);
 // Formats the worst steps: "step 77 by 1.2 ms (user), step 12 by 800 µs (driver)".
 [[nodiscard]] std::string worst_text(const TimingRecord& timing);
 

@@ -75,8 +75,10 @@ void bind_planner(nb::module_& m) {
           "`object` is\nthe name of the box.")
       .def(
           "plan",
-          [](GraspPlanner& planner, const std::vector<Motion>& way) { return planner.plan(way); },
-          "way"_a, docs::GraspPlanner::plan);
+          [](GraspPlanner& planner, const std::vector<Motion>& trajectory) {
+            return planner.plan(trajectory);
+          },
+          "trajectory"_a, docs::GraspPlanner::plan);
 }
 
 void bind_controller(nb::module_& m) {

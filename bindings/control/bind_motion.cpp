@@ -119,8 +119,10 @@ void bind_trajectories(nb::module_& m) {
   const auto bind_trajectory = []<class T>(nb::class_<T> type, const char* duration,
                                            const char* at) {
     type.def_prop_ro(
-            "duration", [](const T& way) { return way.duration().count(); }, duration)
-        .def("at", [](const T& way, double time) { return way.at(Seconds(time)); }, "time"_a, at);
+            "duration", [](const T& trajectory) { return trajectory.duration().count(); }, duration)
+        .def(
+            "at", [](const T& trajectory, double time) { return trajectory.at(Seconds(time)); },
+            "time"_a, at);
   };
   nb::class_<LineTrajectory> line(m, "LineTrajectory", docs::LineTrajectory::LineTrajectory);
   line.def(

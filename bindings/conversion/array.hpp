@@ -54,9 +54,9 @@ bool read_array(nanobind::handle object, M& value) noexcept {
   const Eigen::Index rows = PyArray_DIM(numbers, 0);
   const Eigen::Index columns = kDimensions == 1 ? 1 : PyArray_DIM(numbers, kDimensions - 1);
   constexpr bool kAnyRows = M::RowsAtCompileTime == Eigen::Dynamic;
-  constexpr int kMostRows = M::MaxRowsAtCompileTime;
-  constexpr bool kHasMost = kMostRows != Eigen::Dynamic;
-  if (kAnyRows ? kHasMost && rows > kMostRows : rows != M::RowsAtCompileTime) return false;
+  constexpr int kMaxRows = M::MaxRowsAtCompileTime;
+  constexpr bool kHasMax = kMaxRows != Eigen::Dynamic;
+  if (kAnyRows ? kHasMax && rows > kMaxRows : rows != M::RowsAtCompileTime) return false;
   if (M::ColsAtCompileTime != Eigen::Dynamic && columns != M::ColsAtCompileTime) return false;
   value =
       Eigen::Map<const RowMajor>(static_cast<const double*>(PyArray_DATA(numbers)), rows, columns);

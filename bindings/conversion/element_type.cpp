@@ -69,7 +69,7 @@ struct KnownType {
 };
 
 nb::object dtype_of(const ElementDescription& description, const std::string& kind) {
-  constexpr std::size_t kMostKnown = 64;
+  constexpr std::size_t kMaxKnown = 64;
   // Never destroyed: Python has ended before static objects are destroyed.
   static auto& known = *new std::vector<KnownType>();
   const auto is_it = [&](const KnownType& type) {
@@ -85,7 +85,7 @@ nb::object dtype_of(const ElementDescription& description, const std::string& ki
     units[field.name.c_str()] = field.unit;
   }
   nb::module_::import_("trifinger.element_text").attr("learn")(dtype, units);
-  if (known.size() == kMostKnown) known.erase(known.begin());
+  if (known.size() == kMaxKnown) known.erase(known.begin());
   known.push_back({description, kind, dtype});
   return dtype;
 }

@@ -124,14 +124,14 @@ append actions with `frontend`; everybody can read.)",
           "frontend", [](const PythonGuide& guide) { return guide.frontend(); },
           nb::sig("def frontend(self) -> Frontend"), docs::Guide::frontend)
       .def_prop_ro(
-          "realtime_lacks",
+          "realtime_warnings",
           [](const PythonGuide& guide) {
-            nb::list lacks;
-            for (const std::string& lack : guide.guide().realtime_lacks())
-              lacks.append(to_message(lack));
-            return lacks;
+            nb::list warnings;
+            for (const std::string& warning : guide.guide().realtime_warnings())
+              warnings.append(to_message(warning));
+            return warnings;
           },
-          nb::sig("def realtime_lacks(self) -> list[str]"), docs::Guide::realtime_lacks)
+          nb::sig("def realtime_warnings(self) -> list[str]"), docs::Guide::realtime_warnings)
       .def(
           "move_tip",
           [](const PythonGuide& guide, int finger, const Vector3& position) {

@@ -193,23 +193,23 @@ the series of random numbers, and positions of the first hinges and slides of a 
           "oldest_sure_age", [](const Episodes& self) { return self.oldest_sure_age; },
           "Age of a pose up to which it is sure; of a connected robot once it was checked [steps].")
       .def(
-          "way",
+          "approach",
           [](const Episodes& self, const Array<Eigen::VectorXd>& from) {
             const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
             if (from.value.size() != joints) {
               throw InvalidArgument("from_position must have " + std::to_string(joints) +
                                     " numbers");
             }
-            RowMajor way(self.environment.way_actions(), joints);
+            RowMajor approach(self.environment.approach_actions(), joints);
             const auto size = static_cast<std::size_t>(joints);
-            for (Eigen::Index i = 0; i < way.rows(); ++i) {
-              self.environment.way_point({from.value.data(), size}, self.start, i,
-                                         {way.row(i).data(), size});
+            for (Eigen::Index i = 0; i < approach.rows(); ++i) {
+              self.environment.approach_point({from.value.data(), size}, self.start, i,
+                                              {approach.row(i).data(), size});
             }
-            return way;
+            return approach;
           },
           "from_position"_a,
-          nb::sig("def way(self, from_position: numpy.typing.ArrayLike) -> "
+          nb::sig("def approach(self, from_position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
           "Joint positions that bring a robot to where the episode begins: a row for each action "
           "[rad].")
@@ -296,7 +296,7 @@ void bind_environments(nb::module_& m) {
             const TaskDescription task = describe_task(named);
             new (self) EnvironmentBatch(task, wanted, robot.simulation, size, num_threads,
                                         wanted.needs_cameras() || robot.tracks_objects
-                                            ? rendering::sight_options(robot, robot.name)
+                                            ? rendering::vision_options(robot, robot.name)
                                             : std::nullopt);
           },
           "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a,

@@ -11,7 +11,7 @@
 #include "conversion/timeout.hpp"
 #include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 
 namespace trifinger::bindings {
 namespace {

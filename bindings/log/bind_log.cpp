@@ -171,8 +171,8 @@ void bind_logged_session(nb::module_& m) {
           [](const PythonLoggedSession& session) { return session.session().is_companion(); })
       .def_prop_ro("session_id", header(&log::SessionHeader::session_id))
       .def_prop_ro("is_real_time", header(&log::SessionHeader::is_real_time))
-      .def_prop_ro("realtime_lacks", header(&log::SessionHeader::realtime_lacks),
-                   docs::log::SessionHeader::realtime_lacks)
+      .def_prop_ro("realtime_warnings", header(&log::SessionHeader::realtime_warnings),
+                   docs::log::SessionHeader::realtime_warnings)
       .def_prop_ro(
           "period",
           [](const PythonLoggedSession& session) {

@@ -32,7 +32,7 @@ nb::object to_python(const SessionInfo& info) {
       .attr("SessionInfo")(
           "name"_a = info.name, "type"_a = info.type, "is_companion"_a = info.is_companion,
           "session_id"_a = info.session_id, "is_real_time"_a = info.is_real_time,
-          "realtime_lacks"_a = nb::tuple(nb::cast(info.realtime_lacks)),
+          "realtime_warnings"_a = nb::tuple(nb::cast(info.realtime_warnings)),
           "period"_a = to_seconds(info.period), "created"_a = created, "host"_a = info.host,
           "backend_pid"_a = info.backend.pid, "controller_pid"_a = pid_or_none(info.controller),
           "backend_is_alive"_a = info.backend_is_alive,

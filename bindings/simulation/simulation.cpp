@@ -8,7 +8,7 @@
 
 #include "conversion/text.hpp"
 #include "session/checks.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 
 namespace nb = nanobind;
 

@@ -609,7 +609,7 @@ class Reason(enum.IntFlag):
     """
 
     OVERHEATED = 65536
-    """the motor is too warm: it has given more torque than it was told"""
+    """the motor is too warm: it has given more torque than was commanded"""
 
     POSITION_JUMPED = 131072
     """the measured position changed faster than a joint can move"""
@@ -1710,7 +1710,7 @@ class Touch:
 
 class Approach:
     """
-    The way of a tip to its touch. The centre of the tip's sphere passes these points, given in
+    The path of a tip to its touch. The centre of the tip's sphere passes these points, given in
     the world frame.
     """
 
@@ -1805,9 +1805,10 @@ class PlannedGrasp:
 class GraspPlanner:
     """
     Chooses which finger touches which side face of a box, and where: a face that is upright at
-    the beginning of the way. The fingers reach the whole way. Only their tips touch anything,
-    and they touch only the box. They carry it within friction, also during upward acceleration,
-    with as little torque as possible. One object must not be used by several threads at once.
+    the beginning of the trajectory. The fingers reach the whole trajectory. Only their tips
+    touch anything, and they touch only the box. They carry it within friction, also during
+    upward acceleration, with as little torque as possible. One object must not be used by
+    several threads at once.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, object: str = 'cube', settings: GraspPlannerConfig = ...) -> None:
@@ -1816,10 +1817,10 @@ class GraspPlanner:
         the name of the box.
         """
 
-    def plan(self, way: Sequence[Motion]) -> PlannedGrasp | None:
+    def plan(self, trajectory: Sequence[Motion]) -> PlannedGrasp | None:
         """
-        The best grasp to lead the object along `way`, which begins where it is grasped. None if
-        there is none. The object may be tilted on the way, which takes longer to plan: up to a
+        The best grasp to lead the object along `trajectory`, which begins where it is grasped. None
+        if there is none. The object may be tilted on the way, which takes longer to plan: up to a
         second instead of some milliseconds. Allocates memory.
         """
 
@@ -2473,21 +2474,21 @@ class CostTerm:
 
     @property
     def distance(self) -> float:
-        """Of TIP_OBJECT [m]."""
+        """Distance of TIP_OBJECT [m]."""
 
     @distance.setter
     def distance(self, arg: float, /) -> None: ...
 
     @property
     def smoothing(self) -> float:
-        """Of SMOOTH, in the unit of the quantity."""
+        """Scale of SMOOTH, in the unit of the quantity."""
 
     @smoothing.setter
     def smoothing(self, arg: float, /) -> None: ...
 
     @property
     def joints(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Of JOINT_POSITION [rad]."""
+        """Joint positions of JOINT_POSITION [rad]."""
 
     @joints.setter
     def joints(self, arg: numpy.typing.ArrayLike, /) -> None: ...
@@ -2517,7 +2518,7 @@ class RolloutBatch:
 
     @property
     def time_step(self) -> float:
-        """From one state to the next one."""
+        """Time from one state to the next one."""
 
     @property
     def positions(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -2711,7 +2712,7 @@ class PlannerOptions:
     @property
     def temperature(self) -> float:
         """
-        Of PATH_INTEGRAL: the costs' scale, as a share of the median's distance from the least cost.
+        The costs' scale of PATH_INTEGRAL, as a share of the median's distance from the least cost.
         """
 
     @temperature.setter
@@ -2719,7 +2720,7 @@ class PlannerOptions:
 
     @property
     def elites(self) -> int:
-        """Of CROSS_ENTROPY: number of best rollouts."""
+        """Number of best rollouts of CROSS_ENTROPY."""
 
     @elites.setter
     def elites(self, arg: int, /) -> None: ...
@@ -2735,7 +2736,7 @@ class PlannerOptions:
 
     @property
     def seed(self) -> int:
-        """Of all random numbers."""
+        """Seed of all random numbers."""
 
     @seed.setter
     def seed(self, arg: int, /) -> None: ...
@@ -2799,19 +2800,19 @@ class Plan:
 
     @property
     def cost(self) -> float:
-        """Of a rollout of this plan; infinite if it diverged."""
+        """Cost of a rollout of this plan; infinite if it diverged."""
 
     @property
     def previous_cost(self) -> float:
-        """Of the plan with which this one began."""
+        """Cost of the plan with which this one began."""
 
     @property
     def least_cost(self) -> float:
-        """Of the best rollout of the last round."""
+        """Cost of the best rollout of the last round."""
 
     @property
     def median_cost(self) -> float:
-        """Of the last round, without masked rollouts."""
+        """Median cost of the last round, without masked rollouts."""
 
     @property
     def num_masked(self) -> int:
@@ -2965,15 +2966,15 @@ class OnlinePlannerStatus:
 
     @property
     def cost(self) -> float:
-        """`Plan.cost`"""
+        """`Plan.cost` of the newest plan."""
 
     @property
     def median_cost(self) -> float:
-        """`Plan.median_cost`"""
+        """`Plan.median_cost` of the newest plan."""
 
     @property
     def num_masked(self) -> int:
-        """`Plan.num_masked`"""
+        """`Plan.num_masked` of the newest plan."""
 
     @property
     def has_failed(self) -> bool:
@@ -3080,23 +3081,24 @@ class GuideState:
     @property
     def has_arrived(self) -> bool:
         """
-        All wishes so far are granted, and the robot rests at their target. Always False while
+        The robot has reached all setpoints so far and rests at their target. Always False while
         floating.
         """
 
     @property
     def refusal(self) -> str:
         """
-        One sentence per finger whose last wish cannot be fulfilled: why, and what is done instead.
+        One sentence per finger whose last setpoint cannot be reached: why, and what is done
+        instead.
         """
 
 class Guide:
     """
     Lets slow callers steer a robot that must hear from its controller every millisecond.
 
-    A thread of its own drives the robot in every step. It obeys the newest wishes of any number
-    of threads and never waits for them. The safety checks of the robot apply as always. At
-    first the robot holds the pose in which it is found.
+    A thread of its own drives the robot in every step. It follows the newest setpoints of any
+    number of threads and never waits for them. The safety checks of the robot apply as always.
+    At first the robot holds the pose in which it is found.
 
     Any thread may call any function at any time. After a fork only the parent's guide is
     usable: in the child all functions raise InheritedHandle.
@@ -3128,9 +3130,9 @@ class Guide:
         """The front-end of the robot, for reading."""
 
     @property
-    def realtime_lacks(self) -> list[str]:
+    def realtime_warnings(self) -> list[str]:
         """
-        What the guide's thread lacks to be a real-time thread: sentences with the remedies.
+        What keeps the guide's thread from being a real-time thread: sentences with the remedies.
         """
 
     def move_tip(self, finger: int, position: numpy.typing.ArrayLike) -> None:
@@ -3139,7 +3141,7 @@ class Guide:
         tip cannot get there, it goes near it: see `GuideState.refusal`. The other fingers keep
         their targets.
 
-        A wish returns at once. It replaces earlier ones for the same fingers.
+        A setpoint returns at once. It replaces earlier ones for the same fingers.
 
         Raises InvalidArgument for numbers that are not finite, a finger that does not exist, or
         after the end of the guide; otherwise what ended the guide.
@@ -3185,7 +3187,7 @@ class Guide:
 
     def wait_until_arrived(self, timeout: float | None = None) -> None:
         """
-        Waits until the robot rests at the target of all wishes so far.
+        Waits until the robot rests at the target of all setpoints so far.
 
         Raises InvalidArgument if the robot floats, what ended the guide, TimedOut.
         """
@@ -3346,7 +3348,7 @@ class CameraCalibration:
         """In the order of the robot's images."""
 
     def text(self) -> str:
-        """As the text of a file, in YAML."""
+        """Returns the text of a file, in YAML."""
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> CameraCalibration:
@@ -3496,7 +3498,7 @@ class Episodes:
         Age of a pose up to which it is sure; of a connected robot once it was checked [steps].
         """
 
-    def way(self, from_position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+    def approach(self, from_position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Joint positions that bring a robot to where the episode begins: a row for each action [rad].
         """
@@ -3606,7 +3608,7 @@ class EnvironmentBatch:
     of its own. One batch must not be used by several threads at once. In a forked child `reset`
     and `step` raise InheritedHandle.
 
-    Simulations that see share one pair of eyes per thread. An image is drawn when an
+    Simulations with cameras share one vision pipeline per thread. An image is drawn when an
     observation needs it.
 
     `trifinger.environments.VectorEnvironment` uses it.
@@ -3869,10 +3871,10 @@ class LoggedSession:
     def is_real_time(self) -> bool: ...
 
     @property
-    def realtime_lacks(self) -> list[str] | None:
+    def realtime_warnings(self) -> list[str] | None:
         """
-        In real-time mode: what the loop lacked to be a real-time thread, one sentence each. None if
-        it was not recorded.
+        In real-time mode: what kept the loop from being a real-time thread, one sentence each. None
+        if it was not recorded.
         """
 
     @property
@@ -4367,7 +4369,7 @@ class Estimate:
 
     @property
     def confidence(self) -> float:
-        """From 0 to 1, at least 0.5 if the state is `SURE`."""
+        """Confidence from 0 to 1, at least 0.5 if the state is `SURE`."""
 
     @property
     def cameras(self) -> int:

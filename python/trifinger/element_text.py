@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 UNITS: dict[np.dtype[Any], dict[str, str] | None] = {}
 
 LINE = 88  # longest line [characters]
-MOST_NUMBERS = 16  # most numbers of a field that are all printed
+MAX_NUMBERS = 16  # most numbers of a field that are all printed
 DIGITS = 5
 
 
@@ -70,12 +70,12 @@ def _values(value: Any) -> str:
     if np.ndim(value) == 0:
         return _number(value)
     numbers = np.ravel(value)
-    if len(numbers) <= MOST_NUMBERS:
+    if len(numbers) <= MAX_NUMBERS:
         shown = " ".join(_number(number) for number in numbers)
     else:
         ends = [" ".join(_number(number) for number in end) for end in (numbers[:3], numbers[-3:])]
         shown = f"{ends[0]} ... {ends[1]}"
-    shape = "" if np.ndim(value) == 1 and len(numbers) <= MOST_NUMBERS else f" {np.shape(value)}"
+    shape = "" if np.ndim(value) == 1 and len(numbers) <= MAX_NUMBERS else f" {np.shape(value)}"
     return f"[{shown}]{shape}"
 
 

@@ -71,7 +71,7 @@ class Evaluation:
     """Final distances of each tip or of the object to the goal; a row for each episode [m]."""
     successes: Array
     """Whether each episode ended with success."""
-    ways: Array
+    paths: Array
     """Achieved minus desired goal: episode, action, number; NaN after the end of an episode."""
     unit: str = "m"
     """Unit of the distances."""
@@ -120,7 +120,7 @@ class Evaluator:
         environment = self._environment
         count = environment.num_envs
         observations, info = environment.reset(seed=self._seed)
-        ways = [info["achieved_goal"] - info["desired_goal"]]
+        paths = [info["achieved_goal"] - info["desired_goal"]]
         distances = np.array(info["distance"])
         successes = np.zeros(count, bool)
         has_ended = np.zeros(count, bool)
@@ -129,18 +129,20 @@ class Evaluator:
             actions = act(seen).reshape(count, -1)
             observations, _, terminated, truncated, info = environment.step(actions)
             ended = (terminated | truncated) & ~has_ended
-            way = np.where(has_ended[:, None], np.nan, info["achieved_goal"] - info["desired_goal"])
+            offset = np.where(
+                has_ended[:, None], np.nan, info["achieved_goal"] - info["desired_goal"]
+            )
             if ended.any():
                 final = info["final_info"]
-                way[ended] = (final["achieved_goal"] - final["desired_goal"])[ended]
+                offset[ended] = (final["achieved_goal"] - final["desired_goal"])[ended]
                 distances[ended] = final["distance"][ended]
                 successes[ended] = final["is_success"][ended]
-            ways.append(way)
+            paths.append(offset)
             has_ended |= ended
             if watch:
-                watch((len(ways) - 1) / self.episode_actions)
+                watch((len(paths) - 1) / self.episode_actions)
         unit = environment.goal_unit.partition(",")[0]
-        return Evaluation(distances, successes, np.stack(ways, axis=1), unit)
+        return Evaluation(distances, successes, np.stack(paths, axis=1), unit)
 
     @property
     def episode_actions(self) -> int:
@@ -265,25 +267,25 @@ def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) 
         figure.savefig(part, dpi=110)
 
 
-def save_ways(evaluations: Mapping[str, Array], path: Path) -> None:
+def save_paths(evaluations: Mapping[str, Array], path: Path) -> None:
     """Draws paths of tips or objects to their goals in the xy plane, like the paper's figure.
 
-    Each entry of `evaluations` is an `Evaluation.ways` of positions and gets a panel. Starts are
+    Each entry of `evaluations` is an `Evaluation.paths` of positions and gets a panel. Starts are
     crosses, ends are dots, and the circle has a radius of 2 cm around the goal.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
 
     figure = Figure(figsize=(4.0 * len(evaluations), 4.2), layout="constrained")
-    farthest = (np.nanmax(np.abs(ways.reshape(-1, 3)[:, :2])) for ways in evaluations.values())
+    farthest = (np.nanmax(np.abs(paths.reshape(-1, 3)[:, :2])) for paths in evaluations.values())
     limit = 100 * max(0.25, *farthest)
-    for panel, (title, ways) in enumerate(evaluations.items(), 1):
+    for panel, (title, paths) in enumerate(evaluations.items(), 1):
         axes = figure.add_subplot(1, len(evaluations), panel)
-        shown = 100 * ways[:SHOWN_EPISODES].reshape(*ways[:SHOWN_EPISODES].shape[:2], -1, 3)
-        for way in np.moveaxis(shown, 2, 1).reshape(-1, shown.shape[1], 3):
-            axes.plot(way[:, 0], way[:, 1], color="#4477AA", linewidth=0.5, alpha=0.5)
-            axes.plot(*way[0, :2], "x", color="#00B7C7", markersize=5)
-            axes.plot(*way[-1, :2], ".", color="#EE55AA", markersize=5, zorder=3)
+        shown = 100 * paths[:SHOWN_EPISODES].reshape(*paths[:SHOWN_EPISODES].shape[:2], -1, 3)
+        for line in np.moveaxis(shown, 2, 1).reshape(-1, shown.shape[1], 3):
+            axes.plot(line[:, 0], line[:, 1], color="#4477AA", linewidth=0.5, alpha=0.5)
+            axes.plot(*line[0, :2], "x", color="#00B7C7", markersize=5)
+            axes.plot(*line[-1, :2], ".", color="#EE55AA", markersize=5, zorder=3)
         axes.add_patch(Ellipse((0, 0), 4, 4, facecolor="none", edgecolor="#E0B000", zorder=4))
         axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal", title=title)
         axes.set_xlabel("x [cm]")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from trifinger.errors import InvalidArgument
 
 _CORE = "tag:yaml.org,2002:"
-_MOST_NUMBERS = 10_000  # of a matrix; those of cameras have 16
+_MAX_NUMBERS = 10_000  # of a matrix; those of cameras have 16
 _LONGEST = 40  # of a value in an error
 
 
@@ -70,7 +70,7 @@ def matrix(data: Any) -> NDArray[np.float64]:
     Raises InvalidArgument if it is no matrix.
     """
     rows, columns, numbers = _parts(data)
-    if rows * columns <= _MOST_NUMBERS and isinstance(numbers, list):
+    if rows * columns <= _MAX_NUMBERS and isinstance(numbers, list):
         # Aliases can make endless lists of a short text, so lengths are compared before they meet.
         if len(numbers) == rows and all(isinstance(r, list) and len(r) == columns for r in numbers):
             numbers = [number for row in numbers for number in row]

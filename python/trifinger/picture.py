@@ -64,7 +64,7 @@ class View:
                 )
 
 
-class Sight:
+class SceneCamera:
     """A camera that looks at a MuJoCo model."""
 
     def __init__(self, model: Any, view: View) -> None:
@@ -130,7 +130,7 @@ class Sight:
             corners.append(np.array(TABLE))
         points = np.concatenate(corners) @ axes.T
         slope = np.tan(np.radians(model.vis.global_.fovy) / 2) / MARGIN
-        # In the frame of the camera, a point is in sight if |x - place| <= slope * (z - camera z).
+        # In the frame of the camera, a point is in view if |x - place| <= slope * (z - camera z).
         places, depths = [], []
         for column, half in ((points[:, 0], slope * self._aspect), (points[:, 1], slope)):
             high = np.max(column - half * points[:, 2])
@@ -195,7 +195,7 @@ class Painter:
             self._model.vis.quality.offsamples = 0
         self._data = mujoco.MjData(self._model)
         self.placement = Placement(self._model)
-        self._sight = Sight(self._model, view)
+        self._scene_camera = SceneCamera(self._model, view)
         with explained():
             self._renderer = Renderer(self._model, width=view.width, height=view.height)
         if is_plain:
@@ -207,8 +207,8 @@ class Painter:
 
         Our own robots are seen in their start pose: they stay on their table.
         """
-        if not self._sight.is_of_ours:
-            self._sight.fill(configurations)
+        if not self._scene_camera.is_of_ours:
+            self._scene_camera.fill(configurations)
 
     def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
         """The scene as an image, height x width x 3.
@@ -220,8 +220,8 @@ class Painter:
         self._data.qpos[:] = np.asarray(configuration)[: self._model.nq]
         mujoco.mj_normalizeQuat(self._model, self._data.qpos)
         mujoco.mj_forward(self._model, self._data)
-        self._sight.clear(self._data)
-        self._renderer.update_scene(self._data, self._sight.camera)
+        self._scene_camera.clear(self._data)
+        self._renderer.update_scene(self._data, self._scene_camera.camera)
         draw_marks(self._renderer.scene, marks, keep=self._renderer.scene.ngeom)
         pixels: Array = self._renderer.render()
         return pixels

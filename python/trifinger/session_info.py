@@ -28,8 +28,8 @@ class SessionInfo:
     is_companion: bool
     session_id: int
     is_real_time: bool
-    realtime_lacks: tuple[str, ...]
-    """What the loop lacks to be a real-time thread, with remedies; empty without real time."""
+    realtime_warnings: tuple[str, ...]
+    """What keeps the loop from being a real-time thread, with remedies; empty without real time."""
     period: float
     """Time from one step to the next [s]."""
     created: float

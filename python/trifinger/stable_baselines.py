@@ -179,12 +179,12 @@ class Rows(VecEnv):
         seen = self._entries(observations)
         tips = seen["tip_position"].reshape(len(observations), -1, 3)
         place, goal = seen["object_position"], seen["goal"][:, :3]
-        way = goal - place[:, : goal.shape[1]]
-        aside = np.linalg.norm(way[:, :2], axis=1, keepdims=True)
+        offset = goal - place[:, : goal.shape[1]]
+        aside = np.linalg.norm(offset[:, :2], axis=1, keepdims=True)
         behind = place.copy()
-        behind[:, :2] -= way[:, :2] * (PUSHED_FROM / np.maximum(aside, PUSHED_FROM))
+        behind[:, :2] -= offset[:, :2] * (PUSHED_FROM / np.maximum(aside, PUSHED_FROM))
         away = np.linalg.norm(tips - behind[:, None], axis=2).min(axis=1)
-        return np.asarray(-self._approach * (away + 2 * np.linalg.norm(way, axis=1)))
+        return np.asarray(-self._approach * (away + 2 * np.linalg.norm(offset, axis=1)))
 
     # Achieved positions in the frames in which goals are observed, finger by finger.
     def _shown(self, achieved: Array) -> Array:

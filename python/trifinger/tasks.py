@@ -202,7 +202,7 @@ def load(name: str) -> type[Task]:
 def task_of_file(named: str, said: str | None, file: Path) -> str:
     """The task that a file names, or `said`, what the user says it is.
 
-    The file may be a stranger's, so a module that only the file names is not imported. Raises
+    The file need not be trusted, so a module that only the file names is not imported. Raises
     InvalidArgument.
     """
     if said is None and ":" in named:

@@ -3,7 +3,7 @@
 
 import re
 
-MOST_PRINTED = 1000
+MAX_PRINTED = 1000
 """Number of characters of a text that `printable` keeps."""
 
 # Control characters, marks of the direction of writing, separators of lines, lone surrogates.
@@ -12,7 +12,7 @@ _IN_A_LINE = re.compile(f"[{_DANGEROUS}\t\n]")
 _IN_LINES = re.compile(f"[{_DANGEROUS}]")
 
 
-def printable(text: str, most: int = MOST_PRINTED) -> str:
+def printable(text: str, most: int = MAX_PRINTED) -> str:
     r"""A text of others, such as a name in a file, as it may be printed.
 
     A terminal obeys control characters, and some characters turn the order of others around. They
@@ -22,7 +22,7 @@ def printable(text: str, most: int = MOST_PRINTED) -> str:
     return _IN_A_LINE.sub(_shown, _shortened(text, most))
 
 
-def printable_lines(text: str, most: int = 4 * MOST_PRINTED) -> str:
+def printable_lines(text: str, most: int = 4 * MAX_PRINTED) -> str:
     """The same for a text of several lines, such as an error: ends of lines and tabs remain."""
     return _IN_LINES.sub(_shown, _shortened(text, most))
 

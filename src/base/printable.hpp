@@ -8,7 +8,7 @@
 namespace trifinger {
 
 /// Number of characters of a text that `printable` keeps.
-inline constexpr std::size_t kMostPrinted = 1000;
+inline constexpr std::size_t kMaxPrinted = 1000;
 
 /// Returns a text of others, such as a name in a file, as it may be printed.
 ///
@@ -17,10 +17,10 @@ inline constexpr std::size_t kMostPrinted = 1000;
 /// text with more than `most` characters is left out, and its length is said.
 ///
 /// `printable` in python/trifinger/text.py gives the same.
-[[nodiscard]] std::string printable(std::string_view text, std::size_t most = kMostPrinted);
+[[nodiscard]] std::string printable(std::string_view text, std::size_t most = kMaxPrinted);
 
 /// The same for a text of several lines, such as an error: ends of lines and tabs remain.
 [[nodiscard]] std::string printable_lines(std::string_view text,
-                                          std::size_t most = 4 * kMostPrinted);
+                                          std::size_t most = 4 * kMaxPrinted);
 
 }  // namespace trifinger

@@ -20,24 +20,24 @@ constexpr Nanoseconds kAnswerTime = std::chrono::milliseconds(20);
 // So many commands of others in a second are no accident.
 constexpr int kForeignCommands = 5;
 // So many ticks in a row may find the bus full.
-constexpr int kMostRefusals = 3;
-constexpr int kMostTicksOfABacklog = 20;
+constexpr int kMaxRefusals = 3;
+constexpr int kMaxTicksOfABacklog = 20;
 // So many implausible measurements in a row are the truth: the checks of the robot then see them.
 constexpr int kBelievedJumps = 3;
 
-Trouble trouble_of(Link link) noexcept {
+BoardFault fault_of(Link link) noexcept {
   switch (link) {
     case Link::kDown:
-      return Trouble::kInterfaceDown;
+      return BoardFault::kInterfaceDown;
     case Link::kGone:
-      return Trouble::kInterfaceGone;
+      return BoardFault::kInterfaceGone;
     case Link::kBusOff:
-      return Trouble::kBusOff;
+      return BoardFault::kBusOff;
     case Link::kUp:
     case Link::kPassive:
       break;
   }
-  return Trouble::kNone;
+  return BoardFault::kNone;
 }
 
 // Boards send every millisecond.
@@ -57,7 +57,7 @@ Board::Board(std::unique_ptr<can::Bus> bus, const BoardOptions& options) noexcep
 
 void Board::start(Instant now) noexcept {
   phase_ = Phase::kStarting;
-  trouble_ = Trouble::kNone;
+  fault_ = BoardFault::kNone;
   error_ = can::BoardError::kNone;
   has_lost_motors_ = false;
   keeps_positions_ = false;
@@ -71,7 +71,7 @@ void Board::start(Instant now) noexcept {
 
 void Board::resume(Instant now) noexcept {
   // A bus keeps some hundred frames, the oldest ones.
-  for (int i = 0; i < kMostTicksOfABacklog && (i == 0 || has_more_); ++i) read_all();
+  for (int i = 0; i < kMaxTicksOfABacklog && (i == 0 || has_more_); ++i) read_all();
   is_fresh_.fill(false);
   for (MotorReading& motor : motors_) {
     motor.position_time = std::max(motor.position_time, now);
@@ -103,8 +103,8 @@ void Board::receive(Instant now) noexcept {
   }
   if (phase_ == Phase::kStarting && !was_start_sent_) send_start(now);
   if (phase_ == Phase::kReady) watch_currents(now);
-  if (trouble_ == Trouble::kNone) trouble_ = find_trouble(now);
-  if (trouble_ != Trouble::kNone) keeps_positions_ = false;
+  if (fault_ == BoardFault::kNone) fault_ = find_fault(now);
+  if (fault_ != BoardFault::kNone) keeps_positions_ = false;
 }
 
 Instant Board::oldest_measurement() const noexcept {
@@ -117,35 +117,35 @@ Instant Board::oldest_measurement() const noexcept {
 
 // After a pause many frames are waiting. What is left then is read in the next ticks.
 void Board::read_all() noexcept {
-  constexpr int kMostRounds = 4;
+  constexpr int kMaxRounds = 4;
   has_more_ = true;
-  for (int round = 0; round < kMostRounds && has_more_; ++round) {
+  for (int round = 0; round < kMaxRounds && has_more_; ++round) {
     const std::uint64_t overloads = bus_->state().overloads;
     for (const can::Frame& frame : bus_->receive(frames_)) take(frame);
     has_more_ = bus_->state().overloads != overloads;
   }
 }
 
-Trouble Board::find_trouble(Instant now) const noexcept {
-  if (phase_ == Phase::kOff) return Trouble::kNone;
-  const Trouble link = trouble_of(bus_->state().link);
+BoardFault Board::find_fault(Instant now) const noexcept {
+  if (phase_ == Phase::kOff) return BoardFault::kNone;
+  const BoardFault link = fault_of(bus_->state().link);
   // What was read at the start may be old: a bus keeps the oldest frames of a pause.
   const bool may_be_old = phase_ == Phase::kStarting && now - started_ <= options_.silent_after;
-  if (link != Trouble::kNone && !may_be_old) return link;
-  if (foreign_ >= kForeignCommands) return Trouble::kSecondHost;
-  if (error_ != can::BoardError::kNone) return Trouble::kError;
+  if (link != BoardFault::kNone && !may_be_old) return link;
+  if (foreign_ >= kForeignCommands) return BoardFault::kSecondHost;
+  if (error_ != can::BoardError::kNone) return BoardFault::kError;
   if (phase_ == Phase::kStarting) {
-    return now - started_ > options_.start_timeout ? Trouble::kNotReady : Trouble::kNone;
+    return now - started_ > options_.start_timeout ? BoardFault::kNotReady : BoardFault::kNone;
   }
-  if (has_lost_motors_) return Trouble::kRestarted;
+  if (has_lost_motors_) return BoardFault::kRestarted;
   // What is new may be among the frames that are still waiting.
-  if (has_more_) return Trouble::kNone;
-  if (now - oldest_measurement() > options_.silent_after) return Trouble::kSilent;
-  if (refusals_ > kMostRefusals) return Trouble::kSendRefused;
+  if (has_more_) return BoardFault::kNone;
+  if (now - oldest_measurement() > options_.silent_after) return BoardFault::kSilent;
+  if (refusals_ > kMaxRefusals) return BoardFault::kSendRefused;
   for (const Instant seen : current_seen_) {
-    if (is_driven_ && now - seen > options_.no_current_after) return Trouble::kNoCurrent;
+    if (is_driven_ && now - seen > options_.no_current_after) return BoardFault::kNoCurrent;
   }
-  return Trouble::kNone;
+  return BoardFault::kNone;
 }
 
 // A board that has stopped says so only with its next status, up to a second later. Its currents

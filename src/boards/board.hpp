@@ -29,7 +29,7 @@ struct MotorReading {
 };
 
 /// Why a board cannot be used.
-enum class Trouble : std::uint8_t {
+enum class BoardFault : std::uint8_t {
   kNone,
   kInterfaceDown,  ///< Its CAN interface was taken down.
   kInterfaceGone,  ///< Its CAN interface was removed.
@@ -70,7 +70,7 @@ class Board {
 
   explicit Board(std::unique_ptr<can::Bus> bus, const BoardOptions& options = {}) noexcept;
 
-  /// Asks the board to switch its motors on. Forgets all troubles, and where the motors were: it
+  /// Asks the board to switch its motors on. Forgets all faults, and where the motors were: it
   /// may have been without supply. `receive` then goes on until the board is ready: its motors have
   /// aligned themselves, which takes seconds.
   void start(Instant now) noexcept TRIFINGER_REALTIME;
@@ -95,12 +95,12 @@ class Board {
   [[nodiscard]] bool is_current() const noexcept { return !has_more_ && is_fresh(); }
   /// When the oldest of the newest measurements arrived.
   [[nodiscard]] Instant oldest_measurement() const noexcept;
-  /// The first trouble since `start`; it stays.
-  [[nodiscard]] Trouble trouble() const noexcept { return trouble_; }
-  /// What the board reported, for Trouble::kError.
+  /// The first fault since `start`; it stays.
+  [[nodiscard]] BoardFault fault() const noexcept { return fault_; }
+  /// What the board reported, for BoardFault::kError.
   [[nodiscard]] can::BoardError error() const noexcept { return error_; }
 
-  /// False after any trouble: the board may have been without supply since. Positions then count
+  /// False after any fault: the board may have been without supply since. Positions then count
   /// from another place, so the motors must be homed again.
   [[nodiscard]] bool keeps_positions() const noexcept { return keeps_positions_; }
   /// Call this after homing.
@@ -131,7 +131,7 @@ class Board {
   void take(can::Rejection rejection, Instant time) noexcept;
   // True unless the measurement is older than the one before, whose time is `newest`.
   bool is_newer(Instant time, Instant& newest) noexcept;
-  [[nodiscard]] Trouble find_trouble(Instant now) const noexcept;
+  [[nodiscard]] BoardFault find_fault(Instant now) const noexcept;
   void watch_currents(Instant now) noexcept;
   void send_start(Instant now) noexcept;
   void send(std::span<const can::Frame> frames) noexcept;
@@ -140,7 +140,7 @@ class Board {
   std::unique_ptr<can::Bus> bus_;
   BoardOptions options_;
   Phase phase_{Phase::kOff};
-  Trouble trouble_{Trouble::kNone};
+  BoardFault fault_{BoardFault::kNone};
   can::BoardError error_{can::BoardError::kNone};
   bool keeps_positions_{false};
   bool is_driven_{false};  // currents are being sent

@@ -104,7 +104,7 @@ void BoardRobot<R>::receive(Instant now) noexcept {
   count_wear(now);
 }
 
-// What a motor does while its board is off or in trouble does not count: nobody knows it.
+// What a motor does while its board is off or has a fault does not count: nobody knows it.
 template <class R>
 void BoardRobot<R>::count_wear(Instant now) noexcept {
   // Boards have let their motors go before a longer gap ends.
@@ -117,7 +117,7 @@ void BoardRobot<R>::count_wear(Instant now) noexcept {
     const Terminal& place = options_.motors[i];
     const Board& board = boards_[place.board];
     const MotorReading& motor = board.motors()[place.number];
-    if (!board.is_ready() || board.trouble() != Trouble::kNone) {
+    if (!board.is_ready() || board.fault() != BoardFault::kNone) {
       meters_[i].forget(motor);
       continue;
     }
@@ -190,11 +190,11 @@ template <class R>
 DriverReport BoardRobot<R>::fault_of_boards() noexcept {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     const Board& board = boards_[i];
-    const Trouble trouble = board.trouble();
-    if (trouble == Trouble::kNone) continue;
+    const BoardFault fault = board.fault();
+    if (fault == BoardFault::kNone) continue;
     note_fault();
-    TroubleText text = boards::text_of(trouble);
-    if (trouble == Trouble::kError) {
+    FaultText text = boards::text_of(fault);
+    if (fault == BoardFault::kError) {
       const can::BoardErrorText& error = can::text_of(board.error());
       text = {.sentence = error.sentence, .remedy = error.remedy};
     }
@@ -202,7 +202,7 @@ DriverReport BoardRobot<R>::fault_of_boards() noexcept {
     fault_text_.append(i).append(" (").append(options_.names[i]);
     append_joints(i);
     fault_text_.append("): ").append(text.sentence).append("; ").append(text.remedy);
-    return DriverReport::fault(kTroubleCode + static_cast<std::int32_t>(trouble) +
+    return DriverReport::fault(kBoardFaultCode + static_cast<std::int32_t>(fault) +
                                (static_cast<std::int32_t>(i + 1) << 8));
   }
   return DriverReport::ready();
@@ -295,7 +295,7 @@ DriverReport BoardRobot<R>::hold(const Observation& observation, Action& action)
   return DriverReport::ready();
 }
 
-// A joint whose board is in trouble gets nothing; the others are damped.
+// A joint whose board has a fault gets nothing; the others are damped.
 template <class R>
 DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
   receive(clock_.now());
@@ -310,8 +310,8 @@ DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
     return DriverReport::ready();
   }
   bool moves = next == OrderlyStop::Phase::kMove;
-  const bool has_trouble = fault_of_boards().state != DriverReport::State::kReady;
-  if (has_trouble || (step == 0 && has_fault_)) {
+  const bool has_board_fault = fault_of_boards().state != DriverReport::State::kReady;
+  if (has_board_fault || (step == 0 && has_fault_)) {
     stop_.give_up(step);
     moves = false;
   }
@@ -339,7 +339,7 @@ void BoardRobot<R>::drive(const Joints& torque) noexcept {
           std::isfinite(current) ? std::clamp(current, -options_.max_current, options_.max_current)
                                  : 0.0;
     }
-    if (boards_[board].trouble() != Trouble::kNone) currents = {};
+    if (boards_[board].fault() != BoardFault::kNone) currents = {};
     boards_[board].drive(currents);
   }
 }

@@ -206,7 +206,7 @@ class BoardRobot final : public Driver<R>, public WearMeter {
 
   // Fault codes beside those of the safety chain, with the board or the joint from 1 in the higher
   // bits.
-  static constexpr std::int32_t kTroubleCode = 64;
+  static constexpr std::int32_t kBoardFaultCode = 64;
   static constexpr std::int32_t kHomingCode = 96;
 
   [[nodiscard]] DriverReport fault_of_boards() noexcept;
@@ -275,7 +275,7 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   // The step of a push in which each joint begins.
   std::array<TimeIndex, R::kJoints> turn_{};
   Joints stops_{};         // where the joints came to rest in the one before
-  bool has_stops_{false};  // and they were there again
+  bool has_stops_{false};  // the joints came to rest there twice
   Random pushes_{};
   Joints push_{};
   Joints zero_{};   // raw angle of each joint at 0 rad

@@ -33,7 +33,7 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
     // A pause is no wear.
     counted_ = now;
     wear_shown_.reset();
-    for (MotorMeter& meter : meters_) meter.skip_way();
+    for (MotorMeter& meter : meters_) meter.skip_travel();
     // Motors stay as warm as they were.
     for (JointMemory& memory : state_.joints) memory = {.heat = memory.heat};
   }
@@ -110,7 +110,7 @@ DriverReport BoardRobot<R>::do_phase() noexcept {
 template <class R>
 void BoardRobot<R>::start_what_is_not_ready(TimeIndex step, Instant now) noexcept {
   for (Board& board : boards_) {
-    const bool is_lost = board.is_ready() && board.trouble() != Trouble::kNone;
+    const bool is_lost = board.is_ready() && board.fault() != BoardFault::kNone;
     if (is_lost || (step == 0 && !board.is_ready())) board.start(now);
   }
 }
@@ -284,7 +284,7 @@ template <class R>
 DriverReport BoardRobot<R>::confirm_stops() noexcept {
   constexpr double kSamePlace = 0.02;  // [rad]
   constexpr int kFreePushes = 3;
-  constexpr int kMostPushes = 12;
+  constexpr int kMaxPushes = 12;
   std::optional<std::size_t> moved;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const double angle = measure(i).angle;
@@ -292,7 +292,7 @@ DriverReport BoardRobot<R>::confirm_stops() noexcept {
   }
   has_stops_ = ++stop_pushes_ > 1 && !moved;
   if (has_stops_) return DriverReport::ready();
-  if (moved && stop_pushes_ == kMostPushes) {
+  if (moved && stop_pushes_ == kMaxPushes) {
     return joint_fault(*moved,
                        "comes to rest at another place whenever it is pushed to its end stop; see "
                        "what is in its way");

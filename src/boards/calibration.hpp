@@ -30,7 +30,7 @@ struct Calibration {
                                       const BoardRobotOptions<R>& options,
                                       const JointVector<R::kJoints>& home_position);
 
-  /// As the text of a file, in YAML.
+  /// Returns the text of a file, in YAML.
   [[nodiscard]] std::string text() const;
 };
 

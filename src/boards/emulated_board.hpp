@@ -46,7 +46,7 @@ class EmulatedBoard {
 
   /// Switches the supply on: positions count from where the rotors are, and the system is enabled
   /// but no motor is. The next tick sends the first status. Without effect if it is on. The
-  /// positions begin at `first` instead of 0 [revolutions], as after a long way.
+  /// positions begin at `first` instead of 0 [revolutions], as after a long travel.
   void switch_on(Instant now, const Rotors& rotors, double first = 0.0) noexcept;
   /// Switches the supply off: nothing is sent, no current flows, and the board forgets everything.
   void switch_off() noexcept;
@@ -74,7 +74,7 @@ class EmulatedBoard {
   /// already. `kEncoder` stops it again each time the system is enabled, until it is switched off.
   /// Any other error has passed when the system is enabled again.
   void fail(can::BoardError error) noexcept;
-  /// From now on this motor, 0 or 1, gets `factor` times the current that it is told.
+  /// From now on this motor, 0 or 1, gets `factor` times the commanded current.
   void set_current_factor(std::size_t motor, double factor) noexcept {
     current_factors_[motor] = factor;
   }

@@ -26,7 +26,7 @@ struct EmulatedFault {
     kBusDuplicates,  ///< ... comes twice.
     kBusDelays,      ///< ... is late by up to `time`, also after later ones.
     kBusCorrupts,    ///< ... comes with another id, length or content.
-    kBusFlooded,     ///< A stranger sends `amount` frames per second.
+    kBusFlooded,     ///< Another node sends `amount` frames per second.
     kBusFull,        ///< Boards can send nothing.
     kBusOff,         ///< The controllers have left the bus.
     kBusDown,        ///< The interface is down.

@@ -60,12 +60,12 @@ void Emulator<R>::set_power(std::size_t board, bool is_on, Instant now) noexcept
 
 template <class R>
 void Emulator<R>::tick(Instant now) noexcept {
-  carry_out(now);
+  execute(now);
   const double ampere = wiring_.drive.torque_per_ampere();
   typename Plant<R>::Joints torque{};
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const Terminal& place = wiring_.motors[i];
-    if (troubles_[i].is_loose) {
+    if (joint_faults_[i].is_loose) {
       turn_loose_motor(i, wiring_.polarity[i] * boards_[place.board].currents()[place.number]);
       continue;
     }
@@ -205,7 +205,7 @@ can::ScriptedBus& Emulator<R>::scripted(std::size_t bus) {
 }
 
 template <class R>
-void Emulator<R>::carry_out(Instant now) noexcept {
+void Emulator<R>::execute(Instant now) noexcept {
   using Phase = ScheduledFault::Phase;
   for (ScheduledFault& scheduled : faults_) {
     if (scheduled.phase == Phase::kWaits && now >= scheduled.begin) {
@@ -274,24 +274,24 @@ void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
       boards_[number].fail(fault.error);
       break;
     case Kind::kJointJumps:
-      troubles_[number].jump += fault.amount;
+      joint_faults_[number].jump += fault.amount;
       break;
     case Kind::kJointStuck:
-      troubles_[number].stuck_at = seen_angle(number);
-      troubles_[number].is_stuck = true;
+      joint_faults_[number].stuck_at = seen_angle(number);
+      joint_faults_[number].is_stuck = true;
       break;
     case Kind::kJointNoisy:
-      troubles_[number].noise = std::abs(fault.amount);
+      joint_faults_[number].noise = std::abs(fault.amount);
       break;
     case Kind::kJointHot:
-      troubles_[number].hot_motor = wiring_.motors[number];
+      joint_faults_[number].hot_motor = wiring_.motors[number];
       boards_[wiring_.motors[number].board].set_current_factor(wiring_.motors[number].number,
                                                                fault.amount);
       break;
     case Kind::kJointLoose:
-      troubles_[number].loose_angle = plant_.position()[number];
-      troubles_[number].loose_speed = 0.0;
-      troubles_[number].is_loose = true;
+      joint_faults_[number].loose_angle = plant_.position()[number];
+      joint_faults_[number].loose_speed = 0.0;
+      joint_faults_[number].is_loose = true;
       break;
     case Kind::kJointReversed:
       wiring_.polarity[number] = -wiring_.polarity[number];
@@ -313,20 +313,20 @@ void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
       restore_power(now);
       break;
     case Kind::kJointJumps:
-      troubles_[number].jump -= fault.amount;
+      joint_faults_[number].jump -= fault.amount;
       break;
     case Kind::kJointStuck:
-      troubles_[number].is_stuck = false;
+      joint_faults_[number].is_stuck = false;
       break;
     case Kind::kJointNoisy:
-      troubles_[number].noise = 0.0;
+      joint_faults_[number].noise = 0.0;
       break;
     case Kind::kJointHot:
-      boards_[troubles_[number].hot_motor.board].set_current_factor(
-          troubles_[number].hot_motor.number, 1.0);
+      boards_[joint_faults_[number].hot_motor.board].set_current_factor(
+          joint_faults_[number].hot_motor.number, 1.0);
       break;
     case Kind::kJointLoose:
-      troubles_[number].is_loose = false;
+      joint_faults_[number].is_loose = false;
       break;
     case Kind::kJointReversed:
     case Kind::kJointsSwapped:
@@ -343,26 +343,26 @@ void Emulator<R>::turn_loose_motor(std::size_t joint, double amperes) noexcept {
   constexpr double kTick = 1e-3;         // [s]
   constexpr double kTimeConstant = 0.1;  // [s]
   constexpr double kSpeed = 5.0;         // at the joint, per ampere [rad/s]
-  JointTrouble& trouble = troubles_[joint];
-  trouble.loose_speed += kTick / kTimeConstant * (kSpeed * amperes - trouble.loose_speed);
-  trouble.loose_angle += kTick * trouble.loose_speed;
+  JointFault& fault = joint_faults_[joint];
+  fault.loose_speed += kTick / kTimeConstant * (kSpeed * amperes - fault.loose_speed);
+  fault.loose_angle += kTick * fault.loose_speed;
 }
 
 template <class R>
 double Emulator<R>::seen_angle(std::size_t joint) noexcept {
-  const JointTrouble& trouble = troubles_[joint];
-  if (trouble.is_stuck) return trouble.stuck_at;
-  double angle = trouble.is_loose ? trouble.loose_angle : plant_.position()[joint];
-  angle += trouble.jump;
-  if (trouble.noise > 0.0) angle += random_.uniform(-trouble.noise, trouble.noise);
+  const JointFault& fault = joint_faults_[joint];
+  if (fault.is_stuck) return fault.stuck_at;
+  double angle = fault.is_loose ? fault.loose_angle : plant_.position()[joint];
+  angle += fault.jump;
+  if (fault.noise > 0.0) angle += random_.uniform(-fault.noise, fault.noise);
   return angle;
 }
 
 template <class R>
 double Emulator<R>::seen_speed(std::size_t joint) const noexcept {
-  const JointTrouble& trouble = troubles_[joint];
-  if (trouble.is_stuck) return 0.0;
-  return trouble.is_loose ? trouble.loose_speed : plant_.velocity()[joint];
+  const JointFault& fault = joint_faults_[joint];
+  if (fault.is_stuck) return 0.0;
+  return fault.is_loose ? fault.loose_speed : plant_.velocity()[joint];
 }
 
 template class Emulator<TriFinger>;

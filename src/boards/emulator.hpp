@@ -81,7 +81,7 @@ class Emulator {
 
  private:
   // What is wrong at a joint, and where its motor is if it turns without it.
-  struct JointTrouble {
+  struct JointFault {
     double jump{0.0};      // [rad]
     double noise{0.0};     // [rad]
     Terminal hot_motor{};  // the one that draws too much
@@ -92,7 +92,7 @@ class Emulator {
     double loose_speed{0.0};  // [rad/s]
   };
 
-  void carry_out(Instant now) noexcept;
+  void execute(Instant now) noexcept;
   // True unless a fault that lasts has switched the board off.
   [[nodiscard]] bool has_power(std::size_t board) const noexcept;
   void restore_power(Instant now) noexcept;
@@ -118,7 +118,7 @@ class Emulator {
   Instant started_;
   std::vector<ScheduledFault> faults_;
   std::vector<can::ScriptedBus*> scripted_;  // of each board; null until its bus has a fault
-  std::array<JointTrouble, R::kJoints> troubles_{};
+  std::array<JointFault, R::kJoints> joint_faults_{};
   Random random_{};
 };
 

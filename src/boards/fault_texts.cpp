@@ -3,35 +3,35 @@
 
 namespace trifinger::boards {
 
-TroubleText text_of(Trouble trouble) noexcept {
-  switch (trouble) {
-    case Trouble::kInterfaceDown:
+FaultText text_of(BoardFault fault) noexcept {
+  switch (fault) {
+    case BoardFault::kInterfaceDown:
       return {"its CAN interface is down",
               "bring it up ('ip link set INTERFACE up'), then recover"};
-    case Trouble::kInterfaceGone:
+    case BoardFault::kInterfaceGone:
       return {"its CAN interface was removed", "plug it in, then start the robot again"};
-    case Trouble::kBusOff:
+    case BoardFault::kBusOff:
       return {"the CAN controller has left the bus after too many errors",
               "check cable and termination, restart the interface, then recover"};
-    case Trouble::kSilent:
+    case BoardFault::kSilent:
       return {"no measurements come", "check its supply and its cable, then recover"};
-    case Trouble::kSecondHost:
+    case BoardFault::kSecondHost:
       return {"somebody else sends commands on its bus",
               "end the other program or unplug the other computer, then recover"};
-    case Trouble::kSendRefused:
+    case BoardFault::kSendRefused:
       return {"its bus takes no frames, so nobody acknowledges them",
               "check the board's supply and its cable, then recover"};
-    case Trouble::kRestarted:
+    case BoardFault::kRestarted:
       return {"its motors are switched off",
               "it has lost its supply, or its button was pressed; recover: the robot homes itself"};
-    case Trouble::kNoCurrent:
+    case BoardFault::kNoCurrent:
       return {"a motor gets no current",
               "check supply and emergency stop, or the board has an error; then recover"};
-    case Trouble::kNotReady:
+    case BoardFault::kNotReady:
       return {"it did not become ready",
               "check its supply, its cable and its motors, then recover"};
-    case Trouble::kNone:
-    case Trouble::kError:
+    case BoardFault::kNone:
+    case BoardFault::kError:
       break;
   }
   return {};

@@ -8,13 +8,13 @@
 
 namespace trifinger::boards {
 
-struct TroubleText {
+struct FaultText {
   std::string_view sentence;  // after the name of the board
   std::string_view remedy;
 };
 
-// Describes a trouble, except for kError, which the board describes.
-[[nodiscard]] TroubleText text_of(Trouble trouble) noexcept;
+// Describes a fault, except for kError, which the board describes.
+[[nodiscard]] FaultText text_of(BoardFault fault) noexcept;
 
 // What follows the name of a joint.
 [[nodiscard]] std::string_view text_of(JointHoming::Failure failure) noexcept;

@@ -16,7 +16,7 @@ constexpr double kShortestPush = 1.0;
 constexpr double kReleaseTime = 1.0;
 // Speed of the search for an index [rad/s].
 constexpr double kSearchSpeed = 0.3;
-// Largest way of that search, in revolutions of the motor.
+// Longest travel of that search, in revolutions of the motor.
 constexpr double kLargestSearch = 1.5;
 
 }  // namespace
@@ -106,12 +106,12 @@ double JointHoming::search_index(const HomingMeasurement& measured, const Homing
 
 JointHoming::Failure JointHoming::failure(const HomingMeasurement& measured,
                                           double max_travel) const noexcept {
-  const double way = std::abs(measured.angle - start_);
+  const double travel = std::abs(measured.angle - start_);
   if (part_ == Part::kIndex && !is_part_done_ &&
       std::abs(target_ - start_) > kLargestSearch * index_distance_) {
     return Failure::kNoIndex;
   }
-  return part_ != Part::kDone && way > max_travel ? Failure::kTooFar : Failure::kNone;
+  return part_ != Part::kDone && travel > max_travel ? Failure::kTooFar : Failure::kNone;
 }
 
 }  // namespace trifinger::boards

@@ -26,7 +26,7 @@ struct HomingOptions {
   HomingMethod method{HomingMethod::kEndStopIndex};
   JointVector<N> torque{};         ///< Torque towards the end stop, with its sign [Nm].
   JointVector<N> home_position{};  ///< Angle of each joint at its home [rad]: the calibration.
-  double max_travel{8.0};          ///< Largest way to an end stop [rad].
+  double max_travel{8.0};          ///< Longest travel to an end stop [rad].
   Nanoseconds max_time{std::chrono::seconds(20)};  ///< For each part of the homing.
 };
 
@@ -68,7 +68,7 @@ class JointHoming {
   /// Begins the next part. Returns false if there is none: the joint is home.
   [[nodiscard]] bool next_part(const HomingMeasurement& measured) noexcept TRIFINGER_REALTIME;
 
-  /// What has gone wrong in this part. `max_travel` is the largest way of a joint [rad].
+  /// What has gone wrong in this part. `max_travel` is the longest travel of a joint [rad].
   [[nodiscard]] Failure failure(const HomingMeasurement& measured,
                                 double max_travel) const noexcept TRIFINGER_REALTIME;
   /// Angle of the home, after the last part [rad].

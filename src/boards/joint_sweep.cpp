@@ -7,10 +7,10 @@
 namespace trifinger::boards {
 namespace {
 
-constexpr double kWay = 2.0 * std::numbers::pi / 180.0;  // [rad]
-constexpr double kWayTime = 1.0;                         // in each direction [s]
-constexpr double kRest = 0.3;                            // at the end, before the next joint [s]
-// In this part of a way the joint has not begun to follow.
+constexpr double kSweep = 2.0 * std::numbers::pi / 180.0;  // [rad]
+constexpr double kPassTime = 1.0;                          // in each direction [s]
+constexpr double kRest = 0.3;                              // at the end, before the next joint [s]
+// In this part of a pass the joint has not begun to follow.
 constexpr double kBegin = 0.4;
 
 }  // namespace
@@ -19,23 +19,23 @@ void JointSweep::begin() noexcept { *this = {}; }
 
 double JointSweep::next(double period) noexcept {
   time_ += period;
-  const double ways = time_ / kWayTime;
-  target_ = kWay * (ways < 1.0 ? ways : std::max(0.0, 2.0 - ways));
+  const double passes = time_ / kPassTime;
+  target_ = kSweep * (passes < 1.0 ? passes : std::max(0.0, 2.0 - passes));
   return target_;
 }
 
 void JointSweep::add(double torque, double offset) noexcept {
-  const double ways = time_ / kWayTime;
-  if (ways >= 2.0) return;
-  const bool is_back = ways >= 1.0;
-  if (ways - (is_back ? 1.0 : 0.0) < kBegin) return;
+  const double passes = time_ / kPassTime;
+  if (passes >= 2.0) return;
+  const bool is_back = passes >= 1.0;
+  if (passes - (is_back ? 1.0 : 0.0) < kBegin) return;
   Mean& mean = is_back ? back_ : there_;
   mean.sum += torque;
   ++mean.count;
   if (!is_back) error_ = std::abs(target_ - offset);
 }
 
-bool JointSweep::is_done() const noexcept { return time_ >= 2.0 * kWayTime + kRest; }
+bool JointSweep::is_done() const noexcept { return time_ >= 2.0 * kPassTime + kRest; }
 
 SweepResult JointSweep::result() const noexcept {
   return {.load = 0.5 * (there_.value() + back_.value()),

@@ -13,7 +13,7 @@ struct SweepResult {
 };
 
 /// Moves a joint by 2 degrees and back, slowly. Friction acts against the movement and weight does
-/// not, so the torques of both ways tell them apart: the load is their mean, friction is half of
+/// not, so the torques of both passes tell them apart: the load is their mean, friction is half of
 /// their difference.
 class JointSweep {
  public:

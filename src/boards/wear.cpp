@@ -25,10 +25,10 @@ MotorMeter::Step MotorMeter::measure(const MotorReading& motor, double elapsed,
   if (!place_) place_ = motor.revolutions;
   const double distance = motor.revolutions - *place_;
   if (std::abs(distance) > kPlay) {
-    const double way = distance - std::copysign(kPlay, distance);
-    *place_ += way;
-    step.revolutions = std::abs(way);
-    step.work = std::abs(torque_constant * motor.amperes * 2.0 * std::numbers::pi * way);
+    const double travel = distance - std::copysign(kPlay, distance);
+    *place_ += travel;
+    step.revolutions = std::abs(travel);
+    step.work = std::abs(torque_constant * motor.amperes * 2.0 * std::numbers::pi * travel);
   }
   if (motor.index_pulses != pulses_) {
     step.has_slipped = index_ && !is_whole(*motor.index - *index_);

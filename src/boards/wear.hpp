@@ -28,7 +28,7 @@ struct Wear {
   std::uint64_t homings{0};          ///< Number of times that all joints have found their homes.
   std::uint64_t faults{0};           ///< Number of faults of boards, homing and measurements.
   JointVector<N> powered_time{};     ///< Time in sessions with the motor switched on [s].
-  JointVector<N> revolutions{};      ///< Way of the motor, forth and back [revolutions].
+  JointVector<N> revolutions{};      ///< Travel of the motor, forth and back [revolutions].
   JointVector<N> work{};             ///< Mechanical work of the motor, given or taken [J].
   JointVector<N> squared_current{};  ///< Integral over time [A^2s]; the heat in a winding is this
                                      ///< times its resistance.
@@ -75,14 +75,14 @@ class MotorMeter {
     bool has_slipped{false};
   };
 
-  /// Measures `elapsed` [s], at whose end the motor is at `motor`. A way of more than
-  /// `most_revolutions` is no way: positions count from elsewhere then. Movements to and fro of
-  /// less than 1/500 revolution do not count, because encoders are never quite still.
+  /// Measures `elapsed` [s], at whose end the motor is at `motor`. A travel of more than
+  /// `most_revolutions` does not count: positions count from elsewhere then. Movements to and fro
+  /// of less than 1/500 revolution do not count, because encoders are never quite still.
   [[nodiscard]] Step measure(const MotorReading& motor, double elapsed, double torque_constant,
                              double most_revolutions) noexcept TRIFINGER_REALTIME;
 
   /// The motor may have been moved meanwhile, by hand; its board was on.
-  void skip_way() noexcept TRIFINGER_REALTIME { place_.reset(); }
+  void skip_travel() noexcept TRIFINGER_REALTIME { place_.reset(); }
   /// The board may have been off: positions and indices count from elsewhere.
   void forget(const MotorReading& motor) noexcept TRIFINGER_REALTIME {
     place_.reset();

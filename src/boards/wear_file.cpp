@@ -161,10 +161,10 @@ void WearFile::open() {
     throw;
   }
   // A process that was killed keeps its lock for a moment.
-  const ipc::LockPatience patience;
+  const ipc::LockTimeout timeout;
   while (!ipc::try_lock(file_)) {
     const auto owners = ipc::owners_of(path_);
-    if (patience.wait(std::ranges::all_of(owners, &ipc::ProcessIdentity::is_ending))) continue;
+    if (timeout.wait(std::ranges::all_of(owners, &ipc::ProcessIdentity::is_ending))) continue;
     const std::string owner = owners.empty() ? "another process" : ipc::describe(owners.back());
     throw InvalidArgument(owner + " is writing " + path_.string() +
                           "; give the robots different names, or different folders with "

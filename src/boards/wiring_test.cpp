@@ -16,22 +16,23 @@ constexpr double kQuarter = 0.025;  // [s]
 // The first push of a joint has this part of its largest torque; each further one has twice as much
 // until something moves by 2 degrees.
 constexpr double kFirst = 0.0625;
-constexpr double kMostPush = 0.5;
+constexpr double kMaxPush = 0.5;
 constexpr double kEnough = 0.025;  // [rad]; the next push would move it by more than 2 degrees
 constexpr double kLeast = 0.001;   // [rad]; less is no movement
 constexpr int kPause = 2;          // quarters between two pushes
-// Two opposite pushes agree if their ways differ by less than this part of the largest.
+// Two opposite pushes agree if their displacements differ by less than this part of the largest.
 constexpr double kDifference = 0.35;
 // Torque beside the push in each attempt, in parts of the push: at an end stop one way is free.
 constexpr std::array kBeside{0.0, 0.5, -0.5, 2.0, -2.0};
 // After these attempts comes a torque that grows until something has moved.
 constexpr std::size_t kRamp = kBeside.size();
-constexpr double kRampTime = 0.6;   // [s]
-constexpr double kRampPause = 0.2;  // [s]
-constexpr double kRampWay = 0.035;  // [rad]: 2 degrees
+constexpr double kRampTime = 0.6;            // [s]
+constexpr double kRampPause = 0.2;           // [s]
+constexpr double kRampDisplacement = 0.035;  // [rad]: 2 degrees
 // Ways of opposite ramps must differ by this part of the longer one.
 constexpr double kRampDifference = 0.6;
-// A joint that moves itself by this part of the longest way is held while others are tested.
+// A joint that moves itself by this part of the largest displacement is held while others are
+// tested.
 constexpr double kOwnWay = 0.5;
 constexpr int kRounds = 3;
 
@@ -49,24 +50,25 @@ double largest(const std::vector<double>& values) noexcept {
   return most;
 }
 
-// The way of a joint that a push accelerates by 1 rad/s^2, before each step of the push [rad].
-std::vector<double> way_of_push(std::size_t quarter, double period) {
-  std::vector<double> way(4 * quarter + 1);
+// The displacement of a joint that a push accelerates by 1 rad/s^2, before each step of the push
+// [rad].
+std::vector<double> displacement_of_push(std::size_t quarter, double period) {
+  std::vector<double> displacement(4 * quarter + 1);
   double velocity = 0.0;
-  for (std::size_t i = 0; i + 1 < way.size(); ++i) {
+  for (std::size_t i = 0; i + 1 < displacement.size(); ++i) {
     const bool is_forth = i < quarter || i >= 3 * quarter;
     const double change = (is_forth ? 1.0 : -1.0) * period;
-    way[i + 1] = way[i] + (velocity + 0.5 * change) * period;
+    displacement[i + 1] = displacement[i] + (velocity + 0.5 * change) * period;
     velocity += change;
   }
-  return way;
+  return displacement;
 }
 
 }  // namespace
 
 WiringTest::WiringTest(std::span<const double> max_torques, Nanoseconds period)
     : max_torques_(max_torques.begin(), max_torques.end()),
-      ways_(max_torques.size()),
+      displacements_(max_torques.size()),
       start_(max_torques.size()),
       first_(max_torques.size()),
       responses_(max_torques.size() * max_torques.size()),
@@ -75,22 +77,23 @@ WiringTest::WiringTest(std::span<const double> max_torques, Nanoseconds period)
   std::ranges::transform(max_torques_, max_torques_.begin(), [](double x) { return std::abs(x); });
   const double seconds = std::chrono::duration<double>(period).count();
   quarter_ = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(kQuarter / seconds)));
-  const std::vector<double> way = way_of_push(quarter_, seconds);
-  // The weights find the way of a push in angles that have a start, a velocity and an acceleration
-  // of their own: polynomials, made orthogonal one after the other.
+  const std::vector<double> displacement = displacement_of_push(quarter_, seconds);
+  // The weights find the displacement of a push in angles that have a start, a velocity and an
+  // acceleration of their own: polynomials, made orthogonal one after the other.
   std::vector<std::vector<double>> polynomials;
   for (int power = 0; power <= 2; ++power) {
-    std::vector<double> polynomial(way.size());
-    for (std::size_t i = 0; i < way.size(); ++i) {
+    std::vector<double> polynomial(displacement.size());
+    for (std::size_t i = 0; i < displacement.size(); ++i) {
       polynomial[i] = std::pow(static_cast<double>(i) - 2.0 * static_cast<double>(quarter_), power);
     }
     for (const std::vector<double>& lower : polynomials) subtract(polynomial, lower);
     polynomials.push_back(std::move(polynomial));
   }
-  weights_ = way;
+  weights_ = displacement;
   for (const std::vector<double>& polynomial : polynomials) subtract(weights_, polynomial);
-  const double norm = std::inner_product(weights_.begin(), weights_.end(), way.begin(), 0.0);
-  for (double& weight : weights_) weight *= std::ranges::max(way) / norm;
+  const double norm =
+      std::inner_product(weights_.begin(), weights_.end(), displacement.begin(), 0.0);
+  for (double& weight : weights_) weight *= std::ranges::max(displacement) / norm;
   ramp_ = static_cast<std::size_t>(std::lround(kRampTime / seconds));
   ramp_pause_ = static_cast<std::size_t>(std::lround(kRampPause / seconds));
   joint_ = max_torques_.size();
@@ -112,7 +115,7 @@ void WiringTest::begin_joint() noexcept {
 void WiringTest::begin_half(Half half) noexcept {
   half_ = half;
   step_ = 0;
-  std::ranges::fill(ways_, 0.0);
+  std::ranges::fill(displacements_, 0.0);
 }
 
 void WiringTest::next(std::span<const double> angles, std::span<double> torques) noexcept {
@@ -130,11 +133,12 @@ void WiringTest::next(std::span<const double> angles, std::span<double> torques)
 
 double WiringTest::next_of_push(std::span<const double> angles, double sign) noexcept {
   if (step_ < weights_.size()) {
-    for (std::size_t i = 0; i < angles.size(); ++i) ways_[i] += weights_[step_] * angles[i];
+    for (std::size_t i = 0; i < angles.size(); ++i)
+      displacements_[i] += weights_[step_] * angles[i];
   }
   if (step_ >= 4 * quarter_) return 0.0;
   const bool is_forth = step_ < quarter_ || step_ >= 3 * quarter_;
-  const double most_beside = (1.0 - kMostPush) * max_torques_[joint_];
+  const double most_beside = (1.0 - kMaxPush) * max_torques_[joint_];
   return (is_forth ? sign : -sign) * torque_ +
          std::clamp(kBeside[attempt_] * torque_, -most_beside, most_beside);
 }
@@ -142,8 +146,8 @@ double WiringTest::next_of_push(std::span<const double> angles, double sign) noe
 double WiringTest::next_of_ramp(std::span<const double> angles) noexcept {
   if (step_ == 0) std::ranges::copy(angles, start_.begin());
   if (step_ >= ramp_) return 0.0;
-  for (std::size_t i = 0; i < angles.size(); ++i) ways_[i] = angles[i] - start_[i];
-  if (largest(ways_) >= kRampWay) step_ = ramp_;
+  for (std::size_t i = 0; i < angles.size(); ++i) displacements_[i] = angles[i] - start_[i];
+  if (largest(displacements_) >= kRampDisplacement) step_ = ramp_;
   torque_ = max_torques_[joint_] * static_cast<double>(step_) / static_cast<double>(ramp_);
   return step_ < ramp_ ? torque_ : 0.0;
 }
@@ -151,22 +155,22 @@ double WiringTest::next_of_ramp(std::span<const double> angles) noexcept {
 void WiringTest::end_half() noexcept {
   const bool is_ramp = attempt_ == kRamp;
   if (half_ == Half::kFirst) {
-    const double most_torque = kMostPush * max_torques_[joint_];
-    if (!is_ramp && largest(ways_) < kEnough && torque_ < most_torque) {
+    const double most_torque = kMaxPush * max_torques_[joint_];
+    if (!is_ramp && largest(displacements_) < kEnough && torque_ < most_torque) {
       torque_ = std::min(2.0 * torque_, most_torque);
       begin_half(Half::kFirst);
     } else {
-      first_ = ways_;
+      first_ = displacements_;
       begin_half(Half::kOpposite);
     }
     return;
   }
-  const double longest = std::max(largest(ways_), largest(first_));
+  const double longest = std::max(largest(displacements_), largest(first_));
   double sum = 0.0;
   double difference = 0.0;
-  for (std::size_t i = 0; i < ways_.size(); ++i) {
-    sum = std::max(sum, std::abs(first_[i] + ways_[i]));
-    difference = std::max(difference, std::abs(first_[i] - ways_[i]));
+  for (std::size_t i = 0; i < displacements_.size(); ++i) {
+    sum = std::max(sum, std::abs(first_[i] + displacements_[i]));
+    difference = std::max(difference, std::abs(first_[i] - displacements_[i]));
   }
   const bool agrees =
       is_ramp ? difference >= kRampDifference * longest : sum <= kDifference * longest;
@@ -177,8 +181,8 @@ void WiringTest::end_half() noexcept {
   }
   findings_[joint_] = {
       .moves = longest >= kLeast, .joint = joint_, .is_reversed = false, .is_hindered = !agrees};
-  for (std::size_t i = 0; i < ways_.size(); ++i) {
-    response(i, joint_) = findings_[joint_].moves ? first_[i] - ways_[i] : 0.0;
+  for (std::size_t i = 0; i < displacements_.size(); ++i) {
+    response(i, joint_) = findings_[joint_].moves ? first_[i] - displacements_[i] : 0.0;
   }
   // So that the joint can be held from now on.
   findings_[joint_].is_reversed = response(joint_, joint_) < kOwnWay * difference;

@@ -29,17 +29,18 @@ struct WiringFinding {
 /// that turn the other way.
 ///
 /// One joint after the other gets a short torque, forth, back and forth again, that moves it by
-/// about 2 degrees and leaves it at rest; then the opposite. The ways of all joints are a column of
-/// a matrix. If motors and encoders belong together, this matrix is the inverse of the joints' mass
-/// matrix, but for the lengths of its columns. Such a matrix is positive definite: its diagonal is
-/// positive, and no order of the columns has a diagonal with a larger product. Weights and earlier
-/// movements do not matter, because a constant, a velocity and an acceleration are taken out of the
-/// measured angles. Friction makes the ways shorter, which does not matter either.
+/// about 2 degrees and leaves it at rest; then the opposite. The displacements of all joints are a
+/// column of a matrix. If motors and encoders belong together, this matrix is the inverse of the
+/// joints' mass matrix, but for the lengths of its columns. Such a matrix is positive definite: its
+/// diagonal is positive, and no order of the columns has a diagonal with a larger product. Weights
+/// and earlier movements do not matter, because a constant, a velocity and an acceleration are
+/// taken out of the measured angles. Friction makes the displacements smaller, which does not
+/// matter either.
 ///
 /// If the two pushes disagree, the joint has met something, such as an end stop. It is pushed again
 /// with a torque beside it that carries it away. In the end, and if it does not move, a torque
-/// grows slowly, forth and back, until something has moved by 2 degrees. The ways then are those of
-/// the joints' compliance, a matrix of the same kind.
+/// grows slowly, forth and back, until something has moved by 2 degrees. The displacements then are
+/// those of the joints' compliance, a matrix of the same kind.
 ///
 /// Joints that were not good are tested up to three times, since a finger may have fallen on
 /// another one meanwhile.
@@ -81,7 +82,7 @@ class WiringTest {
 
   std::vector<double> max_torques_;
   std::size_t quarter_;          // steps of a quarter of the push
-  std::vector<double> weights_;  // of the angle in each step of a push, for its way
+  std::vector<double> weights_;  // of the angle in each step of a push, for its displacement
   std::size_t ramp_{0};          // steps of a ramp
   std::size_t ramp_pause_{0};    // steps after it
   int round_{0};
@@ -90,10 +91,10 @@ class WiringTest {
   double torque_{0.0};  // of the pushes of this joint
   std::size_t attempt_{0};
   Half half_{Half::kFirst};
-  std::vector<double> ways_;       // of each joint [rad]
-  std::vector<double> start_;      // where each joint was before a ramp [rad]
-  std::vector<double> first_;      // ways of the first half
-  std::vector<double> responses_;  // of all pushes [rad]
+  std::vector<double> displacements_;  // of each joint [rad]
+  std::vector<double> start_;          // where each joint was before a ramp [rad]
+  std::vector<double> first_;          // displacements of the first half
+  std::vector<double> responses_;      // of all pushes [rad]
   std::vector<WiringFinding> findings_;
   Assignment assignment_;
 };

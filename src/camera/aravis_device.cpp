@@ -78,22 +78,22 @@ AravisDevice::AravisDevice(AravisSettings settings) : settings_(std::move(settin
   } catch (const InvalidArgument&) {
     throw;
   } catch (const Error& error) {
-    tell(error.what());
+    report(error.what());
   }
 }
 
 AravisDevice::~AravisDevice() { close(); }
 
-std::vector<std::string> AravisDevice::take_news() { return std::exchange(news_, {}); }
+std::vector<std::string> AravisDevice::take_messages() { return std::exchange(messages_, {}); }
 
-void AravisDevice::tell(const std::string& trouble) {
-  if (trouble_.is_news(trouble, std::chrono::steady_clock::now())) news_.push_back(trouble);
+void AravisDevice::report(const std::string& error) {
+  if (throttle_.is_due(error, std::chrono::steady_clock::now())) messages_.push_back(error);
 }
 
 void AravisDevice::open() {
   const std::vector<Found> devices = find_devices();
   const bool is_any = settings_.device == "any";
-  std::exception_ptr trouble;
+  std::exception_ptr problem;
   std::string others;
   for (const Found& device : devices) {
     others += (others.empty() ? "" : ", ") + device.identity();
@@ -107,17 +107,17 @@ void AravisDevice::open() {
     } catch (const Error&) {
       // One that cannot be used must not keep this camera from taking another one.
       if (is_any) settings_.claims->give_back(device.serial, device.id);
-      if (!trouble) trouble = std::current_exception();
+      if (!problem) problem = std::current_exception();
       continue;
     }
     if (!is_any) return;
     // Another one that comes later must not take its place.
     settings_.device = device.identity();
-    news_.push_back("any camera may be this one; it is '" + settings_.device +
-                    "' from now on, and cameras.devices can say so for good");
+    messages_.push_back("any camera may be this one; it is '" + settings_.device +
+                        "' from now on, and cameras.devices can say so for good");
     return;
   }
-  if (trouble) std::rethrow_exception(trouble);
+  if (problem) std::rethrow_exception(problem);
   throw Error((is_any ? "no camera is free" : "camera '" + settings_.device + "' is not there") +
               (others.empty() ? "" : "; there are " + others));
 }
@@ -296,19 +296,19 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
     if (stream_ == nullptr) start();
   } catch (const Error& error) {
     // Whatever it is: the other cameras go on, and this one may be mended.
-    tell(error.what());
+    report(error.what());
     is_there_ = false;
     next_try_ = std::chrono::steady_clock::now() + kAravisRetry;
     return false;
   }
-  const Nanoseconds patience = deadline.remaining(kAravisSilence);
+  const Nanoseconds longest = deadline.remaining(kAravisSilence);
   void* const buffer = aravis.pop_buffer(
       stream_, static_cast<std::uint64_t>(
-                   std::chrono::duration_cast<std::chrono::microseconds>(patience).count()));
+                   std::chrono::duration_cast<std::chrono::microseconds>(longest).count()));
   const Instant arrival = std::chrono::steady_clock::now();
   if (buffer == nullptr) {
     if (arrival - last_image_ > std::max<Nanoseconds>(kAravisSilence, 10 * settings_.period)) {
-      tell("camera '" + name_ + "' delivers nothing any more: it is lost");
+      report("camera '" + name_ + "' delivers nothing any more: it is lost");
       is_there_ = false;
       next_try_ = arrival;
     }
@@ -320,7 +320,7 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
     return false;
   }
   last_image_ = arrival;
-  if (trouble_.end()) news_.push_back("camera '" + name_ + "' is connected");
+  if (throttle_.end()) messages_.push_back("camera '" + name_ + "' is connected");
   std::size_t size = 0;
   const void* const data = aravis.buffer_data(buffer, &size);
   const bool is_whole =

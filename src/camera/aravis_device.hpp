@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "camera/device.hpp"
-#include "camera/lasting_trouble.hpp"
+#include "camera/error_throttle.hpp"
 #include "claims.hpp"
 #include "trifinger/camera/options.hpp"
 
@@ -40,7 +40,7 @@ class AravisDevice final : public Device {
 
   [[nodiscard]] bool grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) override;
   [[nodiscard]] bool is_there() const noexcept override { return is_there_; }
-  [[nodiscard]] std::vector<std::string> take_news() override;
+  [[nodiscard]] std::vector<std::string> take_messages() override;
 
  private:
   // Throws Error if there is no such camera, InvalidArgument if it has no such images.
@@ -51,7 +51,7 @@ class AravisDevice final : public Device {
   // Returns where images begin.
   [[nodiscard]] std::array<int, 2> set_region();
   void start();
-  void tell(const std::string& trouble);
+  void report(const std::string& error);
   [[nodiscard]] std::int64_t number_of(std::uint64_t id) noexcept;
   [[nodiscard]] Instant time_of(Nanoseconds stamp, Instant arrival, bool is_whole,
                                 std::int64_t steps) noexcept;
@@ -63,7 +63,7 @@ class AravisDevice final : public Device {
   bool is_loopback_{false};
   bool is_gv_{false};
   std::string name_;
-  LastingTrouble trouble_;
+  ErrorThrottle throttle_;
   Instant next_try_{};
   Instant last_image_{};
   DeviceClock clock_;
@@ -72,7 +72,7 @@ class AravisDevice final : public Device {
   std::uint64_t last_id_{0};
   std::int64_t number_{-1};
   bool is_counting_{false};
-  std::vector<std::string> news_;
+  std::vector<std::string> messages_;
 };
 
 // The cameras that Aravis finds. Throws Error if it is missing.

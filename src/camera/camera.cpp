@@ -63,8 +63,8 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& pixel) const noexcept {
   const Eigen::Vector2d bent((pixel.x() - cx) / fx, (pixel.y() - cy) / fy);
   Eigen::Vector2d ray = bent;
   // Newton's method: four steps reach the precision of a double for the lenses that we know.
-  constexpr int kMostSteps = 20;
-  for (int i = 0; i < kMostSteps; ++i) {
+  constexpr int kMaxSteps = 20;
+  for (int i = 0; i < kMaxSteps; ++i) {
     const Eigen::Vector2d error = distort(distortion, ray) - bent;
     if (error.squaredNorm() < 1e-24) break;
     const Eigen::Matrix2d slope = distortion_derivative(distortion, ray);

@@ -14,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-#include "camera/lasting_trouble.hpp"
+#include "camera/error_throttle.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/fork.hpp"
@@ -37,8 +37,8 @@ struct Lane {
   std::vector<Pixels> free;
   Instant done{Instant::min()};  // images up to this time come too late
   bool is_there{true};
-  LastingTrouble trouble;
-  std::vector<std::string> news;
+  ErrorThrottle throttle;
+  std::vector<std::string> messages;
 
   // Leaves out the images that come too late.
   void leave_out() {
@@ -92,16 +92,16 @@ struct CameraGroup::State {
       shot.arrival = now;
       std::unique_lock lock(mutex);
       lane.is_there = !failure && devices[camera]->is_there();
-      take_news(camera);
+      take_messages(camera);
       if (is_new) {
-        lane.trouble.end();
+        lane.throttle.end();
         lane.shots.push_back(std::move(shot));
         lane.leave_out();
       } else {
         lane.free.push_back(std::move(shot.pixels));
       }
-      if (failure && lane.trouble.is_news(*failure, now)) {
-        lane.news.push_back(names[camera] + ": " + *failure);
+      if (failure && lane.throttle.is_due(*failure, now)) {
+        lane.messages.push_back(names[camera] + ": " + *failure);
       }
       has_come.notify_all();
       if (!failure) continue;
@@ -110,9 +110,9 @@ struct CameraGroup::State {
     }
   }
 
-  void take_news(std::size_t camera) {
-    for (const std::string& sentence : devices[camera]->take_news()) {
-      lanes[camera].news.push_back(names[camera] + ": " + sentence);
+  void take_messages(std::size_t camera) {
+    for (const std::string& sentence : devices[camera]->take_messages()) {
+      lanes[camera].messages.push_back(names[camera] + ": " + sentence);
     }
   }
 
@@ -156,7 +156,7 @@ CameraGroup::CameraGroup(const std::vector<Camera>& cameras,
   }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     state_->lanes[i].is_there = state_->devices[i]->is_there();
-    state_->take_news(i);
+    state_->take_messages(i);
   }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     state_->threads.emplace_back(
@@ -228,26 +228,27 @@ bool CameraGroup::grab(std::span<const std::span<std::byte>> images, std::span<F
   return true;
 }
 
-std::vector<std::string> CameraGroup::take_news() {
+std::vector<std::string> CameraGroup::take_messages() {
   if (state_->fork.is_inherited()) return {};
   const std::lock_guard lock(state_->mutex);
-  std::vector<std::string> news;
+  std::vector<std::string> messages;
   for (Lane& lane : state_->lanes) {
-    for (std::string& sentence : std::exchange(lane.news, {})) news.push_back(std::move(sentence));
+    for (std::string& sentence : std::exchange(lane.messages, {}))
+      messages.push_back(std::move(sentence));
   }
-  return news;
+  return messages;
 }
 
 Instant DeviceClock::host_time(Nanoseconds device_time, Instant arrival) noexcept {
   constexpr std::int64_t kDrift = 5000;  // clocks drift apart by a 5000th of the time at most
   constexpr Nanoseconds kVeryLate = std::chrono::seconds(1);
-  constexpr Nanoseconds kPatience = std::chrono::seconds(10);
+  constexpr Nanoseconds kTimeout = std::chrono::seconds(10);
   const Nanoseconds difference = arrival.time_since_epoch() - device_time;
   if (is_known_) difference_ += (arrival - last_arrival_) / kDrift;
   const bool is_late = is_known_ && difference - difference_ > kVeryLate;
   late_since_ = is_late ? std::min(late_since_, arrival) : Instant::max();
   const bool is_another =
-      device_time < last_device_ || (is_late && arrival - late_since_ > kPatience);
+      device_time < last_device_ || (is_late && arrival - late_since_ > kTimeout);
   if (!is_known_ || is_another || difference < difference_) difference_ = difference;
   is_known_ = true;
   last_device_ = device_time;

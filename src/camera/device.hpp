@@ -28,7 +28,7 @@ class Device {
   [[nodiscard]] virtual bool grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) = 0;
   [[nodiscard]] virtual bool is_there() const noexcept = 0;
   /// What has happened since the last call, in sentences.
-  [[nodiscard]] virtual std::vector<std::string> take_news() = 0;
+  [[nodiscard]] virtual std::vector<std::string> take_messages() = 0;
 };
 
 /// Makes one source of single cameras. Images belong together if their times differ by half a
@@ -49,7 +49,7 @@ class CameraGroup final : public Source {
   [[nodiscard]] const std::vector<ImageFormat>& formats() const noexcept override;
   [[nodiscard]] bool grab(std::span<const std::span<std::byte>> images, std::span<Frame> frames,
                           Timeout timeout) override;
-  [[nodiscard]] std::vector<std::string> take_news() override;
+  [[nodiscard]] std::vector<std::string> take_messages() override;
 
  private:
   struct State;

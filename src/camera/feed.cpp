@@ -19,7 +19,7 @@ constexpr Nanoseconds kLongestWait = std::chrono::milliseconds(100);
 constexpr int kAbsent = 5;  // images in a row that are missing, before it is told
 
 // Silence of all cameras that is told.
-Nanoseconds patience(Nanoseconds period) {
+Nanoseconds timeout_of(Nanoseconds period) {
   return std::max<Nanoseconds>(kAbsent * period, kLongestWait);
 }
 
@@ -55,22 +55,22 @@ CameraFeed::CameraFeed(Source& source, const std::string& robot, const std::vect
       period_(period),
       names_(source.names()),
       frames_(cameras.size()),
-      told_(cameras.size()),
+      states_(cameras.size()),
       written_(std::chrono::steady_clock::now()) {
   for (const std::string& name : names_) statistics_.cameras.push_back({.name = name});
 }
 
 bool CameraFeed::step() {
   std::ranges::fill(frames_, Frame{});
-  const Instant silence = written_ + patience(period_);
+  const Instant silence = written_ + timeout_of(period_);
   const Nanoseconds left = silence - std::chrono::steady_clock::now();
   const bool has_come =
       source_.grab(sensor_.begin(), frames_, std::clamp(left, Nanoseconds(0), kLongestWait));
-  for (std::string& sentence : source_.take_news()) news_.push_back(std::move(sentence));
+  for (std::string& sentence : source_.take_messages()) messages_.push_back(std::move(sentence));
   const Instant now = std::chrono::steady_clock::now();
   if (!has_come) {
     if (source_.has_ended()) {
-      tell_missed();
+      report_missed();
       return false;
     }
     if (now < silence) return true;
@@ -118,48 +118,48 @@ void CameraFeed::count(Instant now) {
 void CameraFeed::judge(Instant now, bool is_silent) {
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     const Frame& frame = frames_[i];
-    Told& told = told_[i];
-    if (frame.state == Frame::State::kDamaged) ++told.missed;
+    CameraState& state = states_[i];
+    if (frame.state == Frame::State::kDamaged) ++state.missed;
     if (frame.number >= 0) {
-      if (told.number >= 0 && frame.number > told.number + 1) {
-        told.missed += frame.number - told.number - 1;
+      if (state.number >= 0 && frame.number > state.number + 1) {
+        state.missed += frame.number - state.number - 1;
       }
-      told.number = frame.number;
+      state.number = frame.number;
     }
-    // Single images that are missing or damaged are counted and told once per second.
+    // Single images that are missing or damaged are counted and reported once per second.
     const bool is_missing = frame.state == Frame::State::kNone;
-    told.absent = is_missing ? told.absent + (is_silent ? kAbsent : 1) : 0;
+    state.absent = is_missing ? state.absent + (is_silent ? kAbsent : 1) : 0;
     judge_absence(i, now);
   }
   judge_steps();
-  if (now - told_of_missed_ < std::chrono::seconds(1)) return;
-  told_of_missed_ = now;
-  tell_missed();
+  if (now - reported_missed_ < std::chrono::seconds(1)) return;
+  reported_missed_ = now;
+  report_missed();
 }
 
-// Tells the loss of a camera, its return, and a loss that lasts again from time to time.
+// Reports the loss of a camera, its return, and a loss that lasts again from time to time.
 void CameraFeed::judge_absence(std::size_t camera, Instant now) {
-  Told& told = told_[camera];
+  CameraState& state = states_[camera];
   const std::string& name = names_[camera];
   if (frames_[camera].state == Frame::State::kLost) {
-    if (!told.trouble.is_news("lost", now)) return;
+    if (!state.throttle.is_due("lost", now)) return;
     const bool others_go_on = std::ranges::any_of(
         frames_, [](const Frame& frame) { return frame.state == Frame::State::kGood; });
-    news_.push_back(name + " is lost" + (others_go_on ? "; the others go on" : ""));
-  } else if (told.absent >= kAbsent) {
-    if (!told.trouble.is_news("late", now)) return;
-    news_.push_back("no images of " + name + " come: it is late or loses them");
-  } else if (told.absent == 0 && told.trouble.end()) {
-    news_.push_back(name + " delivers again");
+    messages_.push_back(name + " is lost" + (others_go_on ? "; the others go on" : ""));
+  } else if (state.absent >= kAbsent) {
+    if (!state.throttle.is_due("late", now)) return;
+    messages_.push_back("no images of " + name + " come: it is late or loses them");
+  } else if (state.absent == 0 && state.throttle.end()) {
+    messages_.push_back(name + " delivers again");
   }
 }
 
-void CameraFeed::tell_missed() {
-  for (std::size_t i = 0; i < told_.size(); ++i) {
-    const std::int64_t missed = std::exchange(told_[i].missed, 0);
+void CameraFeed::report_missed() {
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    const std::int64_t missed = std::exchange(states_[i].missed, 0);
     if (missed > 0) {
-      news_.push_back(text_of(missed, missed == 1 ? " image" : " images", " of ", names_[i],
-                              missed == 1 ? " was" : " were", " lost or damaged"));
+      messages_.push_back(text_of(missed, missed == 1 ? " image" : " images", " of ", names_[i],
+                                  missed == 1 ? " was" : " were", " lost or damaged"));
     }
   }
 }
@@ -177,19 +177,19 @@ void CameraFeed::judge_steps() {
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     if (frames_[i].state != Frame::State::kGood) continue;
     const Nanoseconds ahead = frames_[i].time - middle;
-    const bool is_out = std::chrono::abs(ahead) > period_ / (told_[i].is_out_of_step ? 8 : 4);
-    if (is_out == told_[i].is_out_of_step) continue;
-    told_[i].is_out_of_step = is_out;
+    const bool is_out = std::chrono::abs(ahead) > period_ / (states_[i].is_out_of_step ? 8 : 4);
+    if (is_out == states_[i].is_out_of_step) continue;
+    states_[i].is_out_of_step = is_out;
     if (!is_out) {
-      news_.push_back(names_[i] + " is in step again");
+      messages_.push_back(names_[i] + " is in step again");
     } else {
-      news_.push_back(text_of(
+      messages_.push_back(text_of(
           names_[i], " is out of step: its image is ", duration_text(std::chrono::abs(ahead)),
           ahead > Nanoseconds(0) ? " later" : " earlier", " than those of the others"));
     }
   }
 }
 
-std::vector<std::string> CameraFeed::take_news() { return std::exchange(news_, {}); }
+std::vector<std::string> CameraFeed::take_messages() { return std::exchange(messages_, {}); }
 
 }  // namespace trifinger::camera

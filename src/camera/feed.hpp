@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "camera/lasting_trouble.hpp"
+#include "camera/error_throttle.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/camera/source.hpp"
@@ -47,13 +47,13 @@ class CameraFeed {
   bool step();
 
   /// What has happened since the last call, in sentences.
-  [[nodiscard]] std::vector<std::string> take_news();
+  [[nodiscard]] std::vector<std::string> take_messages();
   [[nodiscard]] const FeedStatistics& statistics() const noexcept { return statistics_; }
 
  private:
-  // What was said last about a camera.
-  struct Told {
-    LastingTrouble trouble;
+  // What was reported last about a camera.
+  struct CameraState {
+    ErrorThrottle throttle;
     int absent{0};  // elements in a row without its image
     std::int64_t number{-1};
     std::int64_t missed{0};  // since the last sentence about it
@@ -65,21 +65,21 @@ class CameraFeed {
   void judge(Instant now, bool is_silent);
   void judge_absence(std::size_t camera, Instant now);
   void judge_steps();
-  void tell_missed();
+  void report_missed();
 
   Source& source_;
   CameraSensor sensor_;
   Nanoseconds period_;
   std::vector<std::string> names_;
   std::vector<Frame> frames_;
-  std::vector<Told> told_;
-  std::vector<std::string> news_;
+  std::vector<CameraState> states_;
+  std::vector<std::string> messages_;
   FeedStatistics statistics_;
   Nanoseconds sum_of_delays_{0};
   std::int64_t delays_{0};
   Instant written_;  // when the last element was
   Instant first_{};
-  Instant told_of_missed_{};
+  Instant reported_missed_{};
 };
 
 }  // namespace trifinger::camera

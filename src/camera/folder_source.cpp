@@ -130,7 +130,7 @@ void FolderSource::catch_up(Instant now) noexcept {
   while (count_ + 1 < end && due(count_ + 1) <= now) ++count_;
 }
 
-std::vector<std::string> FolderSource::take_news() { return std::exchange(news_, {}); }
+std::vector<std::string> FolderSource::take_messages() { return std::exchange(messages_, {}); }
 
 bool FolderSource::grab(std::span<const std::span<std::byte>> images, std::span<Frame> frames,
                         Timeout timeout) {
@@ -145,7 +145,7 @@ bool FolderSource::grab(std::span<const std::span<std::byte>> images, std::span<
     return false;
   }
   std::this_thread::sleep_until(due);
-  const bool is_news = told_.insert(&set).second;  // a damaged file is told once
+  const bool is_new = reported_.insert(&set).second;  // a damaged file is reported once
   for (std::size_t i = 0; i < set.files.size(); ++i) {
     frames[i] = Frame{};
     if (set.files[i].empty()) continue;
@@ -157,10 +157,10 @@ bool FolderSource::grab(std::span<const std::span<std::byte>> images, std::span<
       std::memcpy(images[i].data(), pixels.data(), pixels.size());
     } catch (const InvalidArgument& error) {
       frames[i].state = Frame::State::kDamaged;
-      if (is_news) news_.push_back(set.files[i].string() + ": " + error.what());
+      if (is_new) messages_.push_back(set.files[i].string() + ": " + error.what());
     } catch (const SystemError& error) {
       frames[i].state = Frame::State::kDamaged;
-      if (is_news) news_.emplace_back(error.what());
+      if (is_new) messages_.emplace_back(error.what());
     }
   }
   ++count_;

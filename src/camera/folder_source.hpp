@@ -41,7 +41,7 @@ class FolderSource final : public Source {
   [[nodiscard]] bool grab(std::span<const std::span<std::byte>> images, std::span<Frame> frames,
                           Timeout timeout) override;
   [[nodiscard]] bool has_ended() const noexcept override;
-  [[nodiscard]] std::vector<std::string> take_news() override;
+  [[nodiscard]] std::vector<std::string> take_messages() override;
 
  private:
   // The files of one time; an empty path where a camera has none.
@@ -62,8 +62,8 @@ class FolderSource final : public Source {
   std::vector<std::string> names_;
   std::vector<ImageFormat> formats_;
   FolderOptions options_;
-  std::vector<std::string> news_;
-  std::set<const Set*> told_;  // whose files were looked at
+  std::vector<std::string> messages_;
+  std::set<const Set*> reported_;  // whose files were looked at
   Instant begin_{};
   std::int64_t count_{0};
 };

@@ -226,12 +226,12 @@ std::unique_ptr<Source> open_source(const CameraOptions& options,
   throw InvalidArgument("simulated cameras need their simulation");
 }
 
-std::vector<DeviceInfo> list_devices(std::vector<std::string>& lacks) {
+std::vector<DeviceInfo> list_devices(std::vector<std::string>& warnings) {
   std::vector<DeviceInfo> devices;
   try {
     devices = list_aravis_devices();
   } catch (const Error& error) {
-    lacks.emplace_back(error.what());
+    warnings.emplace_back(error.what());
   }
   for (DeviceInfo& device : list_video_devices()) devices.push_back(std::move(device));
   return devices;

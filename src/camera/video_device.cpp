@@ -103,10 +103,10 @@ std::size_t bytes_per_pixel(std::uint32_t fourcc) {
 }
 
 std::vector<std::string> video_paths() {
-  constexpr int kMostNodes = 64;
+  constexpr int kMaxNodes = 64;
   std::vector<std::string> paths;
-  paths.reserve(kMostNodes);
-  for (int i = 0; i < kMostNodes; ++i) paths.push_back(text_of("/dev/video", i));
+  paths.reserve(kMaxNodes);
+  for (int i = 0; i < kMaxNodes; ++i) paths.push_back(text_of("/dev/video", i));
   return paths;
 }
 
@@ -144,20 +144,20 @@ VideoDevice::VideoDevice(VideoSettings settings, VideoSystem& system)
   } catch (const InvalidArgument&) {
     throw;
   } catch (const Error& error) {
-    tell(error.what());
+    report(error.what());
   }
 }
 
 VideoDevice::~VideoDevice() { close(); }
 
-std::vector<std::string> VideoDevice::take_news() { return std::exchange(news_, {}); }
+std::vector<std::string> VideoDevice::take_messages() { return std::exchange(messages_, {}); }
 
 int VideoDevice::call(unsigned long request, void* argument) {
   return system_.ioctl(file_, request, argument);
 }
 
-void VideoDevice::tell(const std::string& trouble) {
-  if (trouble_.is_news(trouble, std::chrono::steady_clock::now())) news_.push_back(trouble);
+void VideoDevice::report(const std::string& error) {
+  if (throttle_.is_due(error, std::chrono::steady_clock::now())) messages_.push_back(error);
 }
 
 void VideoDevice::open() {
@@ -177,12 +177,12 @@ void VideoDevice::find() {
   if (!identity_.empty()) {
     for (const std::string& path : video_paths()) paths.push_back(path);
   }
-  std::string trouble;
+  std::string problem;
   for (const std::string& path : paths) {
     file_ = system_.open(path);
     if (file_ < 0) {
-      if (trouble.empty()) {
-        trouble = "there is no camera at " + settings_.path + ": " + std::strerror(errno);
+      if (problem.empty()) {
+        problem = "there is no camera at " + settings_.path + ": " + std::strerror(errno);
       }
       continue;
     }
@@ -191,7 +191,7 @@ void VideoDevice::find() {
       found = look_at(path);
     } catch (const Error& error) {
       if (identity_.empty()) throw;
-      trouble = trouble.empty() ? error.what() : trouble;
+      problem = problem.empty() ? error.what() : problem;
     }
     if (!found.empty() && (identity_.empty() || found == identity_)) {
       path_ = path;
@@ -199,11 +199,11 @@ void VideoDevice::find() {
       return;
     }
     if (path == settings_.path && !found.empty()) {
-      trouble = text_of("another camera is at ", path, ": ", found, ", not ", identity_);
+      problem = text_of("another camera is at ", path, ": ", found, ", not ", identity_);
     }
     system_.close(std::exchange(file_, -1));
   }
-  throw Error(trouble);
+  throw Error(problem);
 }
 
 std::string VideoDevice::look_at(const std::string& path) {
@@ -230,7 +230,7 @@ void VideoDevice::close() noexcept {
 }
 
 void VideoDevice::lose(const std::string& why) {
-  tell("the camera at " + settings_.path + " is lost: " + why);
+  report("the camera at " + settings_.path + " is lost: " + why);
   close();
   next_try_ = std::chrono::steady_clock::now() + kVideoRetry;
 }
@@ -323,7 +323,7 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
       open();
     } catch (const Error& error) {
       // Whatever it is: the other cameras go on, and this one may be mended.
-      tell(error.what());
+      report(error.what());
       return false;
     }
   }
@@ -343,9 +343,9 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
   }
   last_image_ = std::chrono::steady_clock::now();
   frame = frame_of(buffer, last_image_);
-  if (trouble_.end()) {
-    news_.push_back("the camera at " + settings_.path + " is back" +
-                    (path_ == settings_.path ? "" : ", at " + path_));
+  if (throttle_.end()) {
+    messages_.push_back("the camera at " + settings_.path + " is back" +
+                        (path_ == settings_.path ? "" : ", at " + path_));
   }
   const std::int64_t sequence = buffer.sequence;
   if (!first_number_) first_number_ = sequence - count_;

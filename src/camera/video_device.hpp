@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "camera/device.hpp"
-#include "camera/lasting_trouble.hpp"
+#include "camera/error_throttle.hpp"
 #include "trifinger/camera/options.hpp"
 #include "video_system.hpp"
 
@@ -38,7 +38,7 @@ class VideoDevice final : public Device {
 
   [[nodiscard]] bool grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) override;
   [[nodiscard]] bool is_there() const noexcept override { return file_ >= 0; }
-  [[nodiscard]] std::vector<std::string> take_news() override;
+  [[nodiscard]] std::vector<std::string> take_messages() override;
 
  private:
   struct Buffer {
@@ -52,7 +52,7 @@ class VideoDevice final : public Device {
   // The name, port and serial number of the open device. Throws SystemError, InvalidArgument.
   [[nodiscard]] std::string look_at(const std::string& path);
   void close() noexcept;
-  void tell(const std::string& trouble);
+  void report(const std::string& error);
   void lose(const std::string& why);
   // Throws InvalidArgument.
   void choose_format();
@@ -78,8 +78,8 @@ class VideoDevice final : public Device {
   std::string path_;      // where it was found last
   std::string identity_;  // empty before the first connection
   std::vector<std::byte> rgb_;
-  LastingTrouble trouble_;
-  std::vector<std::string> news_;
+  ErrorThrottle throttle_;
+  std::vector<std::string> messages_;
 };
 
 // The cameras of Video4Linux on this machine.

@@ -136,7 +136,7 @@ class UnixNode final : public UnixBus {
     int socket{-1};
     Instant empty;         // when the socket was last found empty
     bool is_deaf{false};   // it has closed its end; what it sent before may still wait here
-    bool has_left{false};  // and nothing waits
+    bool has_left{false};  // it has closed its end, and nothing waits any more
     Link link{Link::kUp};  // what it says of ours
     std::uint32_t dropped_by_us{0};
     std::uint32_t dropped_by_it{0};
@@ -169,7 +169,7 @@ class UnixNode final : public UnixBus {
   std::size_t first_{0};     // the peer from which the next call receives first
   IncomingBatch incoming_{sizeof(Packet)};
   OutgoingBatch outgoing_{sizeof(Packet)};
-  Link told_{Link::kUp};  // what the others are told of theirs
+  Link sent_link_{Link::kUp};  // what the others were sent as theirs
 };
 
 void UnixNode::join(const std::filesystem::path& path) {
@@ -372,15 +372,15 @@ SendResult UnixNode::do_send(std::span<const Frame> frames) noexcept {
 }
 
 void UnixNode::set_link(Link link) noexcept {
-  const bool is_news = link != told_ || link != Link::kUp;
-  told_ = link;
-  if (!is_news) return;
+  const bool is_new = link != sent_link_ || link != Link::kUp;
+  sent_link_ = link;
+  if (!is_new) return;
   outgoing_.fill_without_frame();
   send_to_all(0);
 }
 
 void UnixNode::send_to_all(std::size_t count) noexcept {
-  outgoing_.set_link(told_);
+  outgoing_.set_link(sent_link_);
   for (Peer& peer : peers_) {
     if (peer.is_deaf) continue;
     outgoing_.set_dropped(peer.dropped_by_us);

@@ -61,8 +61,8 @@ std::array<Face, 4> side_faces(const Eigen::Quaterniond& orientation, const Trip
 struct Candidate {
   std::size_t face;
   Touch touch;
-  // Per point of the way: the finger's pose, the Jacobian of its tip, and the torques that the
-  // finger needs in addition to those for the contact forces.
+  // Per point of the trajectory: the finger's pose, the Jacobian of its tip, and the torques that
+  // the finger needs in addition to those for the contact forces.
   std::vector<Eigen::Vector3d> poses;
   std::vector<Eigen::Matrix3d> jacobians;
   std::vector<Eigen::Vector3d> torques;
@@ -190,18 +190,19 @@ struct GraspPlanner::State {
     return pose.position;
   }
 
-  // Tests a finger on its approach and on the whole way. Returns nothing if it cannot do them.
+  // Tests a finger on its approach and on the whole trajectory. Returns nothing if it cannot do
+  // them.
   [[nodiscard]] std::optional<Candidate> try_out(int finger, std::size_t face, const Touch& touch,
-                                                 std::span<const Motion> way) {
+                                                 std::span<const Motion> trajectory) {
     const Eigen::Vector3d tip = touch.point - fingers.tip_radius * touch.normal;
     Eigen::Vector3d near = Eigen::Vector3d::Map(fingers.initial_position.data());
-    place_object(way.front().pose);
-    // Most candidates fail at the end of the way; to find out there costs least.
-    for (const Motion& motion : {way.back(), way[way.size() / 2]}) {
+    place_object(trajectory.front().pose);
+    // Most candidates fail at the end of the trajectory; to find out there costs least.
+    for (const Motion& motion : {trajectory.back(), trajectory[trajectory.size() / 2]}) {
       if (!kinematics.inverse_kinematics(finger, point_of_body(motion, tip).position, near))
         return std::nullopt;
     }
-    const Approach approach = approach_to(touch, way.front().pose, fingers.tip_radius);
+    const Approach approach = approach_to(touch, trajectory.front().pose, fingers.tip_radius);
     for (const Eigen::Vector3d& point : {approach.above, approach.beside}) {
       const auto pose = reach(finger, point, near);
       if (!pose) return std::nullopt;
@@ -211,7 +212,7 @@ struct GraspPlanner::State {
     const Eigen::Index first = static_cast<Eigen::Index>(kJointsPerFinger) * finger;
     const auto damping = Eigen::Vector3d::Map(limits.safety_kd.data() + first);
     JointValues joints = JointValues::Zero(kinematics.num_joints());
-    for (const Motion& motion : way) {
+    for (const Motion& motion : trajectory) {
       place_object(motion.pose);
       const PointMotion point = point_of_body(motion, tip);
       const auto pose = reach(finger, point.position, near);
@@ -233,7 +234,7 @@ struct GraspPlanner::State {
   // Returns the largest share of its maximum torque that any motor needs with these three. Returns
   // nothing if they cannot hold the weight.
   [[nodiscard]] std::optional<double> torque_share(const Candidates& three,
-                                                   std::span<const Motion> way) {
+                                                   std::span<const Motion> trajectory) {
     Grasp grasp;
     for (std::size_t i = 0; i < grasp.size(); ++i) {
       grasp[i] = {.position = three[i]->touch.point,
@@ -241,17 +242,17 @@ struct GraspPlanner::State {
                   .friction = config.friction,
                   .min_normal_force = config.min_normal_force};
     }
-    // The weight is largest where the way accelerates up most.
+    // The weight is largest where the trajectory accelerates up most.
     double heaviest = 0.0;
-    for (const Motion& motion : way)
+    for (const Motion& motion : trajectory)
       heaviest = std::max(heaviest, (motion.acceleration.linear - gravity()).z());
     const Eigen::Vector3d weight(0.0, 0.0, body.mass * heaviest);
     // The same forces hold the object as long as it is tilted the same way.
     Eigen::Vector3d carried = Eigen::Vector3d::Zero();
     ForceDistribution held;
     double largest = 0.0;
-    for (std::size_t point = 0; point < way.size(); ++point) {
-      const Motion& motion = way[point];
+    for (std::size_t point = 0; point < trajectory.size(); ++point) {
+      const Motion& motion = trajectory[point];
       const Eigen::Vector3d force_in_object = motion.pose.orientation.conjugate() * weight;
       if (point == 0 || (force_in_object - carried).norm() > kSameForce) {
         carried = force_in_object;
@@ -273,9 +274,9 @@ struct GraspPlanner::State {
   }
 
   // Returns true if the fingers do not collide with each other.
-  [[nodiscard]] bool is_free(const Candidates& three, std::span<const Motion> way) {
-    for (std::size_t point = 0; point < way.size(); ++point) {
-      place_object(way[point].pose);
+  [[nodiscard]] bool is_free(const Candidates& three, std::span<const Motion> trajectory) {
+    for (std::size_t point = 0; point < trajectory.size(); ++point) {
+      place_object(trajectory[point].pose);
       for (std::size_t i = 0; i < three.size(); ++i)
         place_finger(static_cast<int>(i), three[i]->poses[point]);
       if (collides(kAllFingers)) return false;
@@ -304,15 +305,15 @@ GraspPlanner::GraspPlanner(GraspPlanner&&) noexcept = default;
 GraspPlanner& GraspPlanner::operator=(GraspPlanner&&) noexcept = default;
 GraspPlanner::~GraspPlanner() = default;
 
-std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way) {
-  return plan(way, {});
+std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> trajectory) {
+  return plan(trajectory, {});
 }
 
-std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way,
+std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> trajectory,
                                                std::span<const Touches> tried) {
   State& s = *checked(state_);
-  if (way.empty()) return std::nullopt;
-  const auto faces = side_faces(way.front().pose.orientation, s.object.size);
+  if (trajectory.empty()) return std::nullopt;
+  const auto faces = side_faces(trajectory.front().pose.orientation, s.object.size);
   std::vector<double> offsets;
   for (const double offset : s.config.offsets) {
     offsets.push_back(offset);
@@ -331,7 +332,7 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way,
           const Touch touch{
               at.distance * at.outward + offset * at.along + s.config.heights[level] * at.up,
               -at.outward};
-          if (auto candidate = s.try_out(static_cast<int>(finger), face, touch, way))
+          if (auto candidate = s.try_out(static_cast<int>(finger), face, touch, trajectory))
             candidates[finger].push_back(std::move(*candidate));
         }
       }
@@ -345,7 +346,7 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way,
           for (const Touches& one : tried)
             choice.repeats = std::max(choice.repeats, repeats(three, one));
           if (choice.repeats == kContacts) continue;
-          const auto share = s.torque_share(three, way);
+          const auto share = s.torque_share(three, trajectory);
           if (!share || *share > s.config.largest_torque) continue;
           choice.torque_share = *share;
           choices.push_back(choice);
@@ -358,7 +359,7 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way,
   });
   for (const Choice& choice : choices) {
     const Candidates& three = choice.candidates;
-    if (s.is_free(three, way)) {
+    if (s.is_free(three, trajectory)) {
       return PlannedGrasp{{three[0]->touch, three[1]->touch, three[2]->touch}, choice.torque_share};
     }
   }

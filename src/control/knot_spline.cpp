@@ -52,11 +52,11 @@ void KnotSpline::interpolate(Seconds time, std::span<const double> knots, std::s
   const double* const before = index > 0 ? here - width_ : nullptr;
   const double* const after = index + 2 <= last ? next + width_ : nullptr;
   for (std::size_t i = 0; i < width; ++i) {
-    const double way = next[i] - here[i];
-    const double rate_here = before != nullptr ? 0.5 * (next[i] - before[i]) : way;
-    const double rate_next = after != nullptr ? 0.5 * (after[i] - here[i]) : way;
-    const double third = rate_here + rate_next - 2.0 * way;
-    const double second = 3.0 * way - 2.0 * rate_here - rate_next;
+    const double difference = next[i] - here[i];
+    const double rate_here = before != nullptr ? 0.5 * (next[i] - before[i]) : difference;
+    const double rate_next = after != nullptr ? 0.5 * (after[i] - here[i]) : difference;
+    const double third = rate_here + rate_next - 2.0 * difference;
+    const double second = 3.0 * difference - 2.0 * rate_here - rate_next;
     value[i] = here[i] + s * (rate_here + s * (second + s * third));
     if (!rate.empty()) rate[i] = per_second * (rate_here + s * (2.0 * second + 3.0 * s * third));
   }

@@ -6,10 +6,11 @@
 
 namespace trifinger::control {
 
-// A point that has made `progress` on the straight line from `start` along `way`.
-inline PointMotion on_line(const Eigen::Vector3d& start, const Eigen::Vector3d& way,
+// A point that has made `progress` on the straight line from `start` along `displacement`.
+inline PointMotion on_line(const Eigen::Vector3d& start, const Eigen::Vector3d& displacement,
                            const Progress& progress) noexcept {
-  return {start + progress.value * way, progress.rate * way, progress.acceleration * way};
+  return {start + progress.value * displacement, progress.rate * displacement,
+          progress.acceleration * displacement};
 }
 
 }  // namespace trifinger::control

@@ -70,7 +70,7 @@ struct OnlinePlanner::State {
   std::exception_ptr failure;
 
   ipc::ForkGuard fork;
-  OnlinePlannerStatus told;  // Used by the thread of the loop only.
+  OnlinePlannerStatus reported;  // Used by the thread of the loop only.
 
   // Used by the planner's thread only.
   PlanningState predicted;
@@ -243,10 +243,10 @@ bool OnlinePlanner::at(Seconds time, std::span<double> command, std::span<double
 const OnlinePlannerStatus& OnlinePlanner::status() noexcept {
   State& self = *state_;
   self.plans.update();
-  self.told = self.plans.seen().status;
+  self.reported = self.plans.seen().status;
   // relaxed: the flag carries nothing but itself here.
-  self.told.has_failed = self.has_failed.load(std::memory_order_relaxed);
-  return self.told;
+  self.reported.has_failed = self.has_failed.load(std::memory_order_relaxed);
+  return self.reported;
 }
 
 bool OnlinePlanner::set_terms(std::span<const CostTerm> terms) noexcept {

@@ -37,19 +37,19 @@ Progress minimum_jerk(Seconds time, Seconds duration) noexcept {
 
 LineTrajectory::LineTrajectory(const Eigen::Vector3d& start, const Eigen::Vector3d& end,
                                Seconds duration)
-    : start_(start), way_(end - start), duration_(duration) {
+    : start_(start), displacement_(end - start), duration_(duration) {
   require_finite("start", start);
   require_finite("end", end);
   require_positive("duration", duration.count());
 }
 
 PointMotion LineTrajectory::at(Seconds time) const noexcept {
-  return on_line(start_, way_, minimum_jerk(time, duration_));
+  return on_line(start_, displacement_, minimum_jerk(time, duration_));
 }
 
 PoseTrajectory::PoseTrajectory(const Pose& start, const Pose& end, Seconds duration)
     : start_(start),
-      way_(end.position - start.position),
+      displacement_(end.position - start.position),
       turn_(rotation_error(end.orientation, start.orientation)),
       duration_(duration) {
   require_pose("start", start);
@@ -59,30 +59,32 @@ PoseTrajectory::PoseTrajectory(const Pose& start, const Pose& end, Seconds durat
 
 Motion PoseTrajectory::at(Seconds time) const noexcept {
   const Progress progress = minimum_jerk(time, duration_);
-  return {.pose = {start_.position + progress.value * way_,
+  return {.pose = {start_.position + progress.value * displacement_,
                    rotation_from_vector(progress.value * turn_) * start_.orientation},
-          .twist = {progress.rate * way_, progress.rate * turn_},
-          .acceleration = {progress.acceleration * way_, progress.acceleration * turn_}};
+          .twist = {progress.rate * displacement_, progress.rate * turn_},
+          .acceleration = {progress.acceleration * displacement_, progress.acceleration * turn_}};
 }
 
-PoseSequence::PoseSequence(const PoseTrajectory& way) { add(way); }
+PoseSequence::PoseSequence(const PoseTrajectory& trajectory) { add(trajectory); }
 
-void PoseSequence::add(const PoseTrajectory& way) {
-  if (count_ == kMostWays)
-    throw InvalidArgument("a sequence has at most " + std::to_string(kMostWays) + " ways");
-  ways_[count_++] = way;
+void PoseSequence::add(const PoseTrajectory& trajectory) {
+  if (count_ == kMaxTrajectories)
+    throw InvalidArgument("a sequence has at most " + std::to_string(kMaxTrajectories) +
+                          " trajectories");
+  trajectories_[count_++] = trajectory;
 }
 
 Seconds PoseSequence::duration() const noexcept {
   Seconds sum{0};
-  for (std::size_t i = 0; i < count_; ++i) sum += ways_[i]->duration();
+  for (std::size_t i = 0; i < count_; ++i) sum += trajectories_[i]->duration();
   return sum;
 }
 
 Motion PoseSequence::at(Seconds time) const noexcept {
   std::size_t i = 0;
-  for (; i + 1 < count_ && time >= ways_[i]->duration(); ++i) time -= ways_[i]->duration();
-  return ways_[i]->at(time);
+  for (; i + 1 < count_ && time >= trajectories_[i]->duration(); ++i)
+    time -= trajectories_[i]->duration();
+  return trajectories_[i]->at(time);
 }
 
 CircleTrajectory::CircleTrajectory(const CircleConfig& config) : config_(config) {
@@ -104,7 +106,7 @@ Seconds CircleTrajectory::duration() const noexcept {
 }
 
 PointMotion CircleTrajectory::at(Seconds time) const noexcept {
-  // The way to rest is the way from rest, reversed in time.
+  // The trajectory to rest is the one from rest, reversed in time.
   const bool is_second_half = time > duration() / 2;
   const Seconds since_rest = is_second_half ? duration() - time : time;
   const Progress ramp = minimum_jerk(since_rest, config_.ramp_time);

@@ -34,7 +34,7 @@ struct Run {
   Run(UntypedDriver& driver, detail::SessionPlace& place, const BackendOptions& options,
       const std::atomic<bool>& stop_requested, const Clock& clock)
       : writers(place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period,
-                            realtime_lacks())),
+                            realtime_warnings())),
         loop(driver, writers, options, stop_requested, clock) {}
 
   detail::SessionPlace::Writers writers;
@@ -256,7 +256,7 @@ class Backend::Implementation {
   // and there is no other, the robot stays at rest until it is free. False if the back-end has to
   // stop instead.
   bool begin_when_there_is_memory() {
-    bool was_told = false;
+    bool was_reported = false;
     while (!stop_requested()) {
       try {
         begin();
@@ -264,8 +264,8 @@ class Backend::Implementation {
       } catch (const SystemError& error) {
         const bool is_full = error.error_number() == ENOSPC || error.error_number() == ENOMEM;
         if (run_ == nullptr || !is_full) throw;
-        if (!was_told && on_waiting_) on_waiting_(error.what());
-        was_told = true;
+        if (!was_reported && on_waiting_) on_waiting_(error.what());
+        was_reported = true;
       }
       run_->loop.beat(clock_.now());
       std::this_thread::sleep_for(kWaitSlice);

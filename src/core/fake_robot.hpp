@@ -9,7 +9,7 @@
 
 namespace trifinger {
 
-/// What the fake robot is told: a number, which it remembers.
+/// A command for the fake robot: a number, which it remembers.
 struct FakeAction {
   double setpoint{0.0};
 

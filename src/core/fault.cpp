@@ -50,7 +50,7 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
       return (fault.detail < 0 ? "the back-end was late in " +
                                      std::to_string(-std::int64_t{fault.detail}) + " steps in a row"
                                : "the back-end was late by " + detail + " periods") +
-             at_step + "; 'trifinger doctor' tells what this machine lacks for real time";
+             at_step + "; 'trifinger doctor' says what this machine needs for real time";
     case Fault::Code::kActionsRejected:
       return detail + " actions in a row up to step " + step + " were not fit to apply" +
              (driver_text.empty() ? "" : "; the last: " + std::string(driver_text));

@@ -37,7 +37,7 @@ namespace {
 
 constexpr std::uint64_t kPayloadMagic = 0x3144502d52474654;  // "TFGR-PD1"
 constexpr std::uint64_t kLine = 64;                          // [bytes]
-constexpr std::uint64_t kMostSlots = 4096;
+constexpr std::uint64_t kMaxSlots = 4096;
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30U;  // of one payload [bytes]
 
 constexpr std::uint64_t rounded_up(std::uint64_t size) {
@@ -62,7 +62,7 @@ struct PayloadHeader {
   [[nodiscard]] bool is_valid() const noexcept {
     // The bounds keep the sums above far from overflow.
     return magic == kPayloadMagic && id != 0 && text_size < kLargest && slots > 0 &&
-           slots <= kMostSlots && size > 0 && size <= kLargest;
+           slots <= kMaxSlots && size > 0 && size <= kLargest;
   }
 };
 
@@ -120,8 +120,8 @@ class PayloadMemory {
     require(payload.size() > 0 && payload.size() <= kLargest,
             text_of("a payload of ", payload.size(), " bytes is not possible; allowed are 1 to ",
                     kLargest));
-    require(slots > 0 && slots <= kMostSlots,
-            text_of("the history of payloads is ", slots, ", must be 1 to ", kMostSlots));
+    require(slots > 0 && slots <= kMaxSlots,
+            text_of("the history of payloads is ", slots, ", must be 1 to ", kMaxSlots));
     return {.magic = kPayloadMagic,
             .id = random_id(),
             .text_size = payload.text().size(),

@@ -168,9 +168,9 @@ class Mapping {
     return header().end.load(std::memory_order_acquire);
   }
   // True while its process lives, its file is whole, and no other one has taken its place.
-  [[nodiscard]] bool is_in_use() const noexcept { return trouble().empty(); }
+  [[nodiscard]] bool is_in_use() const noexcept { return problem().empty(); }
   // Why it can be used no more.
-  [[nodiscard]] std::string_view trouble() const noexcept {
+  [[nodiscard]] std::string_view problem() const noexcept {
     if (!ipc::is_locked_by_other(memory_.file())) return "its process has ended";
     if (!memory_.has_name()) return "its file was removed";
     if (memory_.is_damaged()) return "its file was cut off";
@@ -272,12 +272,12 @@ class detail::SensorOfLoop {
  public:
   SensorOfLoop(const std::string& robot, const std::string& sensor,
                const ElementDescription& element, const ElementDescription& payload,
-               Timeout patience = kForever)
+               Timeout timeout = kForever)
       : name_(sensor),
         file_(detail::sensor_file(robot, sensor)),
         fields_(text_of_fields(element, payload)),
         element_size_(element.size()),
-        patience_(patience) {}
+        timeout_(timeout) {}
 
   // ---- for the watcher ----
 
@@ -285,18 +285,18 @@ class detail::SensorOfLoop {
   std::string look() {
     release_unused();
     if (newest_ != nullptr && newest_->is_in_use()) return look_for_progress();
-    std::string news;
+    std::string message;
     if (newest_ != nullptr) {
-      news =
-          text_of("sensor '", name_, "': ", newest_->trouble(), "; the robot goes on without it");
+      message =
+          text_of("sensor '", name_, "': ", newest_->problem(), "; the robot goes on without it");
       show(nullptr);
     }
     try {
-      if (!is_worth_mapping(session_folder() / file_)) return news;
+      if (!is_worth_mapping(session_folder() / file_)) return message;
       auto found = std::make_unique<Mapping>(file_, fields_, element_size_);
       // A process that was killed leaves its file.
-      if (!found->is_in_use()) return news;
-      news = text_of("sensor '", name_, "': process ", found->pid(), " delivers");
+      if (!found->is_in_use()) return message;
+      message = text_of("sensor '", name_, "': process ", found->pid(), " delivers");
       show(std::move(found));
       refusal_.clear();
     } catch (const Error& error) {
@@ -305,10 +305,10 @@ class detail::SensorOfLoop {
         refusal_.clear();
       } else if (refusal_ != error.what()) {
         refusal_ = error.what();
-        news = "sensor '" + name_ + "' is refused: " + refusal_;
+        message = "sensor '" + name_ + "' is refused: " + refusal_;
       }
     }
-    return news;
+    return message;
   }
 
   // ---- for the loop ----
@@ -354,11 +354,11 @@ class detail::SensorOfLoop {
   }
 
  private:
-  static constexpr std::int64_t kMostPerStep = 16;
+  static constexpr std::int64_t kMaxPerStep = 16;
 
   // Notices that the process lives and writes nothing. Returns a sentence if that has changed.
   std::string look_for_progress() {
-    if (patience_ == kForever) return {};
+    if (timeout_ == kForever) return {};
     const Instant now = std::chrono::steady_clock::now();
     const std::int64_t end = newest_->end();
     const bool was_silent = is_silent_.load(std::memory_order_relaxed);
@@ -370,7 +370,7 @@ class detail::SensorOfLoop {
                  ? text_of("sensor '", name_, "': process ", newest_->pid(), " delivers again")
                  : std::string();
     }
-    if (was_silent || now - last_progress_ < patience_) return {};
+    if (was_silent || now - last_progress_ < timeout_) return {};
     is_silent_.store(true, std::memory_order_relaxed);
     return text_of("sensor '", name_, "': process ", newest_->pid(),
                    " lives but writes nothing; the robot goes on without it");
@@ -388,7 +388,7 @@ class detail::SensorOfLoop {
     if (polls_ < 3) ++polls_;
     if (polls_ == 1) next_ = end_ - 1;  // also if an earlier session had it
     // Nobody polls while the robot holds its pose.
-    const std::int64_t most = polls_ <= 2 ? 1 : kMostPerStep;
+    const std::int64_t most = polls_ <= 2 ? 1 : kMaxPerStep;
     next_ = std::max({next_, end_ - most, std::int64_t{0}});
   }
 
@@ -420,7 +420,7 @@ class detail::SensorOfLoop {
   std::string file_;
   std::string fields_;
   std::size_t element_size_;
-  Timeout patience_;
+  Timeout timeout_;
 
   // Of the watcher.
   std::int64_t seen_end_{0};
@@ -458,9 +458,9 @@ class detail::SensorWatcher {
     });
   }
 
-  std::vector<std::string> take_news() {
+  std::vector<std::string> take_messages() {
     const std::lock_guard lock(mutex_);
-    return std::exchange(news_, {});
+    return std::exchange(messages_, {});
   }
 
  private:
@@ -468,26 +468,26 @@ class detail::SensorWatcher {
 
   void look() {
     for (const auto& sensor : sensors_) {
-      std::string news = sensor->look();
-      if (news.empty()) continue;
+      std::string message = sensor->look();
+      if (message.empty()) continue;
       const std::lock_guard lock(mutex_);
-      news_.push_back(std::move(news));
+      messages_.push_back(std::move(message));
     }
   }
 
   const std::vector<std::unique_ptr<SensorOfLoop>>& sensors_;
   std::mutex mutex_;
-  std::vector<std::string> news_;
+  std::vector<std::string> messages_;
   std::jthread thread_;  // last member, because the thread uses the others
 };
 
 // ---- a sensor that a driver reads ----
 
 LoopSensorReader::LoopSensorReader(const std::string& robot, const std::string& sensor,
-                                   const ElementDescription& element, Timeout patience) {
+                                   const ElementDescription& element, Timeout timeout) {
   require_stamp(element, sensor);
   sensors_.push_back(std::make_unique<detail::SensorOfLoop>(robot, sensor, element,
-                                                            ElementDescription(), patience));
+                                                            ElementDescription(), timeout));
   watcher_ = std::make_unique<detail::SensorWatcher>(sensors_);
 }
 
@@ -497,7 +497,7 @@ bool LoopSensorReader::read_newest(void* element) noexcept {
   return sensors_.front()->read_newest(element);
 }
 
-std::vector<std::string> LoopSensorReader::take_news() { return watcher_->take_news(); }
+std::vector<std::string> LoopSensorReader::take_messages() { return watcher_->take_messages(); }
 
 // ---- a driver whose sensors are published ----
 
@@ -520,7 +520,7 @@ DriverWithSensors::DriverWithSensors(std::unique_ptr<UntypedDriver> driver,
 
 DriverWithSensors::~DriverWithSensors() = default;
 
-std::vector<std::string> DriverWithSensors::take_news() { return watcher_->take_news(); }
+std::vector<std::string> DriverWithSensors::take_messages() { return watcher_->take_messages(); }
 
 const RobotTypes& DriverWithSensors::description() const noexcept { return driver_->description(); }
 

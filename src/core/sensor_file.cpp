@@ -52,11 +52,11 @@ ipc::SharedMemory own_sensor_file(const std::string& file, const std::string& wh
   const std::string name = file + ".lock";
   std::optional<ipc::SharedMemory> lock =
       claim([&] { return directory->open_or_create(name, kOwnerAlone); });
-  const ipc::LockPatience patience;
+  const ipc::LockTimeout timeout;
   while (!lock || !ipc::try_lock(lock->file())) {
     const std::vector<ipc::ProcessIdentity> owners = ipc::owners_of(session_folder() / name);
     const bool is_ending = std::ranges::any_of(owners, &ipc::ProcessIdentity::is_ending);
-    if (lock && patience.wait(is_ending)) continue;
+    if (lock && timeout.wait(is_ending)) continue;
     if (lock) leave(*lock);
     throw Error((owners.empty() ? "another process" : ipc::describe(owners.front())) +
                 " is already " + what + "; end it first");

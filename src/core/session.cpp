@@ -122,7 +122,7 @@ SessionInfo Session::info() const {
   info.session_id = header.session_id;
   info.robot_session_id = header.robot_session_id;
   info.is_real_time = header.is_real_time != 0;
-  info.realtime_lacks = mapping.realtime_lacks();
+  info.realtime_warnings = mapping.realtime_warnings();
   info.period = Nanoseconds(header.period);
   info.created = std::chrono::system_clock::time_point(
       std::chrono::duration_cast<std::chrono::system_clock::duration>(
@@ -205,7 +205,7 @@ std::vector<std::string> refused_sessions() {
     try {
       static_cast<void>(Session::open(name));
     } catch (const InvalidArgument&) {
-      // Strangers may use any bytes in the name of a file. It is no robot's.
+      // Other programs may use any bytes in the name of a file. It is no robot's.
     } catch (const SessionNotFound&) {
       // It is gone since we looked.
     } catch (const Error& error) {

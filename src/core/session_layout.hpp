@@ -94,11 +94,11 @@ struct StateConstants {
   TextPlace type;
   TextPlace host;
   std::array<TextPlace, kNumSeries> descriptions;
-  TextPlace payload;         // fields of a companion's payload; empty if it has none
-  TextPlace default_action;  // bytes
-  TextPlace companions;      // names, each followed by a newline
-  TextPlace documents;       // DocumentPlaces
-  TextPlace realtime_lacks;  // sentences, each followed by a newline
+  TextPlace payload;            // fields of a companion's payload; empty if it has none
+  TextPlace default_action;     // bytes
+  TextPlace companions;         // names, each followed by a newline
+  TextPlace documents;          // DocumentPlaces
+  TextPlace realtime_warnings;  // sentences, each followed by a newline
 
   [[nodiscard]] ipc::ProcessIdentity backend() const noexcept {
     return {

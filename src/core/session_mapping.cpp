@@ -97,7 +97,7 @@ void SessionMapping::read_texts() {
   description_.type = text(header_->type);
   companion_names_ = lines_of(text(header_->companions));
   for (const std::string& companion : companion_names_) require_valid_name(companion);
-  realtime_lacks_ = lines_of(text(header_->realtime_lacks));
+  realtime_warnings_ = lines_of(text(header_->realtime_warnings));
   const std::string action = text(header_->default_action);
   const auto bytes = std::as_bytes(std::span(action));
   description_.default_action.assign(bytes.begin(), bytes.end());

@@ -44,8 +44,8 @@ class SessionMapping {
   [[nodiscard]] const std::vector<std::string>& companion_names() const noexcept {
     return companion_names_;
   }
-  [[nodiscard]] const std::vector<std::string>& realtime_lacks() const noexcept {
-    return realtime_lacks_;
+  [[nodiscard]] const std::vector<std::string>& realtime_warnings() const noexcept {
+    return realtime_warnings_;
   }
   // Throws IncompatibleSession.
   [[nodiscard]] std::vector<Document> documents() const;
@@ -103,7 +103,7 @@ class SessionMapping {
   ElementDescription payload_;
   ipc::Ring timing_;
   std::vector<std::string> companion_names_;
-  std::vector<std::string> realtime_lacks_;
+  std::vector<std::string> realtime_warnings_;
   ipc::ForkGuard fork_;
 };
 

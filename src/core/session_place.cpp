@@ -58,9 +58,9 @@ void SessionPlace::take_name(bool is_ours) {
 
 void SessionPlace::own(ipc::SharedMemory& lock, bool is_ours) {
   // A back-end that was just killed releases its locks a little later.
-  const ipc::LockPatience patience;
+  const ipc::LockTimeout timeout;
   bool is_taken = ipc::try_lock(lock.file());
-  while (!is_taken && !is_left_by_the_dead() && patience.wait(is_left_by_the_dying())) {
+  while (!is_taken && !is_left_by_the_dead() && timeout.wait(is_left_by_the_dying())) {
     is_taken = ipc::try_lock(lock.file());
   }
   if (!is_taken) {
@@ -75,7 +75,7 @@ void SessionPlace::own(ipc::SharedMemory& lock, bool is_ours) {
   // The lock file may be new because somebody has removed the file of a living back-end.
   if (!is_ours) {
     std::optional<std::string> owner = find_owner();
-    while (owner && patience.wait(is_left_by_the_dying())) owner = find_owner();
+    while (owner && timeout.wait(is_left_by_the_dying())) owner = find_owner();
     if (owner) throw_owned(*owner);
   }
   // The existing file may be older than the permission for the group.
@@ -150,7 +150,7 @@ void SessionPlace::withdraw() noexcept {
 
 SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,
                                           Nanoseconds period,
-                                          const std::vector<std::string>& realtime_lacks) {
+                                          const std::vector<std::string>& realtime_warnings) {
   if (fork_.is_inherited()) {
     throw InheritedHandle("the host of '" + name_ +
                           "' was made before fork(), and the name belongs to the parent process");
@@ -175,7 +175,7 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
   plan.robot_session_id = plan.session_id;
   plan.capacities.fill(options_.history);
   if (is_real_time) {
-    for (const std::string& sentence : realtime_lacks) plan.realtime_lacks += sentence + "\n";
+    for (const std::string& sentence : realtime_warnings) plan.realtime_warnings += sentence + "\n";
   }
   constexpr std::size_t kHoldingHistory = 16;
   plan.capacities[index_of(Series::kHolding)] = kHoldingHistory;

@@ -32,12 +32,12 @@ class SessionPlace {
     std::unique_ptr<SessionWriter> robot;
     std::vector<std::unique_ptr<SessionWriter>> companions;
   };
-  // Begins the next session and its companions. `realtime_lacks`, see SessionInfo, counts only in
-  // real-time mode. The first call takes the memory of two sessions. Each later session reuses the
-  // memory of the last but one, unless others still use it. Throws SystemError, or RobotOwned if
-  // the name was lost meanwhile.
+  // Begins the next session and its companions. `realtime_warnings`, see SessionInfo, counts only
+  // in real-time mode. The first call takes the memory of two sessions. Each later session reuses
+  // the memory of the last but one, unless others still use it. Throws SystemError, or RobotOwned
+  // if the name was lost meanwhile.
   [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period,
-                              const std::vector<std::string>& realtime_lacks = {});
+                              const std::vector<std::string>& realtime_warnings = {});
   // Removes all files, but owns the name until the process ends. Any thread may call it.
   void withdraw() noexcept;
   // Expires with the back-end that makes the sessions: front-ends may run inside it.

@@ -137,8 +137,8 @@ void SessionWriter::make_state_file(const SessionPlan& plan) {
   constants.default_action = file.add(plan.default_action);
   constants.companions = file.add(plan.companions);
   // All sessions of a back-end have the same size, so that one can reuse the memory of another.
-  constexpr std::size_t kRoomForLacks = 4096;
-  constants.realtime_lacks = file.add(plan.realtime_lacks, kRoomForLacks);
+  constexpr std::size_t kRoomForWarnings = 4096;
+  constants.realtime_warnings = file.add(plan.realtime_warnings, kRoomForWarnings);
   std::vector<DocumentPlace> documents;
   for (const Document& document : plan.documents) {
     documents.push_back(

@@ -41,8 +41,8 @@ struct SessionPlan {
   std::vector<std::byte> default_action{};
   std::string companions{};  // names, each followed by a newline
   std::span<const Document> documents{};
-  std::string realtime_lacks{};  // sentences, each followed by a newline
-  std::size_t queue{0};          // capacity; 0: no action file
+  std::string realtime_warnings{};  // sentences, each followed by a newline
+  std::size_t queue{0};             // capacity; 0: no action file
   unsigned mode{0600};
 };
 

@@ -105,7 +105,7 @@ void EmulatedBus::write(std::span<const std::uint8_t> bytes, Instant now, int ba
     static_cast<void>(parser_.feed(bytes.subspan(i, 1)));
     while (const auto packet = parser_.next()) {
       ++counts_.instructions;
-      carry_out(*packet, begin + time_of(i + 1));
+      execute(*packet, begin + time_of(i + 1));
     }
   }
 }
@@ -118,7 +118,7 @@ void EmulatedBus::collide(Instant begin) noexcept {
   }
 }
 
-void EmulatedBus::carry_out(const Packet& packet, Instant heard) {
+void EmulatedBus::execute(const Packet& packet, Instant heard) {
   advance(heard);
   switch (packet.instruction) {
     case Instruction::kStatus:

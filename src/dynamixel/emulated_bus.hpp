@@ -129,7 +129,7 @@ class EmulatedBus {
   [[nodiscard]] bool hears(const EmulatedMotor* motor) noexcept;
   // True if a motor that has heard the instruction has heard it damaged.
   [[nodiscard]] bool mishears() noexcept;
-  void carry_out(const Packet& packet, Instant heard);
+  void execute(const Packet& packet, Instant heard);
   void read_many(const Packet& packet, Instant heard);
   void fast_read_many(const Packet& packet, Instant heard);
   void write_many(const Packet& packet) noexcept;

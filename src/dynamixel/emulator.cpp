@@ -45,7 +45,7 @@ struct Emulator::State {
   void open();
   void make_link(const std::string& name);
   void run();
-  void carry_out_changes();
+  void apply_changes();
   [[nodiscard]] int baud_of_host() const noexcept;
 
   EmulatedBus bus;  // used by the thread only
@@ -86,13 +86,13 @@ void Emulator::State::open() {
 
 void Emulator::State::make_link(const std::string& name) {
   if (name.empty()) return;
-  const ipc::LockPatience patience;
+  const ipc::LockTimeout timeout;
   while (true) {
     link_lock = ipc::open_lock_file(lock_of(name));
     if (ipc::try_lock(link_lock, ipc::Lock::kClaim) && ipc::is_named(link_lock, lock_of(name))) {
       break;
     }
-    if (patience.wait(false)) continue;
+    if (timeout.wait(false)) continue;
     throw InvalidArgument("the link " + name +
                           " belongs to motors that are emulated already; end that emulator, or "
                           "choose another name");
@@ -116,7 +116,7 @@ int Emulator::State::baud_of_host() const noexcept {
   return std::max(static_cast<int>(settings.c_ospeed), 1);
 }
 
-void Emulator::State::carry_out_changes() {
+void Emulator::State::apply_changes() {
   std::uint64_t rings = 0;
   static_cast<void>(::read(bell.get(), &rings, sizeof(rings)));
   std::vector<std::packaged_task<void()>> tasks;
@@ -144,7 +144,7 @@ void Emulator::State::run() {
                                  {.fd = bell.get(), .events = POLLIN, .revents = 0}}};
     static_cast<void>(::ppoll(files.data(), files.size(), &time, nullptr));
     now = std::chrono::steady_clock::now();
-    if (files[1].revents != 0) carry_out_changes();
+    if (files[1].revents != 0) apply_changes();
     if ((files[0].revents & POLLIN) != 0) {
       const ssize_t received = ::read(master.get(), bytes.data(), bytes.size());
       if (received > 0) {

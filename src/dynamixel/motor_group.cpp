@@ -66,30 +66,30 @@ bool is_position(OperatingMode mode) noexcept {
 
 }  // namespace
 
-FixedText describe(const GroupTrouble& trouble) noexcept {
+FixedText describe(const GroupFault& fault) noexcept {
   FixedText text("motor ");
-  text.append(std::size_t{trouble.motor}).append(" ");
-  switch (trouble.kind) {
-    case Trouble::kNone:
-      return FixedText("the motors report no trouble");
-    case Trouble::kLineGone:
+  text.append(std::size_t{fault.motor}).append(" ");
+  switch (fault.kind) {
+    case MotorFault::kNone:
+      return FixedText("the motors report no fault");
+    case MotorFault::kLineGone:
       return FixedText(
           "the serial line to the motors has gone; check the adapter's plug, then recover");
-    case Trouble::kSilent:
+    case MotorFault::kSilent:
       return text.append(
           "does not answer any more; check its supply and the cable in front of it, then recover");
-    case Trouble::kHardwareError:
-      return text.append("has stopped: ").append(describe_hardware_errors(trouble.detail).view());
-    case Trouble::kTorqueLost:
+    case MotorFault::kHardwareError:
+      return text.append("has stopped: ").append(describe_hardware_errors(fault.detail).view());
+    case MotorFault::kTorqueLost:
       return text.append(
           "has switched its torque off, as after a restart; check its supply under load, then "
           "recover");
-    case Trouble::kWatchdog:
+    case MotorFault::kWatchdog:
       return text.append(
           "has stopped because it heard nothing for too long; check the load of this machine and "
           "the adapter, then recover");
-    case Trouble::kRefused: {
-      const ErrorText& error = dynamixel::text_of(static_cast<StatusError>(trouble.detail));
+    case MotorFault::kRefused: {
+      const ErrorText& error = dynamixel::text_of(static_cast<StatusError>(fault.detail));
       return text.append("refuses: ").append(error.sentence).append("; ").append(error.remedy);
     }
   }
@@ -242,7 +242,7 @@ void MotorGroup::give_torque(std::size_t motor) {
 void MotorGroup::start() {
   is_started_ = false;
   num_watched_ = 0;
-  trouble_ = {};
+  fault_ = {};
   // Reading shows whether the line has gone while nobody used it.
   bus_.drop_late_answers();
   if (!bus_.port().is_open()) bus_.port().reopen();
@@ -264,9 +264,9 @@ void MotorGroup::start() {
   read_all();
 }
 
-void MotorGroup::note(Trouble kind, std::size_t motor, std::uint8_t detail) noexcept {
-  if (trouble_.kind != Trouble::kNone) return;
-  trouble_ = {.kind = kind, .motor = ids_[motor], .detail = detail};
+void MotorGroup::note(MotorFault kind, std::size_t motor, std::uint8_t detail) noexcept {
+  if (fault_.kind != MotorFault::kNone) return;
+  fault_ = {.kind = kind, .motor = ids_[motor], .detail = detail};
 }
 
 void MotorGroup::read_all() noexcept {
@@ -278,10 +278,10 @@ void MotorGroup::read_all() noexcept {
       case Outcome::kDone:
         break;
       case Outcome::kRefused:
-        note(Trouble::kRefused, i, static_cast<std::uint8_t>(answer.answer.error));
+        note(MotorFault::kRefused, i, static_cast<std::uint8_t>(answer.answer.error));
         continue;
       case Outcome::kLineGone:
-        note(Trouble::kLineGone, i);
+        note(MotorFault::kLineGone, i);
         continue;
       default:
         ++reading.missing;
@@ -296,11 +296,11 @@ void MotorGroup::read_all() noexcept {
     reading.position = position_of(value(regs::kPresentPosition));
     reading.measured = answer.answer.asked;
     // The alert does not say which error it is.
-    if (answer.answer.alert && trouble_.kind == Trouble::kNone) look(i, Look::kTorque);
+    if (answer.answer.alert && fault_.kind == MotorFault::kNone) look(i, Look::kTorque);
   }
   const Instant now = bus_.port().now();
   for (std::size_t i = 0; i < size(); ++i) {
-    if (now - readings_[i].measured > options_.silent_after) note(Trouble::kSilent, i);
+    if (now - readings_[i].measured > options_.silent_after) note(MotorFault::kSilent, i);
   }
 }
 
@@ -367,7 +367,7 @@ void MotorGroup::write_all(std::span<const double> goals) noexcept {
   for (std::size_t i = 0; i < num_driven(); ++i) {
     last_goals_[i] = raw_goal(i, i < goals.size() ? goals[i] : std::nan(""));
   }
-  if (send_goals(num_driven()) == Outcome::kLineGone) note(Trouble::kLineGone, 0);
+  if (send_goals(num_driven()) == Outcome::kLineGone) note(MotorFault::kLineGone, 0);
 }
 
 void MotorGroup::look(std::size_t motor, Look what) noexcept {
@@ -382,15 +382,15 @@ void MotorGroup::look(std::size_t motor, Look what) noexcept {
       reading.has_torque = data[0] != 0;
       reading.hardware_errors = data[kErrors];
       if (reading.hardware_errors != 0) {
-        note(Trouble::kHardwareError, motor, reading.hardware_errors);
+        note(MotorFault::kHardwareError, motor, reading.hardware_errors);
       } else if (!reading.has_torque && motor < num_driven()) {
-        note(Trouble::kTorqueLost, motor);
+        note(MotorFault::kTorqueLost, motor);
       }
       return;
     }
     case Look::kWatchdog: {
       std::int32_t value = 0;
-      if (bus_.read(id, regs::kBusWatchdog, value) && value < 0) note(Trouble::kWatchdog, motor);
+      if (bus_.read(id, regs::kBusWatchdog, value) && value < 0) note(MotorFault::kWatchdog, motor);
       return;
     }
     case Look::kSupply: {
@@ -406,7 +406,7 @@ void MotorGroup::look(std::size_t motor, Look what) noexcept {
 void MotorGroup::cycle(std::span<const double> goals) noexcept {
   ++cycles_;
   read_all();
-  if (!is_started_ || trouble_.kind != Trouble::kNone) return;
+  if (!is_started_ || fault_.kind != MotorFault::kNone) return;
   write_all(goals);
   if (cycles_ % static_cast<std::uint64_t>(options_.cycles_between_looks) != 0) return;
   look(looks_ / kLooks % size(), static_cast<Look>(looks_ % kLooks));

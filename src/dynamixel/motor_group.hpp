@@ -35,7 +35,7 @@ struct MotorGroupOptions {
   /// The motors stop by themselves when they hear nothing for so long: a multiple of 20 ms up to
   /// 2.54 s. 0: never; then they keep their last goals when the host has died.
   Nanoseconds watchdog{std::chrono::milliseconds(100)};
-  /// A motor that has not answered for so long is in trouble.
+  /// A motor that has not answered for so long has a fault.
   Nanoseconds silent_after{std::chrono::milliseconds(50)};
   /// Between two looks at torque, hardware errors, supply and temperature of one motor, in turn.
   int cycles_between_looks{20};
@@ -59,7 +59,7 @@ struct MotorReading {
 };
 
 /// Why a group cannot be used.
-enum class Trouble : std::uint8_t {
+enum class MotorFault : std::uint8_t {
   kNone,
   kLineGone,       ///< The adapter was unplugged.
   kSilent,         ///< A motor has not answered for too long.
@@ -69,14 +69,14 @@ enum class Trouble : std::uint8_t {
   kRefused,        ///< A motor refuses to be read.
 };
 
-struct GroupTrouble {
-  Trouble kind{Trouble::kNone};
+struct GroupFault {
+  MotorFault kind{MotorFault::kNone};
   MotorId motor{0};        ///< Which one, unless the line has gone.
   std::uint8_t detail{0};  ///< Bits of `HardwareError`, or a `StatusError`.
 };
 
 /// A sentence on what is wrong, and what to do.
-[[nodiscard]] FixedText describe(const GroupTrouble& trouble) noexcept;
+[[nodiscard]] FixedText describe(const GroupFault& fault) noexcept;
 
 /// Motors on one bus that are read and driven together. Calls wait for the bus: see `MotorLoop`.
 class MotorGroup {
@@ -87,14 +87,14 @@ class MotorGroup {
 
   /// Finds the motors, sets them up, and switches torque on. Goals are then 0 A or 0 rad/s, or the
   /// positions where the motors are. The position of every motor is then known. What motors keep
-  /// without supply is written only if it changes. Forgets all troubles, and opens the line again
+  /// without supply is written only if it changes. Forgets all faults, and opens the line again
   /// if it had gone. Motors may have torque after an exception: see `release`.
   /// @throws Error that names the motor, what was expected and what to do
   void start();
 
   /// One cycle: reads all motors, then sends them the goals. A goal that is not a number becomes
   /// 0 A or 0 rad/s, or the last position. Goals stay within the limits that are stored in the
-  /// motors. Without effect on the motors while there is a trouble.
+  /// motors. Without effect on the motors while there is a fault.
   void cycle(std::span<const double> goals) noexcept;
 
   /// Sets goal currents to 0 and switches torque off, until every motor confirms that it has none.
@@ -114,8 +114,8 @@ class MotorGroup {
   [[nodiscard]] const MotorModel& model(std::size_t motor) const noexcept {
     return *models_[motor];
   }
-  /// The first trouble since `start`; it stays.
-  [[nodiscard]] const GroupTrouble& trouble() const noexcept { return trouble_; }
+  /// The first fault since `start`; it stays.
+  [[nodiscard]] const GroupFault& fault() const noexcept { return fault_; }
   [[nodiscard]] std::uint64_t cycles() const noexcept { return cycles_; }
   [[nodiscard]] BusCounts counts() const noexcept { return bus_.counts(); }
   [[nodiscard]] Bus& bus() noexcept { return bus_; }
@@ -149,7 +149,7 @@ class MotorGroup {
   Outcome send_goals(std::size_t count) noexcept;
   void write_all(std::span<const double> goals) noexcept;
   void look(std::size_t motor, Look what) noexcept;
-  void note(Trouble kind, std::size_t motor, std::uint8_t detail = 0) noexcept;
+  void note(MotorFault kind, std::size_t motor, std::uint8_t detail = 0) noexcept;
   [[nodiscard]] std::int32_t raw_goal(std::size_t motor, double goal) const noexcept;
   [[nodiscard]] const Register& goal_register() const noexcept;
 
@@ -163,7 +163,7 @@ class MotorGroup {
   std::size_t num_watched_{0};  // motors that `start` has given torque
   std::array<MotorAnswer, kMaxMotors> answers_{};
   std::array<std::uint8_t, 4 * kMaxMotors> data_{};
-  GroupTrouble trouble_{};
+  GroupFault fault_{};
   std::uint64_t cycles_{0};
   std::uint64_t looks_{0};
   bool is_started_{false};

@@ -29,7 +29,7 @@ struct MotorSnapshot {
   std::array<MotorReading, kMaxMotors> readings{};
   BusCounts counts{};
   std::uint64_t cycles{0};
-  GroupTrouble trouble{};
+  GroupFault fault{};
   FixedText failure{};  ///< A sentence with the remedy.
 };
 

@@ -27,7 +27,7 @@ struct MotorLoop::State {
 
   Latest<MotorSnapshot> snapshots;
   detail::MotorRunner runner;  // used by the thread only, and tells the snapshots
-  std::vector<std::string> lacks;
+  std::vector<std::string> warnings;
   Latest<detail::Goals> goals;
   std::atomic<std::uint64_t> request{0};
   std::atomic<bool> is_cut{false};
@@ -66,7 +66,7 @@ void MotorLoop::State::run() {
 MotorLoop::MotorLoop(std::unique_ptr<MotorGroup> group, const MotorLoopOptions& options)
     : state_(std::make_unique<State>(std::move(group), options)) {
   std::promise<std::vector<std::string>> entered;
-  auto lacks = entered.get_future();
+  auto warnings = entered.get_future();
   state_->thread = std::jthread(
       [state = state_.get(), realtime = options.realtime, entered = std::move(entered)]() mutable {
         try {
@@ -77,7 +77,7 @@ MotorLoop::MotorLoop(std::unique_ptr<MotorGroup> group, const MotorLoopOptions& 
         }
         state->run();
       });
-  state_->lacks = lacks.get();
+  state_->warnings = warnings.get();
 }
 
 MotorLoop::~MotorLoop() {
@@ -111,6 +111,6 @@ void MotorLoop::cut() noexcept { state_->is_cut.store(true, std::memory_order_re
 
 Instant MotorLoop::now() const noexcept { return std::chrono::steady_clock::now(); }
 
-const std::vector<std::string>& MotorLoop::lacks() const noexcept { return state_->lacks; }
+const std::vector<std::string>& MotorLoop::warnings() const noexcept { return state_->warnings; }
 
 }  // namespace trifinger::dynamixel

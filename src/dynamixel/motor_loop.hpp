@@ -42,7 +42,7 @@ class MotorLoop final : public MotorLink {
   [[nodiscard]] Instant now() const noexcept override;
 
   /// What the machine refused to the thread, one sentence each.
-  [[nodiscard]] const std::vector<std::string>& lacks() const noexcept;
+  [[nodiscard]] const std::vector<std::string>& warnings() const noexcept;
 
  private:
   struct State;

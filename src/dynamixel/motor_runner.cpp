@@ -24,11 +24,11 @@ Goals goals_of(std::span<const double> goals) noexcept {
 }
 
 MotorRunner::MotorRunner(std::unique_ptr<MotorGroup> group, Nanoseconds period,
-                         Nanoseconds goal_timeout, std::function<void(const MotorSnapshot&)> tell)
+                         Nanoseconds goal_timeout, std::function<void(const MotorSnapshot&)> report)
     : group_(std::move(group)),
       period_(period),
       goal_timeout_(goal_timeout),
-      tell_(std::move(tell)) {
+      report_(std::move(report)) {
   require(group_ != nullptr, "a loop of motors needs a group, but got none");
   require(period >= Nanoseconds::zero(),
           "period of a loop of motors is " + duration_text(period) + ", must be at least 0");
@@ -43,8 +43,8 @@ void MotorRunner::look() noexcept {
   std::ranges::copy(group_->readings(), snapshot_.readings.begin());
   snapshot_.counts = group_->counts();
   snapshot_.cycles = group_->cycles();
-  snapshot_.trouble = group_->trouble();
-  tell_(snapshot_);
+  snapshot_.fault = group_->fault();
+  report_(snapshot_);
 }
 
 void MotorRunner::fail(const FixedText& why) noexcept {
@@ -104,8 +104,8 @@ void MotorRunner::cycle(const Goals* newest) noexcept {
   }
   const bool is_fresh = has_goals_ && now - goals_came_ <= goal_timeout_;
   group_->cycle(is_fresh ? std::span<const double>(newest_.values) : std::span<const double>());
-  if (group_->trouble().kind != Trouble::kNone) {
-    fail(describe(group_->trouble()));
+  if (group_->fault().kind != MotorFault::kNone) {
+    fail(describe(group_->fault()));
     return;
   }
   look();

@@ -33,7 +33,7 @@ class MotorRunner {
   // Throws InvalidArgument.
   MotorRunner(
       std::unique_ptr<MotorGroup> group, Nanoseconds period, Nanoseconds goal_timeout,
-      std::function<void(const MotorSnapshot&)> tell = [](const MotorSnapshot&) {});
+      std::function<void(const MotorSnapshot&)> report = [](const MotorSnapshot&) {});
 
   // Carries out a request, see `request_of`.
   void obey(std::uint64_t word) noexcept;
@@ -60,7 +60,7 @@ class MotorRunner {
   std::unique_ptr<MotorGroup> group_;
   Nanoseconds period_;
   Nanoseconds goal_timeout_;
-  std::function<void(const MotorSnapshot&)> tell_;
+  std::function<void(const MotorSnapshot&)> report_;
   MotorSnapshot snapshot_{};
   Goals newest_{};
   Instant goals_came_{};

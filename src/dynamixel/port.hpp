@@ -66,7 +66,7 @@ class SerialPort final : public Port {
   ~SerialPort() override;
 
   /// What the device refused, one sentence with the remedy each; empty if it granted everything.
-  [[nodiscard]] const std::vector<std::string>& lacks() const noexcept { return lacks_; }
+  [[nodiscard]] const std::vector<std::string>& warnings() const noexcept { return warnings_; }
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
   [[nodiscard]] Instant now() const noexcept override { return std::chrono::steady_clock::now(); }
@@ -88,7 +88,7 @@ class SerialPort final : public Port {
   std::string path_;
   SerialOptions options_;
   ipc::FileDescriptor device_;  // none once the line has gone
-  std::vector<std::string> lacks_;
+  std::vector<std::string> warnings_;
 };
 
 }  // namespace trifinger::dynamixel

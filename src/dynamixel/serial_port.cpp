@@ -109,7 +109,7 @@ void SerialPort::set_up() {
     }
   }
   static_cast<void>(::ioctl(device_.get(), TCFLSH, TCIOFLUSH));
-  lacks_.clear();
+  warnings_.clear();
   if (options_.low_latency) lower_latency();
 }
 
@@ -120,17 +120,17 @@ void SerialPort::lower_latency() {
   if (::ioctl(device_.get(), TIOCGSERIAL, &serial) != 0) {
     // Pseudo-terminals and some adapters have no such setting, and no timer either.
     const bool has_none = errno == ENOTTY || errno == EINVAL || errno == EOPNOTSUPP;
-    if (!has_none) lacks_.push_back("the latency of " + path_ + " cannot be read");
+    if (!has_none) warnings_.push_back("the latency of " + path_ + " cannot be read");
     return;
   }
   serial.flags = static_cast<int>(static_cast<unsigned>(serial.flags) | ASYNC_LOW_LATENCY);
   if (::ioctl(device_.get(), TIOCSSERIAL, &serial) == 0) return;
   std::error_code ignored;
   const std::string name = std::filesystem::weakly_canonical(path_, ignored).filename().string();
-  lacks_.push_back("the adapter of " + path_ +
-                   " may hold bytes back for 16 ms; as root: echo 1 > "
-                   "/sys/bus/usb-serial/devices/" +
-                   name + "/latency_timer");
+  warnings_.push_back("the adapter of " + path_ +
+                      " may hold bytes back for 16 ms; as root: echo 1 > "
+                      "/sys/bus/usb-serial/devices/" +
+                      name + "/latency_timer");
 }
 
 bool SerialPort::wait_for(short events, Instant deadline) noexcept {

@@ -31,7 +31,7 @@ constexpr Nanoseconds kLook = std::chrono::milliseconds(5);
 // How long a robot may brake before its session ends.
 constexpr Nanoseconds kLongestBrake = std::chrono::seconds(2);
 // A destructor waits this long for the end of the session.
-constexpr Nanoseconds kPatience = std::chrono::seconds(1);
+constexpr Nanoseconds kTimeout = std::chrono::seconds(1);
 
 // How far the guide's thread shall go towards its end. Values only grow.
 enum class End : int {
@@ -51,27 +51,28 @@ struct OwnThread {
 };
 thread_local OwnThread* own_thread = nullptr;
 
-// The wishes that the thread has not seen yet: at most one for the whole robot, then one per tip.
+// The setpoints that the thread has not seen yet: at most one for the whole robot, then one per
+// tip.
 class Mailbox {
  public:
-  void put(const Wish& wish) noexcept {
-    if (wish.mode == Mode::kMoveTip) {
-      tips_[static_cast<std::size_t>(wish.finger)] = wish;
+  void put(const Setpoint& setpoint) noexcept {
+    if (setpoint.mode == Mode::kMoveTip) {
+      tips_[static_cast<std::size_t>(setpoint.finger)] = setpoint;
     } else {
-      whole_ = wish;
+      whole_ = setpoint;
       tips_.fill(std::nullopt);
     }
     is_empty_ = false;
   }
   [[nodiscard]] bool is_empty() const noexcept { return is_empty_; }
 
-  // Hands each wish to `take`, in their order, and forgets it.
+  // Hands each setpoint to `take`, in their order, and forgets it.
   template <class Take>
   void empty(const Take& take) noexcept {
     if (is_empty_) return;
     if (whole_) take(*whole_);
     whole_.reset();
-    for (std::optional<Wish>& tip : tips_) {
+    for (std::optional<Setpoint>& tip : tips_) {
       if (tip) take(*tip);
       tip.reset();
     }
@@ -80,8 +81,8 @@ class Mailbox {
 
  private:
   bool is_empty_{true};
-  std::optional<Wish> whole_;
-  std::array<std::optional<Wish>, kMaxFingers> tips_;
+  std::optional<Setpoint> whole_;
+  std::array<std::optional<Setpoint>, kMaxFingers> tips_;
 };
 
 std::string point_text(const Eigen::Vector3d& point) {
@@ -108,7 +109,7 @@ std::string refusal_of(const ControllerState& state, int finger, const Eigen::Ve
       reason = "its point needs joints beyond their hard limits";
       break;
   }
-  if (reason.empty()) reason = "its wish needs joints beyond their soft limits";
+  if (reason.empty()) reason = "its setpoint needs joints beyond their soft limits";
   return text_of("finger ", finger, " goes only to ", point_text(tip), ": ", reason);
 }
 
@@ -175,10 +176,10 @@ class Guide::Implementation {
                                     controller_.kinematics().num_joints()));
     }
     std::promise<std::vector<std::string>> entered;
-    std::future<std::vector<std::string>> lacks = entered.get_future();
+    std::future<std::vector<std::string>> warnings = entered.get_future();
     thread_ = std::thread([this, &entered] { work(entered); });
     try {
-      realtime_lacks_ = lacks.get();
+      realtime_warnings_ = warnings.get();
     } catch (...) {
       thread_.join();
       throw;
@@ -188,16 +189,16 @@ class Guide::Implementation {
   Implementation& operator=(const Implementation&) = delete;
   ~Implementation() {
     try {
-      static_cast<void>(end(End::kAtOnce, kPatience, {}));
+      static_cast<void>(end(End::kAtOnce, kTimeout, {}));
     } catch (...) {
       // The thread has ended; nobody is left to hear why.
     }
   }
 
-  void put(const Wish& wish) {
+  void put(const Setpoint& setpoint) {
     const std::lock_guard lock(mutex_);
     require_running();
-    mailbox_.put(wish);
+    mailbox_.put(setpoint);
   }
 
   [[nodiscard]] GuideState state(Timeout timeout) const {
@@ -282,8 +283,8 @@ class Guide::Implementation {
   [[nodiscard]] const GuideOptions& options() const noexcept { return options_; }
   [[nodiscard]] const GuideController& controller() const noexcept { return controller_; }
   [[nodiscard]] const UntypedFrontend& frontend() const noexcept { return *frontend_; }
-  [[nodiscard]] const std::vector<std::string>& realtime_lacks() const noexcept {
-    return realtime_lacks_;
+  [[nodiscard]] const std::vector<std::string>& realtime_warnings() const noexcept {
+    return realtime_warnings_;
   }
 
  private:
@@ -295,7 +296,7 @@ class Guide::Implementation {
       throw InvalidArgument("the guide of '" + name_ + "' has ended; make a new one");
   }
 
-  // What wishes are put after the newest state counts as not arrived.
+  // What setpoints are put after the newest state counts as not arrived.
   [[nodiscard]] bool has_arrived() const noexcept {
     return has_begun_ && seen_.has_arrived && mailbox_.is_empty();
   }
@@ -396,7 +397,7 @@ class Guide::Implementation {
       const End end = end_.load(std::memory_order_relaxed);
       if (end >= End::kAtOnce) return;
       if (end == End::kBrake) {
-        if (++braked == 0) static_cast<void>(controller_.grant({.mode = Mode::kHold}));
+        if (++braked == 0) static_cast<void>(controller_.accept({.mode = Mode::kHold}));
         if (braked > most || (braked > 0 && controller_.state().has_arrived)) return;
       }
       const GuideCommand& command = controller_.update(measured<R>(observation));
@@ -420,14 +421,15 @@ class Guide::Implementation {
             .velocity = joint_values(observation.velocity)};
   }
 
-  // Takes new wishes and shows the newest state. If a caller is just then at it, the next step
+  // Takes new setpoints and shows the newest state. If a caller is just then at it, the next step
   // does.
-  void exchange(TimeIndex step, bool takes_wishes) noexcept {
+  void exchange(TimeIndex step, bool takes_setpoints) noexcept {
     const std::unique_lock lock(mutex_, std::try_to_lock);
     if (!lock.owns_lock()) return;
-    if (takes_wishes) {
-      // `put` has checked all wishes, so none is refused.
-      mailbox_.empty([this](const Wish& wish) { static_cast<void>(controller_.grant(wish)); });
+    if (takes_setpoints) {
+      // `put` has checked all setpoints, so none is refused.
+      mailbox_.empty(
+          [this](const Setpoint& setpoint) { static_cast<void>(controller_.accept(setpoint)); });
     }
     seen_ = controller_.state();
     step_ = step;
@@ -436,7 +438,7 @@ class Guide::Implementation {
   GuideOptions options_;
   std::shared_ptr<UntypedFrontend> frontend_;
   std::string name_;
-  std::vector<std::string> realtime_lacks_;
+  std::vector<std::string> realtime_warnings_;
   std::atomic<End> end_{End::kNone};
 
   // The thread uses these without a lock.
@@ -544,8 +546,8 @@ void Guide::stop(Timeout timeout) {
 
 const UntypedFrontend& Guide::frontend() const { return own().frontend(); }
 
-const std::vector<std::string>& Guide::realtime_lacks() const noexcept {
-  return implementation_->realtime_lacks();
+const std::vector<std::string>& Guide::realtime_warnings() const noexcept {
+  return implementation_->realtime_warnings();
 }
 
 }  // namespace trifinger::guiding

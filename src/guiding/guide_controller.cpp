@@ -30,10 +30,12 @@ constexpr double kArm = 0.1;
 // The safety checks end a session whose measurements are larger.
 constexpr double kLargestMeasurement = 1e6;
 
-// The speed from which a motion with steps of length `period` can stop after `way`: whole steps of
-// braking, way = v period + (v - change) period + ..., solved for v. No step goes beyond.
-double stoppable_speed(double way, double change, double period) noexcept {
-  return std::min(change * (std::sqrt(0.25 + 2 * way / (change * period)) - 0.5), way / period);
+// The speed from which a motion with steps of length `period` can stop after `distance`: whole
+// steps of braking, distance = v period + (v - change) period + ..., solved for v. No step goes
+// beyond.
+double stoppable_speed(double distance, double change, double period) noexcept {
+  return std::min(change * (std::sqrt(0.25 + 2 * distance / (change * period)) - 0.5),
+                  distance / period);
 }
 
 bool is_plausible(double number) noexcept {
@@ -104,45 +106,46 @@ bool GuideController::begin(const MeasuredJoints& measured) noexcept TRIFINGER_R
   return true;
 }
 
-bool GuideController::grant(const Wish& wish) noexcept TRIFINGER_REALTIME {
+bool GuideController::accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTIME {
   if (!has_begun_) return false;
-  if (wish.mode == Mode::kMoveJoints &&
-      (wish.joints.size() != joints_ || !wish.joints.allFinite())) {
+  if (setpoint.mode == Mode::kMoveJoints &&
+      (setpoint.joints.size() != joints_ || !setpoint.joints.allFinite())) {
     return false;
   }
-  if (wish.mode == Mode::kMoveTip &&
-      (wish.finger < 0 || wish.finger >= kinematics_.num_fingers() || !wish.tip.allFinite())) {
+  if (setpoint.mode == Mode::kMoveTip &&
+      (setpoint.finger < 0 || setpoint.finger >= kinematics_.num_fingers() ||
+       !setpoint.tip.allFinite())) {
     return false;
   }
   const bool has_floated = state_.mode == Mode::kFloat;
   if (has_floated) {
-    if (wish.mode == Mode::kFloat) return true;
+    if (setpoint.mode == Mode::kFloat) return true;
     // The joints go on from how they move.
     for (int i = 0; i < joints_; ++i)
       reference_velocity_[i] = std::clamp(velocity_[i], -max_speed(i), max_speed(i));
     aim_at_rest();
   }
-  switch (wish.mode) {
+  switch (setpoint.mode) {
     case Mode::kHold:
       // A pose that is already held stays the same. Otherwise, a robot that is told so again and
       // again would sag.
       if (state_.mode != Mode::kHold && !has_floated) aim_at_rest();
       break;
     case Mode::kMoveJoints:
-      aim(wish.joints);
+      aim(setpoint.joints);
       break;
     case Mode::kHome:
       aim(robot_.home);
       break;
     case Mode::kMoveTip:
-      aim_tip(wish.finger, wish.tip);
+      aim_tip(setpoint.finger, setpoint.tip);
       break;
     case Mode::kFloat:
       for (Line& line : lines_) line = {};
       state_.shortfalls.fill({});
       break;
   }
-  state_.mode = wish.mode;
+  state_.mode = setpoint.mode;
   state_.has_arrived = false;
   return true;
 }
@@ -229,7 +232,7 @@ void GuideController::aim_tip(int finger, const Eigen::Vector3d& tip) noexcept {
       std::any_of(is_held_back_.begin() + first, is_held_back_.begin() + first + kJointsPerFinger,
                   [](bool is) { return is; });
   // A line goes on from its own last point. The reference is behind that point, and would slow down
-  // at each of many wishes.
+  // at each of many setpoints.
   if (!line.is_given || is_held_back) {
     line = {.at = tip_of(finger, state_.reference), .joints = state_.reference.segment<3>(first)};
   }
@@ -262,8 +265,8 @@ void GuideController::advance_line(int finger) noexcept {
     line.speed = 0.0;
     return;
   }
-  const Eigen::Vector3d way = line.end - line.at;
-  const double distance = way.norm();
+  const Eigen::Vector3d displacement = line.end - line.at;
+  const double distance = displacement.norm();
   const double change = kArm * speeds_.joint_acceleration * period_;
   if (distance <= kSamePoint) {
     line.at = line.end;
@@ -271,7 +274,7 @@ void GuideController::advance_line(int finger) noexcept {
     line.joints = state_.target.segment<3>(first);
     return;
   }
-  const Eigen::Vector3d along = way / distance;
+  const Eigen::Vector3d along = displacement / distance;
   // Around a corner only the part of the speed remains that points in the new direction.
   line.speed *= std::max(0.0, line.along.dot(along));
   line.along = along;

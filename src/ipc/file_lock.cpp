@@ -75,7 +75,7 @@ bool try_share(const FileDescriptor& file, Lock lock) {
   return try_to(file, request_of(F_RDLCK, lock));
 }
 
-bool LockPatience::wait(bool holder_is_ending) const {
+bool LockTimeout::wait(bool holder_is_ending) const {
   constexpr Nanoseconds kLook = std::chrono::milliseconds(5);
   // For a moment a kill is no longer pending, but has no other visible effect yet.
   constexpr Nanoseconds kDoubt = std::chrono::milliseconds(100);
@@ -122,7 +122,7 @@ bool remove_lock_file(const FileDescriptor& file, const std::filesystem::path& p
   struct flock claim = request_of(F_WRLCK, Lock::kClaim);
   if (::fcntl(file.get(), F_OFD_SETLK, &claim) != 0) return false;
   if (is_named(file, path) && !is_locked_by_other(file, Lock::kOwner) &&
-      !is_locked_by_other(file, Lock::kTurn)) {
+      !is_locked_by_other(file, Lock::kJob)) {
     ::unlink(path.c_str());
   }
   unlock(file, Lock::kClaim);
@@ -131,7 +131,7 @@ bool remove_lock_file(const FileDescriptor& file, const std::filesystem::path& p
 
 void leave_lock_file(const FileDescriptor& file, const std::filesystem::path& path) noexcept {
   unlock(file, Lock::kOwner);
-  unlock(file, Lock::kTurn);
+  unlock(file, Lock::kJob);
   // Two who leave at once would each keep the file for the other, so they do it one by one. A
   // process that arrives has the claim for longer, but then it owns the file and removes it.
   constexpr int kLooks = 500;

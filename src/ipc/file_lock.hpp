@@ -21,7 +21,7 @@ enum class Lock : off_t {
   kOwner = 0,  ///< The holder owns the file.
   kClaim = 1,  ///< The holder alone may take, replace or remove the file.
   kUse = 2,    ///< The holders have the file mapped.
-  kTurn = 3,   ///< The holder gives a user a turn on the robot of a lock file.
+  kJob = 3,    ///< The holder runs a job of a user on the robot of a lock file.
 };
 
 /// Takes the exclusive lock of the file, as long as the descriptor is open. False if another
@@ -34,7 +34,7 @@ enum class Lock : off_t {
 
 /// Limits how long a process that was refused a lock asks for it again. A killed holder keeps its
 /// lock until the kernel has released its memory, which takes a while.
-class LockPatience {
+class LockTimeout {
  public:
   /// Sleeps for some milliseconds. False if another try makes no sense: the holder lives, or has
   /// been ending for 10 s. For `holder_is_ending` see `ProcessIdentity::is_ending`.

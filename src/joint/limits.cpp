@@ -10,7 +10,7 @@ namespace trifinger {
 namespace {
 
 // With at least this continuous torque [Nm], no quotient can overflow.
-constexpr double kLeastContinuousTorque = 1e-6;
+constexpr double kMinContinuousTorque = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::string text_of(double number, std::string_view unit) {
@@ -83,8 +83,8 @@ std::optional<JointLimitProblem> find_problem_of_joint(const JointLimit& limit) 
   limits.at_most(&JointLimit::soft_upper, &JointLimit::hard_upper);
   limits.at_most(&JointLimit::default_kp, &JointLimit::max_kp);
   limits.at_most(&JointLimit::default_kd, &JointLimit::max_kd);
-  limits.at_least(&JointLimit::continuous_torque, kLeastContinuousTorque,
-                  text_of(kLeastContinuousTorque, "Nm"));
+  limits.at_least(&JointLimit::continuous_torque, kMinContinuousTorque,
+                  text_of(kMinContinuousTorque, "Nm"));
   // The derating must be faster than the warming, whatever the time between two steps.
   const double shortest = std::pow(limit.max_torque / limit.continuous_torque, 2);
   limits.at_least(&JointLimit::thermal_time, shortest,

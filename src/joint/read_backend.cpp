@@ -18,7 +18,7 @@ Nanoseconds read_period(const Node& period) {
 }
 
 BackendOptions read_backend(const Node& section, SessionOptions& session, Nanoseconds step) {
-  constexpr double kMostCount = 1e6;
+  constexpr double kMaxCount = 1e6;
   BackendOptions options;
   options.mode = section.required_choice<BackendOptions::Mode>(
       "mode", {{"real_time", BackendOptions::Mode::kRealTime},
@@ -33,11 +33,11 @@ BackendOptions read_backend(const Node& section, SessionOptions& session, Nanose
   const Node late_action = section.section("late_action");
   const bool repeats =
       late_action.required_choice<bool>("policy", {{"stop", false}, {"repeat", true}});
-  const Range count{.min = 0, .max = kMostCount};
+  const Range count{.min = 0, .max = kMaxCount};
   // This key is read for both policies, so that changing the policy for a try needs no other
   // change.
   const auto max_repeats =
-      late_action.optional<std::uint32_t>("max_repeats", 0, {.min = 1, .max = kMostCount});
+      late_action.optional<std::uint32_t>("max_repeats", 0, {.min = 1, .max = kMaxCount});
   if (repeats) {
     static_cast<void>(late_action.at("max_repeats"));
     options.max_action_repeats = max_repeats;

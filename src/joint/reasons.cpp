@@ -45,7 +45,7 @@ constexpr std::array kReasonRows = std::to_array<ReasonRow>({
      "the joint is faster than max_velocity, or than it may be so near to a soft limit, and is "
      "braked"},
     {Reason::kOverheated, "overheated",
-     "the motor is too warm: it has given more torque than it was told"},
+     "the motor is too warm: it has given more torque than was commanded"},
     {Reason::kPositionJumped, "position_jumped",
      "the measured position changed faster than a joint can move"},
     {Reason::kVelocityMismatch, "velocity_mismatch",

@@ -16,9 +16,9 @@ namespace {
 
 using trifinger::detail::text_of;
 
-constexpr double kWayTime = 2.0;           // Time to reach the start of an episode [s].
-constexpr long long kWayActions = 20;      // Minimum number of actions for it.
-constexpr double kSmallestSquare = 1e-12;  // Of a quaternion that is not zero.
+constexpr double kApproachTime = 2.0;       // Time to reach the start of an episode [s].
+constexpr long long kApproachActions = 20;  // Minimum number of actions for it.
+constexpr double kSmallestSquare = 1e-12;   // Of a quaternion that is not zero.
 
 // Each episode has three series of random numbers.
 constexpr std::uint64_t kStreams = 4;
@@ -211,13 +211,14 @@ void Environment::begin(std::span<const Beginning> robots) const {
   }
 }
 
-std::int64_t Environment::way_actions() const noexcept {
-  return std::max(kWayActions, std::llround(kWayTime / checked(implementation_)->action_time));
+std::int64_t Environment::approach_actions() const noexcept {
+  return std::max(kApproachActions,
+                  std::llround(kApproachTime / checked(implementation_)->action_time));
 }
 
-void Environment::way_point(std::span<const double> from, const Start& start, std::int64_t index,
-                            std::span<double> position) const noexcept {
-  const double time = static_cast<double>(index + 1) / static_cast<double>(way_actions());
+void Environment::approach_point(std::span<const double> from, const Start& start,
+                                 std::int64_t index, std::span<double> position) const noexcept {
+  const double time = static_cast<double>(index + 1) / static_cast<double>(approach_actions());
   const double share = time * time * time * (10 - 15 * time + 6 * time * time);
   for (std::size_t i = 0; i < checked(implementation_)->num_joints; ++i) {
     position[i] = from[i] + share * (start.position[i] - from[i]);

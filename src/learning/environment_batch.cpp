@@ -27,12 +27,12 @@ std::size_t checked_size(int size) {
 
 EnvironmentBatch::Implementation::Implementation(
     Environment its_environment, std::size_t count,
-    const std::optional<rendering::SightOptions>& sight)
+    const std::optional<rendering::VisionOptions>& vision)
     : environment(std::move(its_environment)), size(count), seeds(count), runs(count) {
   const EnvironmentOptions& options = environment.options();
-  require(sight.has_value() || !options.needs_cameras(),
+  require(vision.has_value() || !options.needs_cameras(),
           "the options need simulated cameras, which are missing in the configuration");
-  if (options.layout == Layout::kImages) cameras = sight->cameras;
+  if (options.layout == Layout::kImages) cameras = vision->cameras;
   std::iota(seeds.begin(), seeds.end(), std::uint64_t{0});
   for (Observations* observations : {&results.seen, &results.final}) {
     observations->observation.resize(size * environment.observation_size());
@@ -64,9 +64,9 @@ void EnvironmentBatch::Implementation::require_own() const {
 
 EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                                    const SimulationOptions& simulation, int size, int num_threads,
-                                   const std::optional<rendering::SightOptions>& sight)
+                                   const std::optional<rendering::VisionOptions>& vision)
     : implementation_(Implementation::make(Environment(task, options, simulation), simulation,
-                                           checked_size(size), num_threads, sight)) {}
+                                           checked_size(size), num_threads, vision)) {}
 EnvironmentBatch::~EnvironmentBatch() = default;
 
 const Environment& EnvironmentBatch::environment() const noexcept {

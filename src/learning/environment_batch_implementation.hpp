@@ -19,9 +19,9 @@ class EnvironmentBatch::Implementation {
   // Makes simulations that run on `num_threads` threads; 0: one for each processor.
   [[nodiscard]] static std::unique_ptr<Implementation> make(
       Environment its_environment, const SimulationOptions& options, std::size_t count,
-      int num_threads, const std::optional<rendering::SightOptions>& sight);
+      int num_threads, const std::optional<rendering::VisionOptions>& vision);
   Implementation(Environment its_environment, std::size_t count,
-                 const std::optional<rendering::SightOptions>& sight);
+                 const std::optional<rendering::VisionOptions>& vision);
   Implementation(const Implementation&) = delete;
   Implementation& operator=(const Implementation&) = delete;
   virtual ~Implementation() = default;

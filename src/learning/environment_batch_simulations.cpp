@@ -10,7 +10,7 @@
 
 #include "environment_batch_implementation.hpp"
 #include "realtime/processors.hpp"
-#include "shared_eyes.hpp"
+#include "shared_pipelines.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/pixels.hpp"
 #include "trifinger/sim/simulator.hpp"
@@ -41,13 +41,13 @@ std::span<T> row(std::vector<T>& values, std::size_t index, std::size_t count) n
 class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementation {
  public:
   Simulations(Environment its_environment, const SimulationOptions& options, std::size_t count,
-              int num_threads, const std::optional<rendering::SightOptions>& sight)
-      : Implementation(std::move(its_environment), count, sight),
+              int num_threads, const std::optional<rendering::VisionOptions>& vision)
+      : Implementation(std::move(its_environment), count, vision),
         simulator_(options),
         simulations_(count),
         is_of_many_(environment.is_of_many()) {
-    oldest_sure_age = sight && sight->finds_objects ? rendering::oldest_sure_age(sight->capture)
-                                                    : rendering::oldest_sure_age(options);
+    oldest_sure_age = vision && vision->finds_objects ? rendering::oldest_sure_age(vision->capture)
+                                                      : rendering::oldest_sure_age(options);
     require(num_threads >= 0,
             "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
     for (Simulation& one : simulations_) {
@@ -68,7 +68,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
                                static_cast<int>(sizeof(error))));
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
-    open_eyes(sight);
+    make_pipelines(vision);
     if (environment.options().varies()) {
       std::vector<const mjModel*> models;
       const SceneModel::Compiled varied = make_varied_model();
@@ -195,16 +195,16 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     return simulator_.model().objects();
   }
 
-  void open_eyes(const std::optional<rendering::SightOptions>& sight) {
-    if (!sight || !(environment.options().needs_cameras() || sight->finds_objects)) return;
-    is_tracked_ = sight->finds_objects;
+  void make_pipelines(const std::optional<rendering::VisionOptions>& vision) {
+    if (!vision || !(environment.options().needs_cameras() || vision->finds_objects)) return;
+    is_tracked_ = vision->finds_objects;
     for (Simulation& one : simulations_) {
-      one.sight.emplace(sight->capture, objects().size());
-      if (sight->varies) one.sight->vary(sight->rendering);
+      one.captures.emplace(vision->capture, objects().size());
+      if (vision->varies) one.captures->vary(vision->rendering);
     }
-    const std::size_t num_eyes = std::min(static_cast<std::size_t>(num_threads()), size);
-    for (std::size_t i = 0; i < num_eyes; ++i) {
-      eyes_.add(rendering::make_eyes(simulator_.options(), *sight));
+    const std::size_t num_pipelines = std::min(static_cast<std::size_t>(num_threads()), size);
+    for (std::size_t i = 0; i < num_pipelines; ++i) {
+      pipelines_.add(rendering::make_vision_pipeline(simulator_.options(), *vision));
     }
   }
 
@@ -230,7 +230,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     std::vector<ObjectPose> objects{};  // Newest poses seen.
     TimeIndex object_step{kNeverSeen};
     CountedAction action{};  // The action in effect.
-    std::optional<rendering::Sight> sight{};
+    std::optional<rendering::CaptureQueue> captures{};
     bool is_blind{false};  // Drawing or reading an image has failed.
     // For tasks of many: where the next episode begins, what was measured in this call, and whether
     // it must be observed.
@@ -304,7 +304,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     put_at(start, data, one.state);
     std::ranges::fill(one.objects, ObjectPose{});
     one.object_step = kNeverSeen;
-    if (one.sight) one.sight->begin(one.state.memory.counters.random);
+    if (one.captures) one.captures->begin(one.state.memory.counters.random);
     see(-1, model, data, one);
     see(0, model, data, one);
     one.action = hold_position(one.state.observation);
@@ -357,10 +357,10 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
   }
 
   void see(TimeIndex step, const mjModel& model, const mjData& data, Simulation& one) noexcept {
-    if (one.sight && one.sight->is_due(step)) {
+    if (one.captures && one.captures->is_due(step)) {
       std::vector<double> configuration(data.qpos, data.qpos + model.nq);
       configuration.insert(configuration.end(), data.qvel, data.qvel + model.nv);
-      one.sight->capture(step, std::move(configuration));
+      one.captures->capture(step, std::move(configuration));
     }
     // Tasks see all bodies of a robot from a file.
     const bool sees_objects = has_object_ || simulator_.options().file != nullptr;
@@ -376,14 +376,14 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     Simulation& one = simulations_[i];
     const TimeIndex now = one.state.memory.counters.step;
     try {
-      const SharedEyes::Use eyes(eyes_);
-      if (one.sight->look(now, *eyes)) {
+      const SharedPipelines::Use pipeline(pipelines_);
+      if (one.captures->look(now, *pipeline)) {
         for (std::size_t k = 0; k < cameras.size(); ++k) {
-          camera::to_rgb(cameras[k].format, (*eyes).images()[k],
+          camera::to_rgb(cameras[k].format, (*pipeline).images()[k],
                          std::as_writable_bytes(row(results.seen.images[k], i, size)));
         }
       }
-      while (const auto poses = one.sight->take_poses(now)) {
+      while (const auto poses = one.captures->take_poses(now)) {
         if (!is_tracked_) continue;
         std::ranges::copy(poses->objects, one.objects.begin());
         one.object_step = poses->capture_index;
@@ -400,9 +400,9 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     Simulation& one = simulations_[i];
     Observations& seen = results.seen;
     const TimeIndex now = one.state.memory.counters.step;
-    if (one.sight) {
+    if (one.captures) {
       look(i);
-      const TimeIndex age = std::min(now - one.sight->images().capture_index, kOldestImage);
+      const TimeIndex age = std::min(now - one.captures->images().capture_index, kOldestImage);
       std::ranges::fill(row(seen.image_age, i, size), static_cast<float>(age));
     }
     Measurement measurement{.position = one.state.observation.position,
@@ -464,7 +464,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
   std::size_t object_{0};
   bool has_object_{false};
   bool is_tracked_{false};  // A tracker finds the objects.
-  SharedEyes eyes_;
+  SharedPipelines pipelines_;
   std::mutex failure_mutex_;
   std::exception_ptr failure_;  // of somebody who looked at images
   std::unique_ptr<mjBatch, DeleteBatch> batch_;
@@ -472,9 +472,9 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
 
 std::unique_ptr<EnvironmentBatch::Implementation> EnvironmentBatch::Implementation::make(
     Environment its_environment, const SimulationOptions& options, std::size_t count,
-    int num_threads, const std::optional<rendering::SightOptions>& sight) {
+    int num_threads, const std::optional<rendering::VisionOptions>& vision) {
   return std::make_unique<Simulations>(std::move(its_environment), options, count, num_threads,
-                                       sight);
+                                       vision);
 }
 
 }  // namespace trifinger::learning

@@ -178,9 +178,9 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
     EpisodeReport report{.number = options.first_episode + i};
     const Start start = environment.begin(options.seed, report.number, episode);
     const auto from = y.position;
-    for (std::int64_t k = 0; k < environment.way_actions() && !must_stop(); ++k) {
+    for (std::int64_t k = 0; k < environment.approach_actions() && !must_stop(); ++k) {
       typename R::Action action;
-      environment.way_point(from, start, k, action.position);
+      environment.approach_point(from, start, k, action.position);
       y = process.step(action);
     }
     const TimeIndex repeated_before = process.repeated_steps();

@@ -63,7 +63,7 @@ class FlightRecorder final : public Follower {
   /// The log of one fault.
   struct Left {
     std::filesystem::path file;
-    std::string trouble;  ///< Why the file is missing or incomplete; empty if it is complete.
+    std::string error;  ///< Why the file is missing or incomplete; empty if it is complete.
   };
   /// Writes logs of the sessions that have ended with a fault since the last call and whose robot
   /// is at rest. Do not call it in the thread of the back-end: it takes as long as the disk needs.

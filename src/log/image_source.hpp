@@ -37,7 +37,7 @@ class ImageSource final : public camera::Source {
   [[nodiscard]] bool grab(std::span<const std::span<std::byte>> images,
                           std::span<camera::Frame> frames, Timeout timeout) override;
   [[nodiscard]] bool has_ended() const noexcept override;
-  [[nodiscard]] std::vector<std::string> take_news() override;
+  [[nodiscard]] std::vector<std::string> take_messages() override;
 
  private:
   void go_on() noexcept;
@@ -56,7 +56,7 @@ class ImageSource final : public camera::Source {
   std::vector<camera::ImageFormat> formats_;
   Nanoseconds round_{0};              // from the beginning to the next one
   std::vector<std::int64_t> counts_;  // images of each camera in a round
-  std::vector<std::string> news_;
+  std::vector<std::string> messages_;
   Instant begin_{};
   std::size_t next_{0};
   std::int64_t rounds_{0};

@@ -84,7 +84,7 @@ struct RecorderState {
   std::int64_t images{0};      ///< Number of images taken for the log.
   /// Number of images that were overwritten before they could be taken, or found no room.
   std::int64_t left_out_images{0};
-  std::string trouble;  ///< Why nothing can be written now; empty if recording works.
+  std::string error;  ///< Why nothing can be written now; empty if recording works.
   /// This number changes whenever the recorder makes progress, even if there is nothing to write.
   /// If it stays the same for seconds, the recorder's disk hangs.
   std::uint64_t progress{0};

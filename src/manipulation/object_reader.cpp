@@ -45,7 +45,7 @@ ObjectReader::ObjectReader(const Frontend<TriFinger>& robot, const std::string& 
       stamp_offset_(offset_of_stamp(companion_.session())),
       pose_offset_(offset_of_pose(companion_.session(), object)) {}
 
-std::optional<SeenPose> ObjectReader::news(TimeIndex t) {
+std::optional<SeenPose> ObjectReader::new_pose(TimeIndex t) {
   if (!companion_.get_latest_at(t, element_.data(), kForever)) return std::nullopt;
   Stamp stamp;
   std::memcpy(&stamp, element_.data() + stamp_offset_, sizeof(stamp));

@@ -18,7 +18,7 @@ class ObjectReader {
   ObjectReader(const Frontend<TriFinger>& robot, const std::string& object);
 
   // A pose that is known at step `t` and was not returned before.
-  [[nodiscard]] std::optional<SeenPose> news(TimeIndex t);
+  [[nodiscard]] std::optional<SeenPose> new_pose(TimeIndex t);
 
  private:
   UntypedFrontend companion_;

@@ -24,7 +24,7 @@ class BackgroundPlanner {
   BackgroundPlanner(const BackgroundPlanner&) = delete;
   BackgroundPlanner& operator=(const BackgroundPlanner&) = delete;
   ~BackgroundPlanner() {
-    // The thread then waits for the next wish, and looks at nothing meanwhile.
+    // The thread then waits for the next request, and looks at nothing meanwhile.
     if (is_busy_) made_.acquire();
     ends_ = true;
     wanted_.release();
@@ -129,12 +129,12 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
   TriFinger::Observation y = robot.latest_observation();
   TimeIndex t = -1;
   std::string_view phase = skill.state().phase;
-  bool is_in_sight = true;
+  bool is_visible = true;
   while (!skill.state().has_ended) {
     const auto begin = Clock::now();
-    if (const auto news = object ? object->news(t) : std::nullopt) {
-      skill.see(news->step, news->pose);
-      if (trace.seen.size() < most) trace.seen.push_back(*news);
+    if (const auto new_pose = object ? object->new_pose(t) : std::nullopt) {
+      skill.see(new_pose->step, new_pose->pose);
+      if (trace.seen.size() < most) trace.seen.push_back(*new_pose);
     }
     const TriFinger::Action& action = skill.update(t, joints_of(y));
     const SkillState& state = skill.state();
@@ -143,7 +143,7 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
                          .desired = state.desired.pose,
                          .estimated = state.object.pose,
                          .torque_share = state.torque_share,
-                         .is_in_sight = state.is_in_sight,
+                         .is_visible = state.is_visible,
                          .grasp = state.grasp,
                          .cycle_time = Clock::now() - begin};
     if (options.on_update) options.on_update(step);
@@ -158,9 +158,9 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
       phase = skill.state().phase;
       if (options.on_phase) options.on_phase(skill);
     }
-    if (skill.state().is_in_sight != is_in_sight) {
-      is_in_sight = !is_in_sight;
-      if (options.on_sight) options.on_sight(skill);
+    if (skill.state().is_visible != is_visible) {
+      is_visible = !is_visible;
+      if (options.on_visibility) options.on_visibility(skill);
     }
 
     t = robot.append_desired_action(action);

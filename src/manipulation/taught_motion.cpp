@@ -22,7 +22,7 @@ namespace {
 
 constexpr Eigen::Index kJoints = kMaxJoints;
 // A motion holds at most this many samples: ten minutes at 1 kHz.
-constexpr std::size_t kMostSamples = 600'000;
+constexpr std::size_t kMaxSamples = 600'000;
 
 // The slope of a curve at a sample: a central difference, zero at the ends, where it rests.
 JointValues slope_at(const TaughtMotion& motion, std::size_t i) noexcept {
@@ -238,7 +238,7 @@ TaughtMotion load_taught_motion(const std::filesystem::path& path) {
     times.push_back(numbers[0]);
     motion.positions.emplace_back(JointValues::Map(numbers.data() + 1, kJoints));
     motion.torques.emplace_back(JointValues::Map(numbers.data() + 1 + kJoints, kJoints));
-    if (times.size() > kMostSamples) throw InvalidArgument(path.string() + " has too many rows");
+    if (times.size() > kMaxSamples) throw InvalidArgument(path.string() + " has too many rows");
   }
   if (times.size() < 2) throw InvalidArgument(path.string() + " has fewer than two rows");
   motion.interval = Seconds(times[1] - times[0]);

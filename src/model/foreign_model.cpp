@@ -33,7 +33,7 @@ constexpr std::string_view kMount = "/trifinger-model";
 
 constexpr std::string_view kGmsh = "$MeshFormat";  // begins a file of Gmsh
 
-constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 29U;  // of one file
+constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29U;  // of one file
 
 std::string virtual_name(const fs::path& path) {
   return std::string(kMount) + fs::absolute(path).lexically_normal().string();
@@ -276,7 +276,7 @@ class ForeignModel::Files {
 
   std::string read_xml(const fs::path& path) {
     try {
-      std::string text = read_file(path, kMostText - text_size_);
+      std::string text = read_file(path, kMaxText - text_size_);
       text_size_ += text.size();
       return text;
     } catch (const SystemError& error) {
@@ -290,9 +290,9 @@ class ForeignModel::Files {
     require(std::ranges::find(open_, name) == open_.end(),
             path.string() + ": the model attaches itself");
     if (const auto known = amounts_.find(name); known != amounts_.end()) return known->second;
-    constexpr std::size_t kMostNested = 20;
-    require(open_.size() < kMostNested,
-            text_of(path.string(), ": models attach each other more than ", kMostNested, " deep"));
+    constexpr std::size_t kMaxNested = 20;
+    require(open_.size() < kMaxNested,
+            text_of(path.string(), ": models attach each other more than ", kMaxNested, " deep"));
     open_.push_back(name);
     XmlElement root = parse_xml(read_xml(path), path.string(), elements_left_);
     const fs::path folder = path.parent_path();
@@ -321,9 +321,9 @@ class ForeignModel::Files {
     const auto place = [&](const XmlElement& element) {
       return text_of(source.string(), ":", element.line, ": ");
     };
-    if (depth > kMostDepth) {
+    if (depth > kMaxDepth) {
       throw InvalidArgument(
-          text_of(place(parent), "elements are inside each other more than ", kMostDepth, " deep"));
+          text_of(place(parent), "elements are inside each other more than ", kMaxDepth, " deep"));
     }
     std::vector<XmlElement> children;
     for (XmlElement& child : parent.children) {
@@ -431,8 +431,8 @@ class ForeignModel::Files {
     try {
       FileReader reader(path);
       file.size = reader.size();
-      require(file.size <= kMostFileBytes, text_of(path.string(), ": the file has ", file.size,
-                                                   " bytes, may have at most ", kMostFileBytes));
+      require(file.size <= kMaxFileBytes, text_of(path.string(), ": the file has ", file.size,
+                                                  " bytes, may have at most ", kMaxFileBytes));
       std::array<char, 64> head{};
       const std::size_t count = reader.read(head);
       return file.unpacked = unpacked_size({head.data(), count}, file.size);
@@ -444,11 +444,11 @@ class ForeignModel::Files {
   std::string main_;
   std::optional<fs::path> mesh_folder_;
   std::map<std::string, File> files_;
-  std::map<std::string, Amount> amounts_;     // of models
-  std::map<std::string, std::string> names_;  // that models give themselves
+  std::map<std::string, Amount> amounts_;     // amounts of models
+  std::map<std::string, std::string> names_;  // names that models give themselves
   std::vector<std::string> open_;             // models that are being read
   std::size_t text_size_{0};
-  std::size_t elements_left_{kMostElements};
+  std::size_t elements_left_{kMaxElements};
   mjVFS vfs_{};
   mjpResourceProvider provider_{};
   mutable std::mutex mutex_;  // guards what follows, and the texts of files
@@ -490,9 +490,9 @@ std::string checked_model_text(std::string_view text) {
   using namespace detail;
   const std::string source = "model.xml";
   silence_mujoco();
-  require(text.size() <= kMostText,
-          text_of(source, ": it has ", text.size(), " bytes, may have at most ", kMostText));
-  std::size_t elements_left = kMostElements;
+  require(text.size() <= kMaxText,
+          text_of(source, ": it has ", text.size(), " bytes, may have at most ", kMaxText));
+  std::size_t elements_left = kMaxElements;
   XmlElement root = parse_xml(text, source, elements_left);
   std::vector<const XmlElement*> left{&root};
   while (!left.empty()) {

@@ -15,7 +15,7 @@
 namespace trifinger::detail {
 
 // A model of somebody else, judged before MuJoCo sees it: MuJoCo itself obeys any number and opens
-// any path (docs/decisions/models_of_strangers.md says why it is done here).
+// any path (docs/decisions/untrusted_models.md says why it is done here).
 //
 // MuJoCo reads a text that was written here, so there is nothing in it that only one of the two
 // readers understands. It asks this object for files; others do not exist for it.

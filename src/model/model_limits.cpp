@@ -23,52 +23,52 @@ struct Bound {
   double most;
 };
 
-constexpr double kMostUser = 1'000;  // numbers of a user
-constexpr double kMostIterations = 10'000;
-constexpr double kMostPixels = 16'384;    // of a side
-constexpr double kMostSlices = 1'000;     // of a round shape in pictures
-constexpr double kMostSamples = 100'000;  // of a sensor
+constexpr double kMaxUserNumbers = 1'000;  // numbers of a user
+constexpr double kMaxIterations = 10'000;
+constexpr double kMaxPixels = 16'384;    // of a side
+constexpr double kMaxSlices = 1'000;     // of a round shape in pictures
+constexpr double kMaxSamples = 100'000;  // of a sensor
 
 constexpr auto kBounds = std::to_array<Bound>({
     {"size", "nuserdata", 1'000'000},
     {"size", "nkey", 10'000},
-    {"size", "nuser_body", kMostUser},
-    {"size", "nuser_jnt", kMostUser},
-    {"size", "nuser_geom", kMostUser},
-    {"size", "nuser_site", kMostUser},
-    {"size", "nuser_cam", kMostUser},
-    {"size", "nuser_tendon", kMostUser},
-    {"size", "nuser_actuator", kMostUser},
-    {"size", "nuser_sensor", kMostUser},
-    {"option", "iterations", kMostIterations},
-    {"option", "ls_iterations", kMostIterations},
-    {"option", "noslip_iterations", kMostIterations},
-    {"option", "ccd_iterations", kMostIterations},
-    {"option", "sdf_iterations", kMostIterations},
-    {"option", "sdf_initpoints", kMostIterations},
-    {"replicate", "count", kMostCopies},
-    {"flexcomp", "count", kMostCopies},
-    {"flexcomp", "cellcount", kMostCopies},
-    {"flex", "cellcount", kMostCopies},
+    {"size", "nuser_body", kMaxUserNumbers},
+    {"size", "nuser_jnt", kMaxUserNumbers},
+    {"size", "nuser_geom", kMaxUserNumbers},
+    {"size", "nuser_site", kMaxUserNumbers},
+    {"size", "nuser_cam", kMaxUserNumbers},
+    {"size", "nuser_tendon", kMaxUserNumbers},
+    {"size", "nuser_actuator", kMaxUserNumbers},
+    {"size", "nuser_sensor", kMaxUserNumbers},
+    {"option", "iterations", kMaxIterations},
+    {"option", "ls_iterations", kMaxIterations},
+    {"option", "noslip_iterations", kMaxIterations},
+    {"option", "ccd_iterations", kMaxIterations},
+    {"option", "sdf_iterations", kMaxIterations},
+    {"option", "sdf_initpoints", kMaxIterations},
+    {"replicate", "count", kMaxCopies},
+    {"flexcomp", "count", kMaxCopies},
+    {"flexcomp", "cellcount", kMaxCopies},
+    {"flex", "cellcount", kMaxCopies},
     {"mesh", "params", 300},
-    {"hfield", "nrow", kMostPixels},
-    {"hfield", "ncol", kMostPixels},
-    {"texture", "width", kMostPixels},
-    {"texture", "height", kMostPixels},
+    {"hfield", "nrow", kMaxPixels},
+    {"hfield", "ncol", kMaxPixels},
+    {"texture", "width", kMaxPixels},
+    {"texture", "height", kMaxPixels},
     {"texture", "gridsize", 100},
-    {"camera", "resolution", kMostPixels},
+    {"camera", "resolution", kMaxPixels},
     {"numeric", "size", 1'000'000},
-    {"global", "offwidth", kMostPixels},
-    {"global", "offheight", kMostPixels},
-    {"quality", "shadowsize", 2 * kMostPixels},
+    {"global", "offwidth", kMaxPixels},
+    {"global", "offheight", kMaxPixels},
+    {"quality", "shadowsize", 2 * kMaxPixels},
     {"quality", "offsamples", 64},
-    {"quality", "numslices", kMostSlices},
-    {"quality", "numstacks", kMostSlices},
-    {"quality", "numquads", kMostSlices},
+    {"quality", "numslices", kMaxSlices},
+    {"quality", "numstacks", kMaxSlices},
+    {"quality", "numquads", kMaxSlices},
     // For these it does not matter where they are.
-    {"", "nsample", kMostSamples},
-    {"", "dim", kMostSamples},
-    {"", "num", kMostSamples},
+    {"", "nsample", kMaxSamples},
+    {"", "dim", kMaxSamples},
+    {"", "num", kMaxSamples},
 });
 
 // What elements have only in `<default>`, or for themselves.
@@ -173,11 +173,11 @@ double freedoms_of_flexcomp(const XmlElement& element, double points) {
 // MuJoCo simulates muscles to find how long they get.
 void require_short_simulation(const XmlElement& element, const std::string& source) {
   if (element.name != "lengthrange") return;
-  constexpr double kMostSteps = 100'000;
+  constexpr double kMaxSteps = 100'000;
   const double steps = number_of(element, "inttotal", 10) / number_of(element, "timestep", 0.01);
-  require(steps >= 0 && steps <= kMostSteps,
+  require(steps >= 0 && steps <= kMaxSteps,
           text_of(source, ":", element.line, ": <lengthrange> asks for ", steps,
-                  " steps (inttotal / timestep), may ask for ", kMostSteps));
+                  " steps (inttotal / timestep), may ask for ", kMaxSteps));
 }
 
 }  // namespace
@@ -276,9 +276,9 @@ Amount Counter::count(const XmlElement& element) {
   if (element.name == "replicate") ++replicates_;
   // What is attached counts as a level too, and each of them takes some of our stack.
   ++levels_;
-  require(levels_ <= kMostDepth,
+  require(levels_ <= kMaxDepth,
           text_of(source_, ":", element.line, ": elements are inside each other more than ",
-                  kMostDepth, " deep, with what is attached"));
+                  kMaxDepth, " deep, with what is attached"));
   Amount amount{.elements = 1,
                 .freedoms = freedoms_of(element, default_freedoms_),
                 .bytes = bytes_of(element)};
@@ -367,16 +367,16 @@ void require_size(const Amount& amount, const std::string& source) {
     require(found <= most, text_of(source, ": the model asks for ", found, " ", what,
                                    ", may ask for at most ", most));
   };
-  limit(amount.copies, kMostCopies, "copies of elements (replicate, attach, flexcomp)");
-  limit(amount.elements, kMostElements + kMostCopies, "elements");
-  limit(amount.freedoms, kMostFreedoms, "degrees of freedom");
-  limit(amount.depth, kMostDepth, "levels of elements inside each other");
+  limit(amount.copies, kMaxCopies, "copies of elements (replicate, attach, flexcomp)");
+  limit(amount.elements, kMaxElements + kMaxCopies, "elements");
+  limit(amount.freedoms, kMaxFreedoms, "degrees of freedom");
+  limit(amount.depth, kMaxDepth, "levels of elements inside each other");
   constexpr double kNumber = sizeof(double);
   // Positions, velocities and what actuators want, as far as elements can have them.
   constexpr double kOfKey = 7;
   limit(amount.bytes + kNumber * amount.elements * (amount.user + kOfKey * amount.keys) +
             kNumber * kOfKey * amount.rays * amount.pixels,
-        kMostBytes, "bytes of memory (textures, height fields, files, buffers, key frames)");
+        kMaxBytes, "bytes of memory (textures, height fields, files, buffers, key frames)");
 }
 
 }  // namespace trifinger::detail

@@ -14,11 +14,11 @@ namespace trifinger::detail {
 
 // Largest models. MuJoCo needs some seconds for each of them, and the robots of
 // tools/fetch_robots.py stay below a tenth.
-inline constexpr std::size_t kMostElements = 50'000;  // as text
-inline constexpr double kMostCopies = 10'000;         // by <replicate>, <attach> and <flexcomp>
-inline constexpr double kMostFreedoms = 4'000;        // of all joints
-inline constexpr double kMostBytes = 2.0 * (1U << 30U);
-inline constexpr std::size_t kMostText = std::size_t{1} << 27U;  // of all XML files [bytes]
+inline constexpr std::size_t kMaxElements = 50'000;  // as text
+inline constexpr double kMaxCopies = 10'000;         // by <replicate>, <attach> and <flexcomp>
+inline constexpr double kMaxFreedoms = 4'000;        // of all joints
+inline constexpr double kMaxBytes = 2.0 * (1U << 30U);
+inline constexpr std::size_t kMaxText = std::size_t{1} << 27U;  // of all XML files [bytes]
 
 // The first numbers of a text, up to the first thing that is none; at most 8.
 [[nodiscard]] std::vector<double> numbers_of(std::string_view text);

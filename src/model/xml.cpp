@@ -109,8 +109,8 @@ class Parser {
   }
 
   void require_room(std::size_t depth) {
-    if (depth >= static_cast<std::size_t>(kMostDepth)) {
-      fail(text_of("elements are inside each other more than ", kMostDepth, " deep"));
+    if (depth >= static_cast<std::size_t>(kMaxDepth)) {
+      fail(text_of("elements are inside each other more than ", kMaxDepth, " deep"));
     }
     if (elements_left_ == 0) {
       throw InvalidArgument(
@@ -205,8 +205,8 @@ class Parser {
 
   void read_attribute(XmlElement& element) {
     const std::string_view name = read_name();
-    if (element.attributes.size() >= kMostAttributes) {
-      fail(text_of("<", element.name, "> has more than ", kMostAttributes, " attributes"));
+    if (element.attributes.size() >= kMaxAttributes) {
+      fail(text_of("<", element.name, "> has more than ", kMaxAttributes, " attributes"));
     }
     if (element.find(name) != nullptr) {
       fail(text_of("<", element.name, "> has two attributes '", name, "'"));

@@ -21,9 +21,9 @@ struct XmlElement {
 };
 
 // Elements may be inside each other up to this depth, as in MuJoCo's own reader.
-inline constexpr int kMostDepth = 500;
+inline constexpr int kMaxDepth = 500;
 // Attributes of one element. MuJoCo knows no element with half as many.
-inline constexpr std::size_t kMostAttributes = 100;
+inline constexpr std::size_t kMaxAttributes = 100;
 
 // What `find` of a text gives if there is nothing to find.
 inline constexpr std::size_t kNowhere = std::string_view::npos;

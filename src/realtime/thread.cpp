@@ -153,9 +153,9 @@ Refusal keep_cpus_awake() {
          "MODE=\"0660\"";
 }
 
-std::vector<std::string>& own_lacks() {
-  thread_local std::vector<std::string> lacks{"no real-time settings were asked for"};
-  return lacks;
+std::vector<std::string>& own_warnings() {
+  thread_local std::vector<std::string> warnings{"no real-time settings were asked for"};
+  return warnings;
 }
 
 }  // namespace
@@ -178,11 +178,11 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
     for (const std::string& sentence : refused) text += "\n  " + sentence;
     throw Error(text);
   }
-  own_lacks() = refused;
+  own_warnings() = refused;
   return refused;
 }
 
-std::vector<std::string> realtime_lacks() { return own_lacks(); }
+std::vector<std::string> realtime_warnings() { return own_warnings(); }
 
 void leave_realtime() noexcept {
   int policy = SCHED_OTHER;

@@ -26,7 +26,7 @@ using trifinger::detail::text_of;
 
 constexpr int kRgba = 0x1908;           // OpenGL's name of a format
 constexpr int kLargestPicture = 16384;  // of Mesa and of all drivers since 2010 [pixel]
-constexpr double kLeastBlur = 0.3;  // Less displacement during the exposure shows no blur [pixel].
+constexpr double kMinBlur = 0.3;  // Less displacement during the exposure shows no blur [pixel].
 
 // The wall of the open hardware is made of clear polycarbonate.
 bool has_clear_wall(const SimulationOptions& robot) {
@@ -216,7 +216,7 @@ class CameraRenderer::Implementation {
     if (options_.blur_steps == 1 || options_.exposure <= Nanoseconds::zero()) return 1;
     move(velocity, seconds(options_.exposure));
     const double displacement = scene_.displacement(*data_, *later_, views_);
-    if (displacement < kLeastBlur) return 1;
+    if (displacement < kMinBlur) return 1;
     return std::clamp(static_cast<int>(std::ceil(2 * displacement)), 2, options_.blur_steps);
   }
 

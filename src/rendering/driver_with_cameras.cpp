@@ -19,13 +19,13 @@ DriverWithCameras::DriverWithCameras(SimulatedRobot& robot,
                                      const RenderingOptions& rendering,
                                      std::unique_ptr<ObjectFinder> finder, bool varies)
     : robot_(robot),
-      eyes_(robot.options(), cameras, rendering, std::move(finder)),
-      sight_(capture, robot.model().objects().size()),
+      pipeline_(robot.options(), cameras, rendering, std::move(finder)),
+      captures_(capture, robot.model().objects().size()),
       companions_(robot.companions().begin(), robot.companions().end()),
       writer_(camera::ImageWriter::anonymous(cameras)),
       frames_(cameras.size()) {
   companions_.push_back(camera::camera_companion(cameras));
-  if (varies) sight_.vary(rendering);
+  if (varies) captures_.vary(rendering);
 }
 
 void DriverWithCameras::share_images(const std::string& robot) {
@@ -42,7 +42,7 @@ DriverReport DriverWithCameras::prepare(TimeIndex step) noexcept {
   const DriverReport report = robot_.prepare(step);
   if (step == 0) {
     // The session begins in a state with random numbers of its own.
-    sight_.begin(robot_.random());
+    captures_.begin(robot_.random());
     has_new_images_ = false;
     has_failed_ = false;
   }
@@ -77,7 +77,7 @@ bool DriverWithCameras::get_companion_element(std::size_t index, TimeIndex time_
   auto* const bytes = static_cast<std::byte*>(element);
   const CompanionDescription& companion = companions_[index];
   const bool is_images = index + 1 == companions_.size();
-  if (!is_images && (!eyes_.can_find() || companion.name != kObjectCompanion)) {
+  if (!is_images && (!pipeline_.can_find() || companion.name != kObjectCompanion)) {
     return robot_.get_companion_element(index, time_index, element);
   }
   if (has_failed_) return false;
@@ -95,17 +95,17 @@ bool DriverWithCameras::get_companion_element(std::size_t index, TimeIndex time_
 // Captures what is due at this step and draws what arrives: at most one set of images. The
 // companions ask one after the other, so all but the first call of a step have nothing to do.
 void DriverWithCameras::advance(TimeIndex time_index) {
-  if (sight_.is_due(time_index)) sight_.capture(time_index, robot_.configuration());
-  if (sight_.look(time_index, eyes_)) has_new_images_ = true;
+  if (captures_.is_due(time_index)) captures_.capture(time_index, robot_.configuration());
+  if (captures_.look(time_index, pipeline_)) has_new_images_ = true;
 }
 
 bool DriverWithCameras::get_images(std::span<std::byte> element) {
   if (!std::exchange(has_new_images_, false)) return false;
   const std::span<const std::span<std::byte>> targets = writer_.begin();
   for (std::size_t i = 0; i < targets.size(); ++i) {
-    std::ranges::copy(eyes_.images()[i], targets[i].begin());
+    std::ranges::copy(pipeline_.images()[i], targets[i].begin());
   }
-  const Sight::Images& images = sight_.images();
+  const CaptureQueue::Images& images = captures_.images();
   const Nanoseconds period = robot_.options().period;
   std::ranges::fill(frames_,
                     Frame{.state = Frame::State::kGood,
@@ -119,7 +119,7 @@ bool DriverWithCameras::get_images(std::span<std::byte> element) {
 }
 
 bool DriverWithCameras::get_poses(TimeIndex time_index, std::byte* element) {
-  const std::optional<Sight::Poses> poses = sight_.take_poses(time_index);
+  const std::optional<CaptureQueue::Poses> poses = captures_.take_poses(time_index);
   if (!poses) return false;
   const Stamp stamp{.arrival_index = poses->arrival_index, .capture_index = poses->capture_index};
   write_objects(stamp, poses->objects, element);

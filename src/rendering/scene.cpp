@@ -12,8 +12,8 @@
 namespace trifinger::rendering::detail {
 namespace {
 
-constexpr mjtSize kMostSpots = 1000;  // of dust
-constexpr double kThin = 5e-4;        // A box this thin is the colour of a face [m].
+constexpr mjtSize kMaxSpots = 1000;  // of dust
+constexpr double kThin = 5e-4;       // A box this thin is the colour of a face [m].
 
 using Colour = std::array<float, 3>;
 
@@ -29,7 +29,7 @@ float limited(double share) { return static_cast<float>(std::clamp(share, 0.0, 1
 
 Scene::Scene(const mjModel& model, mjData& data, bool has_clear_walls) : model_(model) {
   mjv_defaultScene(&scene_);
-  mjv_makeScene(&model, &scene_, static_cast<int>(model.ngeom + kMostSpots));
+  mjv_makeScene(&model, &scene_, static_cast<int>(model.ngeom + kMaxSpots));
   mjvOption option;
   mjv_defaultOption(&option);
   mjvCamera camera;
@@ -134,7 +134,7 @@ void Scene::add_dust(double dust, Random& random) {
 }
 
 void Scene::add_spots(const Shape& face, double dust, Random& random) {
-  constexpr double kMostSpotsOfAFace = 12;
+  constexpr double kMaxSpotsOfAFace = 12;
   const auto axis = static_cast<std::size_t>(
       std::min_element(face.drawn.size, face.drawn.size + 3) - face.drawn.size);
   const std::size_t u = (axis + 1) % 3;
@@ -144,7 +144,7 @@ void Scene::add_spots(const Shape& face, double dust, Random& random) {
                          model_.geom_quat[4 * face.geom + 2], model_.geom_quat[4 * face.geom + 3])
           .toRotationMatrix();
   const std::int64_t count =
-      random.integer(0, static_cast<std::int64_t>(1 + dust * kMostSpotsOfAFace));
+      random.integer(0, static_cast<std::int64_t>(1 + dust * kMaxSpotsOfAFace));
   for (std::int64_t i = 0; i < count; ++i) {
     // A flat box, turned about the face's normal.
     Shape spot = face;

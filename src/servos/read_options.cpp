@@ -164,11 +164,12 @@ ConnectedRobot connect(const ServoConfig& config, const std::string& name) {
       is_emulated ? emulated_port(name).string() : config.port,
       dynamixel::SerialOptions{.baud = config.baud, .is_emulated = is_emulated});
   ConnectedRobot connected;
-  connected.lacks = port->lacks();
+  connected.warnings = port->warnings();
   auto group = std::make_unique<dynamixel::MotorGroup>(
       std::move(port), group_options(config.robot, config.group), config.slack);
   auto loop = std::make_unique<dynamixel::MotorLoop>(std::move(group), config.loop);
-  connected.lacks.insert(connected.lacks.end(), loop->lacks().begin(), loop->lacks().end());
+  connected.warnings.insert(connected.warnings.end(), loop->warnings().begin(),
+                            loop->warnings().end());
   connected.robot = std::make_unique<ServoRobot>(config.robot, std::move(loop));
   return connected;
 }

@@ -47,7 +47,7 @@ struct ServoConfig {
 /// A robot on its line, which is open.
 struct ConnectedRobot {
   std::unique_ptr<ServoRobot> robot;
-  std::vector<std::string> lacks;  ///< What adapter and machine refused, in sentences.
+  std::vector<std::string> warnings;  ///< What adapter and machine refused, in sentences.
 };
 
 /// Opens the line. `name` is that of the session.

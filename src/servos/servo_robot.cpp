@@ -182,17 +182,17 @@ void ServoRobot::add_check(CountedChain::Check check) {
 bool ServoRobot::refresh(std::int32_t& code) noexcept {
   static_cast<void>(link_->read(snapshot_));
   if (snapshot_.request >= request_ && snapshot_.phase == MotorPhase::kFailed) {
-    const dynamixel::MotorId motor = snapshot_.trouble.motor;
+    const dynamixel::MotorId motor = snapshot_.fault.motor;
     const auto* const found = std::ranges::find(
         options_.motors.data(), options_.motors.data() + num_joints(), motor, &Servo::id);
     const auto joint = static_cast<std::size_t>(found - options_.motors.data());
     const bool has_joint = joint < num_joints() &&
-                           snapshot_.trouble.kind != dynamixel::Trouble::kNone &&
-                           snapshot_.trouble.kind != dynamixel::Trouble::kLineGone;
+                           snapshot_.fault.kind != dynamixel::MotorFault::kNone &&
+                           snapshot_.fault.kind != dynamixel::MotorFault::kLineGone;
     FixedText text(has_joint ? chain_.name(joint) : std::string_view());
     if (has_joint) text.append(": ");
     chain_.set_fault_text(text.append(snapshot_.failure.view()));
-    code = has_joint ? with_joint(kMotorTrouble, joint) : kMotorTrouble;
+    code = has_joint ? with_joint(kMotorFault, joint) : kMotorFault;
     return false;
   }
   for (std::size_t i = 0; i < num_joints(); ++i) {

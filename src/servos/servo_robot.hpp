@@ -134,8 +134,7 @@ class ServoRobot final : public UntypedDriver {
 
   /// Fault codes in addition to those of the safety chain. Those with a joint have its number from
   /// 1 in the bits from 8 on.
-  static constexpr std::int32_t kMotorTrouble =
-      64;                                          ///< A motor or the line; `fault_text` says what.
+  static constexpr std::int32_t kMotorFault = 64;  ///< A motor or the line; `fault_text` says what.
   static constexpr std::int32_t kNotAtStart = 96;  ///< A joint does not reach its initial position.
 
   /// `motors` are those of `group_options`.

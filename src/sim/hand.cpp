@@ -57,7 +57,7 @@ std::vector<std::string> bodies_of(const std::string& robot) {
               "' cannot be pulled: only a simulation that 'trifinger run' runs has a hand");
   const config::File file = config_file_of(session);
   if (!is_from_file(file)) return pullable_bodies(*make_model(read_robot_config(file).simulation));
-  // The session says which objects there are; the file of a stranger's robot is not opened.
+  // The session says which objects there are; the file of an untrusted robot is not opened.
   std::vector<std::string> names;
   const auto& companions = session.companion_names();
   if (std::ranges::find(companions, kObjectCompanion) == companions.end()) return names;
@@ -124,7 +124,7 @@ struct HandWriter::State {
     write();
     // Whoever does not see new elements takes this process for one that was stopped.
     thread = std::jthread([this](const std::stop_token& stop) {
-      constexpr Nanoseconds kPeriod = kHandPatience / 8;
+      constexpr Nanoseconds kPeriod = kHandTimeout / 8;
       std::unique_lock lock(mutex);
       while (!sleep.wait_for(lock, stop, kPeriod, [] { return false; }) && !stop.stop_requested()) {
         if (std::chrono::steady_clock::now() >= end) element.body = -1;

@@ -99,7 +99,7 @@ camera::Calibration camera_calibration(const RobotConfig& config, const std::str
 
 bool has_tracked_objects(const RobotConfig& config) noexcept {
   const bool has_objects = !objects_of(config.simulation).empty();
-  // Nobody else knows where objects are beside boards of metal.
+  // Nobody else knows where objects are beside physical boards.
   const bool is_hardware = config.boards && config.boards->bus == boards::BusKind::kSocketCan;
   return has_objects && config.cameras && (config.tracks_objects || is_hardware);
 }

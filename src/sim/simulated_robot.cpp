@@ -298,11 +298,11 @@ void SimulatedRobot::let_go() noexcept { own_pull_ = {}; }
 
 void SimulatedRobot::listen_to_hand(const std::string& name) {
   hand_ = std::make_unique<LoopSensorReader>(name, kHandCompanion, describe<HandObservation>(),
-                                             kHandPatience);
+                                             kHandTimeout);
 }
 
-std::vector<std::string> SimulatedRobot::take_hand_news() {
-  return hand_ != nullptr ? hand_->take_news() : std::vector<std::string>();
+std::vector<std::string> SimulatedRobot::take_hand_messages() {
+  return hand_ != nullptr ? hand_->take_messages() : std::vector<std::string>();
 }
 
 void SimulatedRobot::set_object_velocity(const std::string& name, const ObjectVelocity& velocity) {

@@ -10,18 +10,18 @@ namespace trifinger::tracking::detail {
 namespace {
 
 constexpr double kGrazing = 0.12;    // faces that lean more than this show edges that are too near
-constexpr int kMostSpots = 14;       // on an edge
+constexpr int kMaxSpots = 14;        // on an edge
 constexpr int kFewSpots = 2;         // on an edge of an object with very many edges
 constexpr double kSpotDistance = 5;  // [pixel]
-constexpr int kMostLines = 4000;     // about
+constexpr int kMaxLines = 4000;      // about
 constexpr int kStepReach = 12;       // half of the longest profile across an edge [pixel]
 constexpr int kStepMargin = 4;       // read on both sides of the step to know the colours
 
 // The unknowns are the position of the object, a turn about the world's axes, the shift of each
 // camera's image, and how far all edges seem to lie outside of where they are.
-using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7 + 2 * kMostCameras, 1>;
-using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 * kMostCameras,
-                              7 + 2 * kMostCameras>;
+using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7 + 2 * kMaxCameras, 1>;
+using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 * kMaxCameras,
+                              7 + 2 * kMaxCameras>;
 
 Eigen::Index shift_of(std::size_t camera) noexcept {
   return static_cast<Eigen::Index>(6 + 2 * camera);
@@ -115,7 +115,7 @@ EdgeFit::EdgeFit(const std::vector<View>& views, const Shape& shape, const Colou
   std::size_t edges = 0;
   for (const Face& face : shape.faces) edges += views.size() * face.corners.size();
   // All edges in all cameras share the lines.
-  most_spots_ = std::clamp(kMostLines / static_cast<int>(edges), kFewSpots, kMostSpots);
+  most_spots_ = std::clamp(kMaxLines / static_cast<int>(edges), kFewSpots, kMaxSpots);
   const std::size_t most_lines = edges * static_cast<std::size_t>(most_spots_);
   lines_.reserve(most_lines);
   sorted_.reserve(most_lines);
@@ -243,8 +243,8 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
   const Rgb outer = is_near ? near : far;
   const Rgb contrast = inner - outer;
   const float size = contrast.squaredNorm();
-  constexpr float kLeastContrast = 18;
-  if (size < kLeastContrast * kLeastContrast) return false;
+  constexpr float kMinContrast = 18;
+  if (size < kMinContrast * kMinContrast) return false;
   const auto share = [&](int i) { return (colours[at(i)] - outer).dot(contrast) / size; };
   for (int i = step - 3; i < step + 2; ++i) {
     const float here = share(i);

@@ -8,8 +8,8 @@
 namespace trifinger::tracking::detail {
 namespace {
 
-constexpr double kLeastFace = 12;    // that counts as shown [block]
-constexpr double kLeastShare = 0.2;  // of a face that counts as shown
+constexpr double kMinFace = 12;    // that counts as shown [block]
+constexpr double kMinShare = 0.2;  // of a face that counts as shown
 
 }  // namespace
 
@@ -54,9 +54,9 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
       verdict.matched += matched;
       verdict.other += other;
       if (other > matched && other > 0.4 * all) verdict.contradicted += other;
-      if (matched >= kLeastFace && matched >= kLeastShare * all) shown_[i] += matched;
+      if (matched >= kMinFace && matched >= kMinShare * all) shown_[i] += matched;
     }
-    if (verdict.matched - matched_before >= kLeastFace) ++verdict.cameras;
+    if (verdict.matched - matched_before >= kMinFace) ++verdict.cameras;
     draw_outlines(view, pose);
     verdict.unexplained += unexplained(view, pose);
   }

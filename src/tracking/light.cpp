@@ -88,7 +88,7 @@ LightFit::Answer LightFit::fit(const std::vector<View>& views,
   answer.lights.fill(Eigen::Vector3d::Ones());
   answer.lights_as_it_is.fill(Eigen::Vector3d::Ones());
   std::ranges::fill(scores_, 0.0);
-  std::array<bool, kMostCameras> is_read{};
+  std::array<bool, kMaxCameras> is_read{};
   for (std::size_t c = 0; c < views.size(); ++c) {
     const View& view = views[c];
     if (!view.image.exists() || view.seen(pose.translation()).z() < 1.5 * shape_->radius) continue;

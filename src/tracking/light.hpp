@@ -22,7 +22,7 @@ class LightFit {
   LightFit(const Shape& shape, const ColourTable& table);
 
   // The light of each camera: factors of its channels in addition to its white balance.
-  using Lights = std::array<Eigen::Vector3d, kMostCameras>;
+  using Lights = std::array<Eigen::Vector3d, kMaxCameras>;
 
   struct Answer {
     // The best turn; null if the object is best as it is.
@@ -58,7 +58,7 @@ class LightFit {
   std::vector<float> evidence_;     // for each light, face, and label
   // Of each turn; the first one leaves the object as it is.
   std::vector<double> scores_;
-  std::array<std::vector<std::size_t>, kMostCameras> best_lights_;
+  std::array<std::vector<std::size_t>, kMaxCameras> best_lights_;
 };
 
 }  // namespace trifinger::tracking::detail

@@ -10,12 +10,12 @@ namespace trifinger::tracking::detail {
 namespace {
 
 constexpr double kSpacing = 0.015;       // of places [m]
-constexpr std::size_t kMostPlaces = 3;   // that are looked at closely
-constexpr double kLeastPlace = 0.1;      // score of a place where there is something
+constexpr std::size_t kMaxPlaces = 3;    // that are looked at closely
+constexpr double kMinPlace = 0.1;        // score of a place where there is something
 constexpr double kApart = 0.03;          // between two of them [m]
 constexpr std::size_t kRotations = 900;  // about 20 degrees from one to the next
-constexpr std::size_t kMostTurns = 48;   // rotations that are fitted at a place
-constexpr std::size_t kMostGuesses = 5;
+constexpr std::size_t kMaxTurns = 48;    // rotations that are fitted at a place
+constexpr std::size_t kMaxGuesses = 5;
 constexpr double kSameTurn = 0.3;    // guesses this near are one [rad]
 constexpr double kSamePlace = 0.02;  // [m]
 
@@ -78,8 +78,8 @@ Search::Search(const std::vector<View>& views, const Shape& shape, std::size_t n
   }
   for (std::size_t i = 0; i < kRotations; ++i) rotations_.push_back(spiral_rotation(i));
   turns_.resize(kRotations);
-  guesses_.reserve(kMostGuesses);
-  looked_at_.reserve(kMostPlaces);
+  guesses_.reserve(kMaxGuesses);
+  looked_at_.reserve(kMaxPlaces);
 }
 
 void Search::score_places(const std::vector<View>& views) noexcept {
@@ -139,8 +139,8 @@ void Search::look_around(const std::vector<View>& views, const Place& place) noe
 }
 
 void Search::turn_at(const std::vector<View>& views, const Place& place) noexcept {
-  std::array<Eigen::Vector3d, kMostCameras> towards;
-  std::array<double, kMostCameras> blocks;  // per square metre that faces the camera
+  std::array<Eigen::Vector3d, kMaxCameras> towards;
+  std::array<double, kMaxCameras> blocks;  // per square metre that faces the camera
   for (std::size_t c = 0; c < views.size(); ++c) {
     towards[c] = (views[c].position - place.position).normalized();
     const double half = place.squares[c].half;
@@ -167,7 +167,7 @@ void Search::turn_at(const std::vector<View>& views, const Place& place) noexcep
     }
     turns_[i] = {i, score};
   }
-  const auto last = turns_.begin() + kMostTurns;
+  const auto last = turns_.begin() + kMaxTurns;
   std::partial_sort(turns_.begin(), last, turns_.end(),
                     [](const ScoredRotation& a, const ScoredRotation& b) {
                       return a.score != b.score ? a.score > b.score : a.rotation < b.rotation;
@@ -255,7 +255,7 @@ void Search::keep(const Guess& guess) noexcept {
     if (guess.score > other.score) other = guess;
     return;
   }
-  if (guesses_.size() == kMostGuesses) {
+  if (guesses_.size() == kMaxGuesses) {
     const auto worst = std::ranges::min_element(guesses_, {}, &Guess::score);
     if (guess.score > worst->score) *worst = guess;
     return;
@@ -270,10 +270,10 @@ void Search::begin(const std::vector<View>& views) noexcept {
 
 std::span<const Guess> Search::next(const std::vector<View>& views) noexcept {
   guesses_.clear();
-  if (looked_at_.size() == kMostPlaces) return {};
+  if (looked_at_.size() == kMaxPlaces) return {};
   const Place* best = nullptr;
   for (const Place& place : places_) {
-    if (place.score < kLeastPlace || (best != nullptr && place.score <= best->score)) continue;
+    if (place.score < kMinPlace || (best != nullptr && place.score <= best->score)) continue;
     const bool is_new = std::ranges::none_of(looked_at_, [&](const Place* other) {
       return (other->position - place.position).norm() < kApart;
     });

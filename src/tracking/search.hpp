@@ -41,7 +41,7 @@ class Search {
   };
   struct Place {
     Eigen::Vector3d position;
-    std::array<Square, kMostCameras> squares;
+    std::array<Square, kMaxCameras> squares;
     double score;
   };
   // What a camera shows of a colour around a place, or should show.

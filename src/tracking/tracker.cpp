@@ -37,12 +37,12 @@ std::vector<std::string> colours_of(const TrackedObject& object, const ColourMod
     }
     if (std::ranges::find(colours, face.colour) == colours.end()) colours.push_back(face.colour);
   }
-  constexpr std::size_t kMostColours = 64;
-  constexpr std::size_t kMostFaces = 256;
-  if (colours.empty() || colours.size() > kMostColours || object.faces.size() > kMostFaces) {
+  constexpr std::size_t kMaxColours = 64;
+  constexpr std::size_t kMaxFaces = 256;
+  if (colours.empty() || colours.size() > kMaxColours || object.faces.size() > kMaxFaces) {
     throw InvalidArgument(text_of("'", object.name, "' has ", object.faces.size(), " faces in ",
                                   colours.size(), " colours; a tracker knows objects of 1 to ",
-                                  kMostFaces, " faces in up to ", kMostColours, " colours"));
+                                  kMaxFaces, " faces in up to ", kMaxColours, " colours"));
   }
   return colours;
 }
@@ -61,9 +61,9 @@ std::vector<double> most_blocks(const camera::Camera& camera, const detail::Shap
 
 std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras,
                                    const detail::Shape& shape, std::size_t num_colours) {
-  if (cameras.empty() || cameras.size() > detail::kMostCameras) {
+  if (cameras.empty() || cameras.size() > detail::kMaxCameras) {
     throw InvalidArgument(
-        text_of("a tracker of ", cameras.size(), " cameras; it needs 1 to ", detail::kMostCameras));
+        text_of("a tracker of ", cameras.size(), " cameras; it needs 1 to ", detail::kMaxCameras));
   }
   std::vector<detail::View> views;
   for (const camera::Camera& camera : cameras) {
@@ -169,8 +169,8 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
   const Verdict& verdict = candidate.verdict;
   const Fit& fit = candidate.fit;
   Estimate estimate;
-  constexpr double kLeastMatched = 25;  // [block]
-  if (verdict.matched < kLeastMatched || verdict.score() <= 0) return estimate;
+  constexpr double kMinMatched = 25;  // [block]
+  if (verdict.matched < kMinMatched || verdict.score() <= 0) return estimate;
   estimate.pose = candidate.pose;
   estimate.cameras = verdict.cameras;
   estimate.faces = verdict.faces;

@@ -13,7 +13,7 @@
 
 namespace trifinger::tracking::detail {
 
-constexpr std::size_t kMostCameras = 8;
+constexpr std::size_t kMaxCameras = 8;
 
 // A point of the world in an image, and how it moves when the point moves.
 struct Projected {

@@ -108,22 +108,22 @@ TEST_F(RegularFile, fault_73_ALinkIsFollowedOnlyForAUserWhoNamedIt) {
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "file"));
 }
 
-TEST_F(RegularFile, fault_73_AFileOfAStrangerIsRefusedForTheProgramAndServesTheUser) {
+TEST_F(RegularFile, fault_73_AFileOfAnotherUserIsRefusedForTheProgramAndServesTheUser) {
   if (!test::may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
   const std::filesystem::path path = file();
   std::filesystem::permissions(folder_.path(), std::filesystem::perms::all);
   std::filesystem::permissions(path, std::filesystem::perms::all);
   ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0);
-  // For the administrator every other user is a stranger. Other users are strangers to each other.
+  // The administrator trusts no other user. Other users do not trust each other.
   EXPECT_THAT(refusal(path, O_RDWR, NamedBy::kProgram),
               AllOf(HasSubstr(path), HasSubstr("of user 12345"), HasSubstr("none of your groups")));
   EXPECT_EQ(number_, EPERM);
   EXPECT_EQ(refusal(path, O_RDWR, NamedBy::kUser), "");
-  test::ChildProcess stranger([&] {
+  test::ChildProcess other_user([&] {
     test::become_nobody();
     return refusal(path, O_RDWR, NamedBy::kProgram).empty() ? 1 : 0;
   });
-  EXPECT_EQ(stranger.wait(), 0);
+  EXPECT_EQ(other_user.wait(), 0);
   test::ChildProcess member([&] {
     test::become_nobody(12345);
     return refusal(path, O_RDWR, NamedBy::kProgram).empty() ? 0 : 1;

@@ -322,7 +322,7 @@ TEST(BoardRobot, fault_40_AnInterfaceThatIsDownIsFoundWithin2msAndRecovers) {
   expect_true_positions(rig);
 }
 
-// The news that the link is up again may come after the recovery has begun.
+// The message that the link is up again may come after the recovery has begun.
 TEST(BoardRobot, fault_40_ALinkMayBeUpShortlyAfterTheRecoveryHasBegun) {
   Rig<TriFinger> rig;
   ASSERT_TRUE(is_prepared(rig));

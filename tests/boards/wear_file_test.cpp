@@ -332,7 +332,7 @@ TEST(WearFile, fault_70_WhatIsNoFileOfOursIsNamedAtOnce) {
   EXPECT_EQ(text_of(folder / "precious"), "untouched");
 }
 
-TEST(WearFile, fault_70_OfAStrangerIsRefused) {
+TEST(WearFile, fault_70_OfAnotherUserIsRefused) {
   if (::geteuid() != 0 || !trifinger::test::may_become_nobody()) {
     GTEST_SKIP() << "only the administrator can make files of others";
   }

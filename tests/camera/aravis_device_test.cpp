@@ -73,9 +73,9 @@ TEST(AravisDevice, DeliversImagesInOrder) {
 TEST(AravisDevice, fault_51_ThatIsNotThereIsNamedAndLookedFor) {
   camera::AravisDevice device(settings("40012345", PixelFormat::kMono8, 64));
   EXPECT_FALSE(device.is_there());
-  const auto news = device.take_news();
-  ASSERT_EQ(news.size(), 1U);
-  EXPECT_THAT(news.front(), HasSubstr("camera '40012345' is not there"));
+  const auto messages = device.take_messages();
+  ASSERT_EQ(messages.size(), 1U);
+  EXPECT_THAT(messages.front(), HasSubstr("camera '40012345' is not there"));
   std::vector<std::byte> pixels(64 * 64);
   Frame frame;
   EXPECT_FALSE(device.grab(pixels, frame, 1ms));
@@ -87,7 +87,7 @@ TEST(AravisDevice, fault_54_IsFoundByItsSerialNumberAndNoOther) {
   camera::AravisDevice other(settings("Fake_2", PixelFormat::kMono8, 64));
   EXPECT_TRUE(one.is_there());
   EXPECT_FALSE(other.is_there());
-  EXPECT_THAT(other.take_news().front(), HasSubstr("'Fake_2' is not there; there are"));
+  EXPECT_THAT(other.take_messages().front(), HasSubstr("'Fake_2' is not there; there are"));
 }
 
 SourceUnderTest make_pretended_cameras() {
@@ -184,10 +184,10 @@ TEST(AravisNetworkCamera, fault_51_AndItsImagesComeAgainAfterItWasLost) {
       ++good;
     }
     process.kill();
-    static_cast<void>(device.take_news());
+    static_cast<void>(device.take_messages());
     Frame frame;
     while (device.is_there()) static_cast<void>(device.grab(pixels, frame, 100ms));
-    EXPECT_THAT(device.take_news().front(), HasSubstr("delivers nothing any more: it is lost"));
+    EXPECT_THAT(device.take_messages().front(), HasSubstr("delivers nothing any more: it is lost"));
   }
 }
 
@@ -236,7 +236,7 @@ std::string await(camera::AravisDevice& device, std::vector<std::byte>& pixels,
                   const std::string& text) {
   Frame frame;
   while (true) {
-    for (const std::string& sentence : device.take_news()) {
+    for (const std::string& sentence : device.take_messages()) {
       if (sentence.find(text) != std::string::npos) return sentence;
     }
     static_cast<void>(device.grab(pixels, frame, 100ms));
@@ -264,7 +264,7 @@ TEST(AravisNetworkCamera, fault_54_AnotherOneIsNotTakenForTheOneThatWasThereFirs
     // Nobody else gets it.
     camera::AravisDevice second(wanted);
     EXPECT_FALSE(second.is_there());
-    EXPECT_THAT(second.take_news().front(), HasSubstr("no camera is free"));
+    EXPECT_THAT(second.take_messages().front(), HasSubstr("no camera is free"));
   }
   await(*device, pixels, "is lost");
   {

@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
+#include "camera/error_throttle.hpp"
 #include "camera/grabbed.hpp"
-#include "camera/lasting_trouble.hpp"
 #include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
@@ -87,7 +87,7 @@ class ScriptedDevice final : public camera::Device {
     return true;
   }
   [[nodiscard]] bool is_there() const noexcept override { return was_; }
-  [[nodiscard]] std::vector<std::string> take_news() override { return {}; }
+  [[nodiscard]] std::vector<std::string> take_messages() override { return {}; }
 
  private:
   [[nodiscard]] bool is_there_now() const noexcept { return script_->is_there; }
@@ -149,7 +149,7 @@ TEST(CameraGroup, fault_64_StaysInTheParentOfAForkedChild) {
       return 2;
     } catch (const InheritedHandle&) {
     }
-    if (!group.group->take_news().empty()) return 3;
+    if (!group.group->take_messages().empty()) return 3;
     group.group.reset();  // waits for no thread
     return 0;
   });
@@ -260,13 +260,13 @@ TEST(CameraGroup, fault_51_ADeviceThatFailsIsLostAloneAndToldOnce) {
   group.scripts[1]->fail(true);
   Numbers numbers{};
   std::int64_t i = 0;
-  std::vector<std::string> news;
+  std::vector<std::string> messages;
   const auto next = [&] {
     for (std::size_t c = 0; c < 3; ++c) {
       if (c != 1 || !group.scripts[1]->fails) group.deliver(c, i);
     }
     numbers = group.next();
-    for (const std::string& sentence : group.group->take_news()) news.push_back(sentence);
+    for (const std::string& sentence : group.group->take_messages()) messages.push_back(sentence);
     ++i;
   };
   while (numbers != Numbers{i - 1, kLost, i - 1}) next();
@@ -274,7 +274,7 @@ TEST(CameraGroup, fault_51_ADeviceThatFailsIsLostAloneAndToldOnce) {
   const int before = group.scripts[1]->failures;
   while (group.scripts[1]->failures < before + 2) next();
   EXPECT_EQ(numbers, (Numbers{i - 1, kLost, i - 1}));
-  EXPECT_THAT(news, ::testing::ElementsAre("camera180: broken"));
+  EXPECT_THAT(messages, ::testing::ElementsAre("camera180: broken"));
   group.scripts[1]->fail(false);
   while (numbers != Numbers{i - 1, i - 1, i - 1}) next();
 }
@@ -289,19 +289,19 @@ TEST(CameraGroup, fault_51_InSilenceOnlyTheCameraThatIsNotThereIsLost) {
   EXPECT_EQ(group.grabbed->frames[2].state, Frame::State::kNone);
 }
 
-TEST(LastingTrouble, fault_51_IsToldOnceAndAgainEveryMinute) {
-  camera::LastingTrouble trouble;
+TEST(ErrorThrottle, fault_51_ReportsOnceAndAgainEveryMinute) {
+  camera::ErrorThrottle throttle;
   const Instant begin(1h);
   std::vector<int> told;
   for (int i = 0; i < 300; ++i) {
-    if (trouble.is_news(i % 2 == 0 ? "it is lost" : "it is not there", begin + i * 500ms)) {
+    if (throttle.is_due(i % 2 == 0 ? "it is lost" : "it is not there", begin + i * 500ms)) {
       told.push_back(i);
     }
   }
   EXPECT_THAT(told, ::testing::ElementsAre(0, 1, 120, 121, 240, 241));
-  EXPECT_TRUE(trouble.end());
-  EXPECT_FALSE(trouble.end());
-  EXPECT_TRUE(trouble.is_news("it is lost", begin + 151s));
+  EXPECT_TRUE(throttle.end());
+  EXPECT_FALSE(throttle.end());
+  EXPECT_TRUE(throttle.is_due("it is lost", begin + 151s));
 }
 
 TEST(DeviceClock, GivesTimesThatAreNeverLateAndFollowTheDrift) {

@@ -146,7 +146,7 @@ TEST(FolderSource, fault_53_AnImageThatCannotBeReadIsDamaged) {
     EXPECT_EQ(grabbed.frames[1].state, Frame::State::kDamaged);
     EXPECT_EQ(grabbed.frames[2].state, Frame::State::kDamaged);
   }
-  EXPECT_THAT(source.take_news(),
+  EXPECT_THAT(source.take_messages(),
               ::testing::ElementsAre(
                   HasSubstr("camera180.png: the PNG image is damaged: it is cut off"),
                   HasSubstr("camera300.png: the image has 8 x 8 pixels, must have 32 x 32")));

@@ -89,7 +89,7 @@ void write(camera::CameraSensor& sensor, std::int64_t number, Instant time,
 // Waits until the robot has found the cameras' process.
 void await_cameras(DriverWithSensors& driver) {
   for (std::string text; text.find("delivers") == std::string::npos;) {
-    for (const std::string& news : driver.take_news()) text += news;
+    for (const std::string& message : driver.take_messages()) text += message;
   }
 }
 
@@ -240,11 +240,11 @@ TEST(Images, OfOtherSizesAreRefusedByTheRobot) {
   const camera::CameraSensor sensor("robot", three_cameras(camera::PixelFormat::kBayerRg8, 16));
   DriverWithSensors driver(std::make_unique<FakeDriver>(FakeDriver::Options{}), "robot",
                            {camera::camera_companion(three_cameras())});
-  std::vector<std::string> news;
-  while (news.empty()) news = driver.take_news();
-  EXPECT_THAT(news.front(), ::testing::AllOf(HasSubstr("sensor 'cameras' is refused"),
-                                             HasSubstr("camera60 uint8[16,16]"),
-                                             HasSubstr("camera60 uint8[32,32]")));
+  std::vector<std::string> messages;
+  while (messages.empty()) messages = driver.take_messages();
+  EXPECT_THAT(messages.front(), ::testing::AllOf(HasSubstr("sensor 'cameras' is refused"),
+                                                 HasSubstr("camera60 uint8[16,16]"),
+                                                 HasSubstr("camera60 uint8[32,32]")));
 }
 
 TEST(Images, AreDescribedByTheNamesOfTheirCameras) {
@@ -326,27 +326,27 @@ ScriptedSource::Shot shot(std::int64_t number, Nanoseconds second_is_later = 0ns
   return {good(number, time), good(number, time + second_is_later), good(number, time)};
 }
 
-std::vector<std::string> news_of(const std::vector<std::optional<ScriptedSource::Shot>>& shots,
-                                 camera::FeedStatistics* statistics = nullptr,
-                                 const std::vector<std::size_t>& lost_in_silence = {}) {
+std::vector<std::string> messages_of(const std::vector<std::optional<ScriptedSource::Shot>>& shots,
+                                     camera::FeedStatistics* statistics = nullptr,
+                                     const std::vector<std::size_t>& lost_in_silence = {}) {
   const SessionFolder folder;
   const std::vector<Camera> cameras = three_cameras();
   ScriptedSource source(cameras);
   source.shots = shots;
   source.lost_in_silence = lost_in_silence;
   camera::CameraFeed feed(source, "robot", cameras, 10ms);
-  std::vector<std::string> news;
+  std::vector<std::string> messages;
   for (bool goes_on = true; goes_on;) {
     goes_on = feed.step();
-    for (const std::string& sentence : feed.take_news()) news.push_back(sentence);
+    for (const std::string& sentence : feed.take_messages()) messages.push_back(sentence);
   }
   if (statistics != nullptr) *statistics = feed.statistics();
-  return news;
+  return messages;
 }
 
 TEST(CameraFeed, IsSilentWhileAllIsWell) {
   camera::FeedStatistics statistics;
-  EXPECT_THAT(news_of({shot(0), shot(1), shot(2, 100us), shot(3)}, &statistics), IsEmpty());
+  EXPECT_THAT(messages_of({shot(0), shot(1), shot(2, 100us), shot(3)}, &statistics), IsEmpty());
   EXPECT_EQ(statistics.elements, 4);
   EXPECT_EQ(statistics.cameras[1].good, 4);
   EXPECT_EQ(statistics.largest_skew, 100us);
@@ -357,7 +357,7 @@ TEST(CameraFeed, fault_51_SaysThatACameraIsLostAndThatItIsBack) {
   auto first = shot(1);
   auto second = shot(2);
   first[2] = second[2] = {.state = Frame::State::kLost};
-  EXPECT_THAT(news_of({shot(0), first, second, shot(3)}),
+  EXPECT_THAT(messages_of({shot(0), first, second, shot(3)}),
               ElementsAre("camera300 is lost; the others go on", "camera300 delivers again",
                           "2 images of camera300 were lost or damaged"));
 }
@@ -367,20 +367,20 @@ TEST(CameraFeed, fault_51_SaysThatACameraIsBackThatDeliversALittleLater) {
   auto silent = shot(2);
   lost[2] = {.state = Frame::State::kLost};
   silent[2] = {};
-  EXPECT_THAT(news_of({shot(0), lost, silent, shot(3)}),
+  EXPECT_THAT(messages_of({shot(0), lost, silent, shot(3)}),
               ElementsAre("camera300 is lost; the others go on", "camera300 delivers again",
                           "2 images of camera300 were lost or damaged"));
 }
 
 TEST(CameraFeed, fault_51_DoesNotCallALostCameraLate) {
-  const auto first_news = [](const std::vector<std::size_t>& lost) {
-    auto news = news_of({shot(0), std::nullopt, shot(1)}, nullptr, lost);
-    news.resize(3);
-    return news;
+  const auto first_messages = [](const std::vector<std::size_t>& lost) {
+    auto messages = messages_of({shot(0), std::nullopt, shot(1)}, nullptr, lost);
+    messages.resize(3);
+    return messages;
   };
-  EXPECT_THAT(first_news({0, 1, 2}),
+  EXPECT_THAT(first_messages({0, 1, 2}),
               ElementsAre("camera60 is lost", "camera180 is lost", "camera300 is lost"));
-  EXPECT_THAT(first_news({1}),
+  EXPECT_THAT(first_messages({1}),
               ElementsAre(HasSubstr("no images of camera60 come"), "camera180 is lost",
                           HasSubstr("no images of camera300 come")));
 }
@@ -393,7 +393,7 @@ TEST(CameraFeed, fault_52_WaitsForImagesAsTheirRateSaysAndLetsOthersWorkMeanwhil
   camera::CameraFeed feed(source, "robot", cameras, 10s);
   while (feed.step()) {
   }
-  EXPECT_THAT(feed.take_news(), IsEmpty());
+  EXPECT_THAT(feed.take_messages(), IsEmpty());
   EXPECT_EQ(feed.statistics().elements, 2);
   EXPECT_LE(source.longest_timeout, 100ms);
 }
@@ -401,7 +401,7 @@ TEST(CameraFeed, fault_52_WaitsForImagesAsTheirRateSaysAndLetsOthersWorkMeanwhil
 TEST(CameraFeed, fault_52_SaysThatNoImagesCome) {
   camera::FeedStatistics statistics;
   EXPECT_THAT(
-      news_of({shot(0), std::nullopt, std::nullopt, shot(1)}, &statistics),
+      messages_of({shot(0), std::nullopt, std::nullopt, shot(1)}, &statistics),
       ElementsAre(HasSubstr("no images of camera60 come"), HasSubstr("no images of camera180 come"),
                   HasSubstr("no images of camera300 come"), "camera60 delivers again",
                   "camera180 delivers again", "camera300 delivers again"));
@@ -417,7 +417,7 @@ TEST(CameraFeed, fault_52_NamesACameraThatIsLateForLongAndCountsSingleImages) {
     if (i >= 10 && i < 30) images[1] = {};
     shots.emplace_back(images);
   }
-  EXPECT_THAT(news_of(shots),
+  EXPECT_THAT(messages_of(shots),
               ElementsAre("no images of camera180 come: it is late or loses them",
                           "camera180 delivers again", "4 images of camera60 were lost or damaged",
                           "20 images of camera180 were lost or damaged"));
@@ -425,17 +425,18 @@ TEST(CameraFeed, fault_52_NamesACameraThatIsLateForLongAndCountsSingleImages) {
 
 TEST(CameraFeed, fault_54_TellsHowFarApartImagesWere) {
   camera::FeedStatistics statistics;
-  EXPECT_THAT(news_of({shot(0, 100us), shot(1, -2ms), shot(2)}, &statistics), IsEmpty());
+  EXPECT_THAT(messages_of({shot(0, 100us), shot(1, -2ms), shot(2)}, &statistics), IsEmpty());
   EXPECT_EQ(statistics.largest_skew, 2ms);
 }
 
 TEST(CameraFeed, fault_54_NamesACameraThatIsOutOfStep) {
-  EXPECT_THAT(news_of({shot(0), shot(1, 4ms), shot(2, 4ms), shot(3)}),
+  EXPECT_THAT(messages_of({shot(0), shot(1, 4ms), shot(2, 4ms), shot(3)}),
               ElementsAre("camera180 is out of step: its image is 4 ms later than those of the "
                           "others",
                           "camera180 is in step again"));
-  EXPECT_THAT(news_of({shot(0, -4ms)}), ElementsAre(HasSubstr("camera180 is out of step: its image "
-                                                              "is 4 ms earlier")));
+  EXPECT_THAT(messages_of({shot(0, -4ms)}),
+              ElementsAre(HasSubstr("camera180 is out of step: its image "
+                                    "is 4 ms earlier")));
 }
 
 TEST(CameraFeed, fault_54_RefusesASourceWithCamerasInAnotherOrder) {

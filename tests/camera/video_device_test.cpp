@@ -374,7 +374,8 @@ TEST(VideoDevice, fault_51_ADeviceThatIsUnpluggedIsFoundAgain) {
   std::vector<std::byte> pixels(format.size());
   EXPECT_FALSE(device.grab(pixels, frame, 1ms));
   EXPECT_FALSE(device.is_there());
-  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is lost: No such device"));
+  EXPECT_THAT(device.take_messages(),
+              ElementsAre("the camera at /dev/video3 is lost: No such device"));
   EXPECT_EQ(video.opened, video.closed);
   EXPECT_EQ(video.mapped, 0);
   video.is_plugged = true;
@@ -386,7 +387,7 @@ TEST(VideoDevice, fault_51_ADeviceThatIsUnpluggedIsFoundAgain) {
   }
   EXPECT_TRUE(device.is_there());
   EXPECT_EQ(frame.number, 1);  // goes on, also if the device counts from 0 again
-  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+  EXPECT_THAT(device.take_messages(), ElementsAre("the camera at /dev/video3 is back"));
 }
 
 TEST(VideoDevice, fault_51_ADeviceThatFallsSilentIsLostAndOpenedAgain) {
@@ -401,7 +402,7 @@ TEST(VideoDevice, fault_51_ADeviceThatFallsSilentIsLostAndOpenedAgain) {
   Frame frame;
   while (device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 10ms));
   EXPECT_GT(std::chrono::steady_clock::now() - begin, 1s);
-  EXPECT_THAT(device.take_news(),
+  EXPECT_THAT(device.take_messages(),
               ElementsAre("the camera at /dev/video3 is lost: it delivers nothing any more"));
   EXPECT_EQ(video.opened, video.closed);
   video.queued.clear();
@@ -409,7 +410,7 @@ TEST(VideoDevice, fault_51_ADeviceThatFallsSilentIsLostAndOpenedAgain) {
   video.add(grey);
   while (!device.grab(pixels, frame, 10ms)) {
   }
-  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+  EXPECT_THAT(device.take_messages(), ElementsAre("the camera at /dev/video3 is back"));
 }
 
 TEST(VideoDevice, fault_52_ImagesAreCountedAsLostAfterItsReturn) {
@@ -442,7 +443,7 @@ TEST(VideoDevice, fault_51_WhatHindersItsReturnIsToldOnceAndEndsNothing) {
   Frame frame;
   video.is_plugged = false;
   EXPECT_FALSE(device.grab(pixels, frame, 0ns));
-  static_cast<void>(device.take_news());
+  static_cast<void>(device.take_messages());
   // It is back, but not as a camera.
   video.is_plugged = true;
   video.caps = V4L2_CAP_STREAMING;
@@ -450,7 +451,7 @@ TEST(VideoDevice, fault_51_WhatHindersItsReturnIsToldOnceAndEndsNothing) {
     EXPECT_FALSE(device.grab(pixels, frame, 1s));
   }
   EXPECT_FALSE(device.is_there());
-  EXPECT_THAT(device.take_news(),
+  EXPECT_THAT(device.take_messages(),
               ElementsAre("/dev/video3 is no camera; 'trifinger cameras --list' shows cameras"));
   EXPECT_EQ(video.opened, video.closed);
   video.caps |= V4L2_CAP_VIDEO_CAPTURE;
@@ -458,7 +459,7 @@ TEST(VideoDevice, fault_51_WhatHindersItsReturnIsToldOnceAndEndsNothing) {
   video.add([](unsigned, unsigned) { return std::vector{1}; });
   while (!device.grab(pixels, frame, 1s)) {
   }
-  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+  EXPECT_THAT(device.take_messages(), ElementsAre("the camera at /dev/video3 is back"));
 }
 
 TEST(VideoDevice, fault_54_ThatComesBackAtAnotherPathIsFoundAndNoOtherIsTaken) {
@@ -476,7 +477,7 @@ TEST(VideoDevice, fault_54_ThatComesBackAtAnotherPathIsFoundAndNoOtherIsTaken) {
     left.is_plugged = true;
     left.queued.clear();
     right.queued.clear();
-    static_cast<void>(device.take_news());
+    static_cast<void>(device.take_messages());
   };
   const auto next_number = [&](FakeVideo& video, int value) {
     video.add([value](unsigned, unsigned) { return std::vector{value}; });
@@ -488,26 +489,28 @@ TEST(VideoDevice, fault_54_ThatComesBackAtAnotherPathIsFoundAndNoOtherIsTaken) {
   // Only the other one comes back, at the path of this one.
   unplug();
   paths.at = {{"/dev/video3", &right}};
-  std::vector<std::string> news;
-  while (news.empty()) {
+  std::vector<std::string> messages;
+  while (messages.empty()) {
     EXPECT_FALSE(device.grab(pixels, frame, 1s));
-    news = device.take_news();
+    messages = device.take_messages();
   }
-  EXPECT_THAT(news, ElementsAre("another camera is at /dev/video3: Fake Webcam at usb-2, not Fake "
-                                "Webcam at usb-1"));
+  EXPECT_THAT(messages,
+              ElementsAre("another camera is at /dev/video3: Fake Webcam at usb-2, not Fake "
+                          "Webcam at usb-1"));
   // Now this one, too.
   paths.at = {{"/dev/video3", &right}, {"/dev/video9", &left}};
   EXPECT_EQ(next_number(left, 2), 2);
-  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back, at /dev/video9"));
+  EXPECT_THAT(device.take_messages(),
+              ElementsAre("the camera at /dev/video3 is back, at /dev/video9"));
   // Another one of the same kind at the same port is known by its serial number.
   unplug();
   left.serial = "4711";
-  while (news.size() < 2) {
+  while (messages.size() < 2) {
     EXPECT_FALSE(device.grab(pixels, frame, 1s));
-    for (const std::string& sentence : device.take_news()) news.push_back(sentence);
+    for (const std::string& sentence : device.take_messages()) messages.push_back(sentence);
   }
   EXPECT_FALSE(device.is_there());
-  EXPECT_THAT(news.back(), HasSubstr("another camera is at /dev/video3"));
+  EXPECT_THAT(messages.back(), HasSubstr("another camera is at /dev/video3"));
 }
 
 TEST(VideoDevice, ThatCannotDoItIsRefusedWithASentence) {
@@ -525,7 +528,7 @@ TEST(VideoDevice, ThatCannotDoItIsRefusedWithASentence) {
   elsewhere.path = "/dev/video9";
   camera::VideoDevice absent(elsewhere, video);
   EXPECT_FALSE(absent.is_there());
-  EXPECT_THAT(absent.take_news(),
+  EXPECT_THAT(absent.take_messages(),
               ElementsAre("there is no camera at /dev/video9: No such file or directory"));
 }
 

@@ -96,16 +96,16 @@ TEST_F(UnixBusTest, CarriesFramesBetweenProcesses) {
 TEST_F(UnixBusTest, fault_37_AStoppedOrKilledNodeCostsTheOthersNothing) {
   const auto host = join();
   const auto board = join();
-  Echo stranger(path_, 0x10);
+  Echo other(path_, 0x10);
   EXPECT_EQ(await(*host, 1).front().id, 0x10U);
   EXPECT_EQ(await(*board, 1).front().id, 0x10U);
-  stranger.process().send(SIGSTOP);
+  other.process().send(SIGSTOP);
   constexpr int kCount = 3000;
   const Frame frame{.id = 5};
   for (int i = 0; i < kCount; ++i) {
     ASSERT_EQ(host->send({&frame, 1}).sent, 1U);
     ASSERT_EQ(await(*board, 1).size(), 1U);
-    if (i == kCount / 2) stranger.process().kill();
+    if (i == kCount / 2) other.process().kill();
   }
   EXPECT_EQ(board->state().lost, 0U);
 }

@@ -37,13 +37,13 @@ struct Cycle {
   }
 
   // Returns the joint torques that hold the cube on its way at the given time.
-  JointValues step(const CircleTrajectory& way, Seconds time, const JointValues& measured) {
+  JointValues step(const CircleTrajectory& trajectory, Seconds time, const JointValues& measured) {
     const JointValues& velocity = rate.update(measured, Seconds(1e-3));
     kinematics.update(measured);
     const JointMatrix jacobians = kinematics.tip_jacobians();
     const JointValues bias = kinematics.bias_torques(velocity);
 
-    const PointMotion point = way.at(time);
+    const PointMotion point = trajectory.at(time);
     const Motion desired{.pose = {.position = point.position},
                          .twist = {.linear = point.velocity},
                          .acceleration = {.linear = point.acceleration}};

@@ -42,9 +42,9 @@ class Bench {
   }
 
   [[nodiscard]] Touches plan(double height) const {
-    std::vector<Motion> way(2, {.pose = start_});
-    way[1].pose.position.z() += height;
-    return GraspPlanner(description()).plan(way).value().touches;
+    std::vector<Motion> trajectory(2, {.pose = start_});
+    trajectory[1].pose.position.z() += height;
+    return GraspPlanner(description()).plan(trajectory).value().touches;
   }
 
   void place_cube(const Pose& pose) const {
@@ -89,9 +89,9 @@ class Bench {
   }
 
   void lead_to(const Pose& goal, Seconds duration) {
-    const PoseTrajectory way(desired_.pose, goal, duration);
+    const PoseTrajectory trajectory(desired_.pose, goal, duration);
     for (Seconds time{0}; time <= duration + kPeriod; time += kPeriod) {
-      desired_ = way.at(time);
+      desired_ = trajectory.at(time);
       step();
     }
   }

@@ -28,10 +28,10 @@ Pose on_table(double x, double y, double yaw) {
 
 std::vector<Motion> upwards(const Pose& from, double height) {
   constexpr int kPoints = 5;
-  std::vector<Motion> way(kPoints, {.pose = from});
-  for (std::size_t i = 0; i < way.size(); ++i)
-    way[i].pose.position.z() += height * static_cast<double>(i) / (kPoints - 1);
-  return way;
+  std::vector<Motion> trajectory(kPoints, {.pose = from});
+  for (std::size_t i = 0; i < trajectory.size(); ++i)
+    trajectory[i].pose.position.z() += height * static_cast<double>(i) / (kPoints - 1);
+  return trajectory;
 }
 
 RobotDescription raised() {
@@ -90,14 +90,14 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
   for (int degrees = 0; degrees < 360; degrees += 15) {
     const double angle = degrees * kPi / 180;
     // Near the middle some places have no grasp. Those are skipped.
-    const auto way =
+    const auto trajectory =
         upwards(on_table(0.02 * std::cos(angle), 0.02 * std::sin(angle), 2.5 * angle), 0.19);
-    const auto grasp = planner.plan(way);
+    const auto grasp = planner.plan(trajectory);
     if (!grasp) continue;
     ++grasps;
     std::array<Eigen::Vector3d, kContacts> near;
     near.fill(Eigen::Vector3d::Map(robot.initial_position().data()));
-    for (const Motion& motion : way) {
+    for (const Motion& motion : trajectory) {
       mj_resetDataKeyframe(model, data.get(), 0);
       const Eigen::Quaterniond& q = motion.pose.orientation;
       double* const object = data->qpos + robot.object("cube").position;
@@ -132,18 +132,19 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
 
 TEST(GraspPlanner, CarriesMoreWhereItAcceleratesUpwards) {
   GraspPlanner planner(raised());
-  std::vector<Motion> way = upwards(on_table(0, 0, 0.2), 0.1);
-  const double calm = planner.plan(way).value().torque_share;
-  way[1].acceleration.linear.z() = 3.0;
-  EXPECT_GT(planner.plan(way).value().torque_share, 1.05 * calm);
+  std::vector<Motion> trajectory = upwards(on_table(0, 0, 0.2), 0.1);
+  const double calm = planner.plan(trajectory).value().torque_share;
+  trajectory[1].acceleration.linear.z() = 3.0;
+  EXPECT_GT(planner.plan(trajectory).value().torque_share, 1.05 * calm);
 }
 
 TEST(GraspPlanner, NeedsLessTorqueWithMoreSidesOfItsPyramids) {
   GraspPlanner four(raised());
   GraspPlanner eight(raised(), "cube", {.friction_sides = 8});
   for (const double yaw : {0.0, 0.3, 0.6, 1.2}) {
-    const auto way = upwards(on_table(0, 0, yaw), 0.1);
-    EXPECT_LT(eight.plan(way).value().torque_share, four.plan(way).value().torque_share);
+    const auto trajectory = upwards(on_table(0, 0, yaw), 0.1);
+    EXPECT_LT(eight.plan(trajectory).value().torque_share,
+              four.plan(trajectory).value().torque_share);
   }
 }
 
@@ -162,25 +163,25 @@ TEST(GraspPlanner, FindsNothingForWhatIsTooHeavy) {
 }
 
 TEST(GraspPlanner, MeasuresTorquesByTheLimitsThatItIsGiven) {
-  const auto way = upwards(on_table(0.01, 0, 0.4), 0.1);
+  const auto trajectory = upwards(on_table(0.01, 0, 0.4), 0.1);
   SafetyLimits limits = safety_limits(raised());
-  const auto usual = GraspPlanner(raised(), "cube", {.limits = limits}).plan(way);
+  const auto usual = GraspPlanner(raised(), "cube", {.limits = limits}).plan(trajectory);
   ASSERT_TRUE(usual);
-  EXPECT_EQ(usual->torque_share, GraspPlanner(raised()).plan(way).value().torque_share);
+  EXPECT_EQ(usual->torque_share, GraspPlanner(raised()).plan(trajectory).value().torque_share);
   for (double& torque : limits.max_torque) torque /= 4;
   GraspPlanner weak(raised(), "cube", {.largest_torque = 10.0, .limits = limits});
-  EXPECT_NEAR(weak.plan(way).value().torque_share, 4 * usual->torque_share, 1e-12);
-  EXPECT_FALSE(GraspPlanner(raised(), "cube", {.limits = limits}).plan(way));
+  EXPECT_NEAR(weak.plan(trajectory).value().torque_share, 4 * usual->torque_share, 1e-12);
+  EXPECT_FALSE(GraspPlanner(raised(), "cube", {.limits = limits}).plan(trajectory));
 }
 
 // Returns the lowest angle of finger 1's last joint on a way.
-double lowest_angle(const PlannedGrasp& grasp, std::span<const Motion> way) {
+double lowest_angle(const PlannedGrasp& grasp, std::span<const Motion> trajectory) {
   const Kinematics kinematics(raised());
   const Touch& touch = grasp.touches[1];
   const Eigen::Vector3d tip = touch.point - figures(raised()).tip_radius * touch.normal;
   Eigen::Vector3d near = Eigen::Vector3d::Map(figures(raised()).initial_position.data());
   double lowest = near[2];
-  for (const Motion& motion : way) {
+  for (const Motion& motion : trajectory) {
     near = kinematics.inverse_kinematics(1, point_of_body(motion, tip).position, near).position;
     lowest = std::min(lowest, near[2]);
   }
@@ -188,22 +189,22 @@ double lowest_angle(const PlannedGrasp& grasp, std::span<const Motion> way) {
 }
 
 TEST(GraspPlanner, StaysWithinTheSoftLimitsThatItIsGiven) {
-  const auto way = upwards(on_table(0.01, 0.005, 0.3), 0.15);
+  const auto trajectory = upwards(on_table(0.01, 0.005, 0.3), 0.15);
   GraspPlannerConfig config{.limit_margin = 0.0, .limits = safety_limits(raised())};
-  const auto usual = GraspPlanner(raised(), "cube", config).plan(way);
+  const auto usual = GraspPlanner(raised(), "cube", config).plan(trajectory);
   ASSERT_TRUE(usual);
-  const double lowest = lowest_angle(*usual, way);
+  const double lowest = lowest_angle(*usual, trajectory);
   double& limit = config.limits->soft_lower[5];
   limit = lowest - 1e-6;
-  EXPECT_EQ(GraspPlanner(raised(), "cube", config).plan(way).value().torque_share,
+  EXPECT_EQ(GraspPlanner(raised(), "cube", config).plan(trajectory).value().torque_share,
             usual->torque_share);
   limit = lowest + 1e-6;
-  if (const auto other = GraspPlanner(raised(), "cube", config).plan(way)) {
+  if (const auto other = GraspPlanner(raised(), "cube", config).plan(trajectory)) {
     EXPECT_GT(other->torque_share, usual->torque_share);
-    EXPECT_GE(lowest_angle(*other, way), limit);
+    EXPECT_GE(lowest_angle(*other, trajectory), limit);
   }
   limit = 2.9;
-  EXPECT_FALSE(GraspPlanner(raised(), "cube", config).plan(way));
+  EXPECT_FALSE(GraspPlanner(raised(), "cube", config).plan(trajectory));
 }
 
 TEST(GraspPlanner, NeedsThreeFingersAndABox) {

@@ -18,8 +18,8 @@ using test::Random;
 
 constexpr double kStep = 1e-5;  // [s]
 
-// Checks that velocity and acceleration are derivatives of the position: on the whole way, at its
-// ends and beyond them. This also shows that all three are continuous.
+// Checks that velocity and acceleration are derivatives of the position: on the whole trajectory,
+// at its ends and beyond them. This also shows that all three are continuous.
 template <class Trajectory>
 void expect_derivatives(const Trajectory& trajectory) {
   const double duration = trajectory.duration().count();
@@ -58,9 +58,9 @@ TEST(LineTrajectory, GoesFromRestToRestOnAStraightLine) {
   EXPECT_LT((line.at(line.duration()).position - to).norm(), 1e-15);
   EXPECT_LT((line.at(line.duration() / 2).position - (from + to) / 2).norm(), 1e-15);
   for (int i = 0; i <= 100; ++i) {
-    const Eigen::Vector3d way = line.at(line.duration() * i / 100).position - from;
-    EXPECT_LT(way.cross(to - from).norm(), 1e-15);
-    EXPECT_GE(way.dot(to - from), 0);
+    const Eigen::Vector3d displacement = line.at(line.duration() * i / 100).position - from;
+    EXPECT_LT(displacement.cross(to - from).norm(), 1e-15);
+    EXPECT_GE(displacement.dot(to - from), 0);
   }
 }
 

@@ -82,14 +82,14 @@ TEST(BackendThread, TellsWhenTheBackendHasEnded) {
   FakeDriver driver;
   SessionHost host = SessionHost::anonymous();
   Backend backend(driver, host);
-  std::atomic<bool> was_told{false};
+  std::atomic<bool> was_reported{false};
   BackendThread thread(backend, {.demand = Demand::kOff}, [&] {
-    was_told = true;
-    was_told.notify_all();
+    was_reported = true;
+    was_reported.notify_all();
   });
   EXPECT_FALSE(thread.wait_for_end(Timeout::zero()));
   backend.request_stop();
-  was_told.wait(false);
+  was_reported.wait(false);
   EXPECT_TRUE(thread.wait_for_end(Timeout::zero()));
   EXPECT_TRUE(thread.wait_for_end(kForever));
   thread.stop();

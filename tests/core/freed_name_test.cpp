@@ -25,10 +25,10 @@
 #include <thread>
 #include <vector>
 
+#include "core/job_claim.hpp"
 #include "core/named_robot.hpp"
 #include "core/refused_sessions.hpp"
 #include "core/transports.hpp"
-#include "core/turn_claim.hpp"
 #include "ipc/file_lock.hpp"
 #include "support/message_of.hpp"
 #include "support/nobody.hpp"
@@ -111,7 +111,7 @@ TEST_F(FreedName, fault_80_AnOrderlyEndLeavesNothing) {
   EXPECT_THAT(files(), IsEmpty());
   {
     std::optional<SessionHost> host(SessionHost::named("robot"));
-    const auto claim = TurnClaim::take("robot");
+    const auto claim = JobClaim::take("robot");
     ASSERT_TRUE(claim);
     host.reset();
     EXPECT_THAT(files(), ::testing::ElementsAre("trifinger.robot.lock")) << "it has the claim";
@@ -190,7 +190,7 @@ TEST_F(FreedName, fault_80_OfAKilledBackendIsRefusedToOthersWithItsOwnerAndTheRe
       all.emplace_back(error.what());
     }
     all.push_back(message_of<SystemError>([] { return Session::open("robot"); }));
-    all.push_back(message_of<SystemError>([] { return TurnClaim::take("robot"); }));
+    all.push_back(message_of<SystemError>([] { return JobClaim::take("robot"); }));
     const std::vector<std::string> refused = refused_sessions();
     all.insert(all.end(), refused.begin(), refused.end());
     return all;
@@ -265,7 +265,7 @@ TEST_F(FreedName, fault_80_HasOneOwnerAtATimeHoweverManyComeAndGo) {
         if (owners->fetch_add(1) != 0) has_two->store(true);
         const int turn = turns->fetch_add(1);
         owners->fetch_sub(1);
-        if (turn % 3 == 0) static_cast<void>(TurnClaim::take("robot"));
+        if (turn % 3 == 0) static_cast<void>(JobClaim::take("robot"));
       } catch (const Error&) {
         // Another process has the name, or its turn.
       }

@@ -29,12 +29,12 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-enum class Thing : std::uint8_t { kFifo, kLinkToFifo, kLinkToDevice, kFolder, kStrangersFile };
+enum class Thing : std::uint8_t { kFifo, kLinkToFifo, kLinkToDevice, kFolder, kOtherUsersFile };
 
 class HostileFiles : public ::testing::TestWithParam<Thing> {
  protected:
   void SetUp() override {
-    if (GetParam() == Thing::kStrangersFile && ::geteuid() != 0) {
+    if (GetParam() == Thing::kOtherUsersFile && ::geteuid() != 0) {
       GTEST_SKIP() << "only the administrator can make files of somebody else";
     }
   }
@@ -56,7 +56,7 @@ class HostileFiles : public ::testing::TestWithParam<Thing> {
       case Thing::kFolder:
         fs::create_directory(path(name));
         break;
-      case Thing::kStrangersFile:
+      case Thing::kOtherUsersFile:
         std::ofstream(path(name)) << std::string(100'000, 'x');
         fs::permissions(path(name), fs::perms::all);
         ASSERT_EQ(::chown(path(name).c_str(), 12345, 12345), 0);
@@ -117,10 +117,10 @@ TEST_P(HostileFiles, fault_73_InThePlaceOfAQueueAreNamed) {
   EXPECT_TRUE(Session::open("robot").info().backend_is_alive);
 }
 
-constexpr std::array kNames{"Fifo", "LinkToFifo", "LinkToDevice", "Folder", "StrangersFile"};
+constexpr std::array kNames{"Fifo", "LinkToFifo", "LinkToDevice", "Folder", "OtherUsersFile"};
 INSTANTIATE_TEST_SUITE_P(Things, HostileFiles,
                          ::testing::Values(Thing::kFifo, Thing::kLinkToFifo, Thing::kLinkToDevice,
-                                           Thing::kFolder, Thing::kStrangersFile),
+                                           Thing::kFolder, Thing::kOtherUsersFile),
                          [](const auto& test) {
                            return kNames.at(static_cast<std::size_t>(test.param));
                          });

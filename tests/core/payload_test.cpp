@@ -280,9 +280,9 @@ TEST(Payload, OfOtherFieldsIsRefusedByRobotAndReader) {
   PayloadWriter payloads("robot", "eye", other);
   const UntypedSensorWriter sensor("robot", "eye", describe<Sight>(), 64, other);
   const auto driver = make_driver(words());
-  std::vector<std::string> news;
-  while (news.empty()) news = driver->take_news();
-  EXPECT_THAT(news.front(),
+  std::vector<std::string> messages;
+  while (messages.empty()) messages = driver->take_messages();
+  EXPECT_THAT(messages.front(),
               ::testing::AllOf(HasSubstr("sensor 'eye' is refused: its elements have the fields"),
                                HasSubstr("words uint64[2048]"), HasSubstr("words uint64[4096]")));
   const PayloadReference reference = write(payloads, 1);

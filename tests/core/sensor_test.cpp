@@ -50,10 +50,10 @@ std::unique_ptr<DriverWithSensors> make_driver(const FakeDriver::Options& option
 }
 
 // Waits for what happens next to the sensors.
-std::string next_news(DriverWithSensors& driver) {
+std::string next_message(DriverWithSensors& driver) {
   for (;;) {
-    const std::vector<std::string> news = driver.take_news();
-    if (!news.empty()) return news.front();
+    const std::vector<std::string> messages = driver.take_messages();
+    if (!messages.empty()) return messages.front();
     std::this_thread::sleep_for(1ms);
   }
 }
@@ -195,14 +195,14 @@ TEST(Sensor, ItsProcessMayComeLaterAndComeAgain) {
   EXPECT_FALSE(driver->get_companion_element(0, 0, &seen));
   for (int life = 1; life <= 3; ++life) {
     std::optional<SensorWriter<Sight>> writer(std::in_place, "robot", "eye");
-    EXPECT_EQ(next_news(*driver),
+    EXPECT_EQ(next_message(*driver),
               "sensor 'eye': process " + std::to_string(::getpid()) + " delivers");
     writer->write(Instant(1s), {.number = life});
     ASSERT_TRUE(driver->get_companion_element(0, 2 * life, &seen));
     EXPECT_EQ(seen.number, life);
     EXPECT_FALSE(driver->get_companion_element(0, 2 * life, &seen));
     writer.reset();
-    EXPECT_EQ(next_news(*driver),
+    EXPECT_EQ(next_message(*driver),
               "sensor 'eye': its process has ended; the robot goes on without it");
     EXPECT_FALSE(driver->get_companion_element(0, 2 * life + 1, &seen));
   }
@@ -216,18 +216,18 @@ TEST(Sensor, AProcessThatIsKilledLeavesNothingThatASessionWouldBeginWith) {
     return 0;
   });
   const auto driver = make_driver();
-  while (next_news(*driver).find("delivers") == std::string::npos) {
+  while (next_message(*driver).find("delivers") == std::string::npos) {
   }
   child.kill();
-  EXPECT_THAT(next_news(*driver), HasSubstr("has ended"));
+  EXPECT_THAT(next_message(*driver), HasSubstr("has ended"));
   Sight seen;
   static_cast<void>(driver->prepare(0));
   EXPECT_FALSE(driver->get_companion_element(0, -1, &seen));
   // The next robot does not take it for a sensor either, and the next process is not refused.
   const auto next = make_driver();
-  EXPECT_TRUE(next->take_news().empty());
+  EXPECT_TRUE(next->take_messages().empty());
   const SensorWriter<Sight> writer("robot", "eye");
-  EXPECT_THAT(next_news(*next), HasSubstr("delivers"));
+  EXPECT_THAT(next_message(*next), HasSubstr("delivers"));
 }
 
 TEST(Sensor, OnlyOneProcessIsASensor) {
@@ -242,7 +242,7 @@ TEST(Sensor, ElementsOfAnotherKindAreRefusedWithASentence) {
   const SessionFolder folder;
   const SensorWriter<FakeSensorReading> writer("robot", "eye");
   const auto driver = make_driver();
-  EXPECT_THAT(next_news(*driver),
+  EXPECT_THAT(next_message(*driver),
               ::testing::AllOf(HasSubstr("sensor 'eye' is refused: its elements have the fields"),
                                HasSubstr("applied_actions int64"), HasSubstr("number int64")));
   Sight seen;
@@ -294,10 +294,10 @@ TEST(Sensor, NothingAllocatesInTheLoopOrWhenItWrites) {
 // ---- a sensor that a driver reads ----
 
 // Waits for what happens next to the sensor.
-std::string next_news(LoopSensorReader& reader) {
+std::string next_message(LoopSensorReader& reader) {
   for (;;) {
-    const std::vector<std::string> news = reader.take_news();
-    if (!news.empty()) return news.front();
+    const std::vector<std::string> messages = reader.take_messages();
+    if (!messages.empty()) return messages.front();
     std::this_thread::sleep_for(1ms);
   }
 }
@@ -309,7 +309,7 @@ TEST(LoopSensor, HasTheNewestElementAsOftenAsTheDriverLooks) {
   EXPECT_FALSE(reader.read_newest(&seen));
   for (int life = 1; life <= 3; ++life) {
     std::optional<SensorWriter<Sight>> writer(std::in_place, "robot", "eye");
-    EXPECT_THAT(next_news(reader), HasSubstr("delivers"));
+    EXPECT_THAT(next_message(reader), HasSubstr("delivers"));
     EXPECT_FALSE(reader.read_newest(&seen));
     for (int number = 0; number < 200; ++number) {
       writer->write(Instant(1s), {.number = number});
@@ -321,7 +321,7 @@ TEST(LoopSensor, HasTheNewestElementAsOftenAsTheDriverLooks) {
       EXPECT_EQ(counter.count(), 0U);
     }
     writer.reset();
-    EXPECT_THAT(next_news(reader), HasSubstr("has ended"));
+    EXPECT_THAT(next_message(reader), HasSubstr("has ended"));
     EXPECT_FALSE(reader.read_newest(&seen));
   }
 }
@@ -331,15 +331,15 @@ TEST(LoopSensor, IsGoneWhileItsProcessLivesAndWritesNothing) {
   SensorWriter<Sight> writer("robot", "eye");
   LoopSensorReader patient("robot", "eye", describe<Sight>());
   LoopSensorReader reader("robot", "eye", describe<Sight>(), 50ms);
-  EXPECT_THAT(next_news(reader), HasSubstr("delivers"));
+  EXPECT_THAT(next_message(reader), HasSubstr("delivers"));
   writer.write(Instant(1s), {.number = 1});
   Sight seen;
-  while (next_news(reader).find("lives but writes nothing") == std::string::npos) {
+  while (next_message(reader).find("lives but writes nothing") == std::string::npos) {
   }
   EXPECT_FALSE(reader.read_newest(&seen));
   EXPECT_TRUE(patient.read_newest(&seen));
   writer.write(Instant(1s), {.number = 2});
-  while (next_news(reader).find("delivers again") == std::string::npos) {
+  while (next_message(reader).find("delivers again") == std::string::npos) {
   }
   // A busy machine may find it silent once more.
   while (!reader.read_newest(&seen)) writer.write(Instant(1s), {.number = 2});

@@ -63,18 +63,18 @@ TEST(SessionInfo, fault_58_SaysWhatTheLoopLacksForRealTime) {
   using Mode = BackendOptions::Mode;
   const RealtimeOptions impossible{
       .priority = 1000, .lock_memory = false, .heap = 0, .keep_cpus_awake = false};
-  const auto lacks_of = [](Mode mode, const RealtimeOptions& realtime) {
+  const auto warnings_of = [](Mode mode, const RealtimeOptions& realtime) {
     FakeDriver driver;
     SessionHost host = SessionHost::anonymous();
     Backend backend(driver, host, {.mode = mode});
     const BackendThread thread(backend, realtime);
-    return Frontend<FakeRobot>(host).session().info().realtime_lacks;
+    return Frontend<FakeRobot>(host).session().info().realtime_warnings;
   };
-  EXPECT_THAT(lacks_of(Mode::kRealTime, impossible),
+  EXPECT_THAT(warnings_of(Mode::kRealTime, impossible),
               ElementsAre(HasSubstr("no real-time priority 1000")));
-  EXPECT_THAT(lacks_of(Mode::kRealTime, {.demand = Demand::kOff}),
+  EXPECT_THAT(warnings_of(Mode::kRealTime, {.demand = Demand::kOff}),
               ElementsAre("no real-time settings were asked for"));
-  EXPECT_THAT(lacks_of(Mode::kNonRealTime, {.demand = Demand::kOff}), IsEmpty());
+  EXPECT_THAT(warnings_of(Mode::kNonRealTime, {.demand = Demand::kOff}), IsEmpty());
 }
 
 TEST(SessionDocuments, AreNoneUnlessTheyAreGiven) {

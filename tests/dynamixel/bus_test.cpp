@@ -228,20 +228,20 @@ TEST(Bus, CountsALateAnswerAndNeverTakesItForANewOne) {
 }
 
 // Each fault alone, in both kinds of reading: probability and what must be counted.
-struct LineTrouble {
+struct LineFault {
   std::string name;
   LineFaults faults;
 
-  friend std::ostream& operator<<(std::ostream& out, const LineTrouble& trouble) {
-    return out << trouble.name;
+  friend std::ostream& operator<<(std::ostream& out, const LineFault& fault) {
+    return out << fault.name;
   }
 };
 
-class TroubledLine : public ::testing::TestWithParam<std::tuple<LineTrouble, bool>> {};
+class FaultyLine : public ::testing::TestWithParam<std::tuple<LineFault, bool>> {};
 
-TEST_P(TroubledLine, IsCountedAndSurvived) {
-  const auto& [trouble, is_fast] = GetParam();
-  LineFaults faults = trouble.faults;
+TEST_P(FaultyLine, IsCountedAndSurvived) {
+  const auto& [fault, is_fast] = GetParam();
+  LineFaults faults = fault.faults;
   faults.seed = 7;
   Rig rig({.line = {.faults = faults}});
   // A motor shows its number in its position, so an answer of another motor would be seen.
@@ -267,19 +267,19 @@ TEST_P(TroubledLine, IsCountedAndSurvived) {
   EXPECT_GT(counts.missing, 0U);
   // Only an old answer that comes in the time of a new one ends a call before its motor has sent.
   EXPECT_LE(injected.collisions, injected.late / 10) << injected.late;
-  const bool is_alone = !is_fast && trouble.name != "Everything";
-  if (is_alone && trouble.faults.lost > 0.0) {
+  const bool is_alone = !is_fast && fault.name != "Everything";
+  if (is_alone && fault.faults.lost > 0.0) {
     EXPECT_EQ(counts.missing, injected.lost);
     EXPECT_EQ(counts.damaged, 0U);
   }
-  if (is_alone && trouble.faults.damaged > 0.0) {
+  if (is_alone && fault.faults.damaged > 0.0) {
     // Damage in a header leaves bytes that belong to no packet.
     EXPECT_EQ(counts.missing, injected.damaged);
     EXPECT_LE(counts.damaged, injected.damaged);
     EXPECT_GT(counts.damaged, injected.damaged / 2);
     EXPECT_GT(counts.skipped, 0U);
   }
-  if (is_alone && trouble.faults.late > 0.0) {
+  if (is_alone && fault.faults.late > 0.0) {
     EXPECT_GT(counts.late, 0U);
   }
   // Without faults everything is as before.
@@ -289,20 +289,20 @@ TEST_P(TroubledLine, IsCountedAndSurvived) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Dynamixel, TroubledLine,
-    ::testing::Combine(::testing::Values(LineTrouble{"Unheard", {.unheard = 0.02}},
-                                         LineTrouble{"Lost", {.lost = 0.02}},
-                                         LineTrouble{"Damaged", {.damaged = 0.02}},
-                                         LineTrouble{"ByteLost", {.byte_lost = 0.02}},
-                                         LineTrouble{"ByteAdded", {.byte_added = 0.02}},
-                                         LineTrouble{"Late", {.late = 0.02}},
-                                         LineTrouble{"Everything",
-                                                     {.unheard = 0.05,
-                                                      .lost = 0.05,
-                                                      .damaged = 0.05,
-                                                      .byte_lost = 0.05,
-                                                      .byte_added = 0.05,
-                                                      .late = 0.05}}),
+    Dynamixel, FaultyLine,
+    ::testing::Combine(::testing::Values(LineFault{"Unheard", {.unheard = 0.02}},
+                                         LineFault{"Lost", {.lost = 0.02}},
+                                         LineFault{"Damaged", {.damaged = 0.02}},
+                                         LineFault{"ByteLost", {.byte_lost = 0.02}},
+                                         LineFault{"ByteAdded", {.byte_added = 0.02}},
+                                         LineFault{"Late", {.late = 0.02}},
+                                         LineFault{"Everything",
+                                                   {.unheard = 0.05,
+                                                    .lost = 0.05,
+                                                    .damaged = 0.05,
+                                                    .byte_lost = 0.05,
+                                                    .byte_added = 0.05,
+                                                    .late = 0.05}}),
                        ::testing::Bool()),
     [](const auto& test) {
       return std::get<0>(test.param).name + (std::get<1>(test.param) ? "Fast" : "Classic");

@@ -82,10 +82,10 @@ class GroupRig {
     const std::vector<double> goals(kClawIds.size(), goal);
     for (int i = 0; i < count; ++i) group->cycle(goals);
   }
-  // Cycles until there is a trouble; fails if none comes.
-  void cycle_until_trouble(double goal = 0.0) const {
-    for (int i = 0; i < 100'000 && group->trouble().kind == Trouble::kNone; ++i) cycle(1, goal);
-    EXPECT_NE(group->trouble().kind, Trouble::kNone);
+  // Cycles until there is a fault; fails if none comes.
+  void cycle_until_fault(double goal = 0.0) const {
+    for (int i = 0; i < 100'000 && group->fault().kind == MotorFault::kNone; ++i) cycle(1, goal);
+    EXPECT_NE(group->fault().kind, MotorFault::kNone);
   }
 
   void release_and_expect_no_torque() {
@@ -104,7 +104,7 @@ class GroupRig {
   std::unique_ptr<MotorGroup> group;
 };
 
-std::string text_of(const GroupTrouble& trouble) { return std::string(describe(trouble).view()); }
+std::string text_of(const GroupFault& fault) { return std::string(describe(fault).view()); }
 
 TEST(MotorGroup, SetsUpMotorsThatAreNew) {
   GroupRig rig(claw(OperatingMode::kCurrent));
@@ -138,7 +138,7 @@ TEST(MotorGroup, DrivesCurrentsAndMeasuresThem) {
     EXPECT_GT(reading.velocity, 0.0);
     EXPECT_LE(rig.port->now() - reading.measured, 2ms);
   }
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone);
 }
 
 TEST(MotorGroup, GoesToPositionsInEveryModeOfPositions) {
@@ -189,7 +189,7 @@ TEST(MotorGroup, KnowsWhereMotorsAreThoughTheFirstReadOfAllIsLost) {
       EXPECT_EQ(reading.missing, 1U);
       EXPECT_NEAR(reading.position, 0.1 * static_cast<double>(i + 1), 2 * kPositionUnit);
     }
-    EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+    EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone);
   }
 }
 
@@ -306,7 +306,7 @@ TEST(MotorGroup, SaysWhichFirmwareIsTooOldForFastSyncRead) {
   GroupRig rig(options, {}, motors);
   rig.group->start();
   rig.cycle(1000, 0.1);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone) << text_of(rig.group->trouble());
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone) << text_of(rig.group->fault());
   EXPECT_EQ(rig.group->counts().missing, 0U);
 }
 
@@ -327,15 +327,15 @@ TEST(MotorGroup, ReadsSensorsAndGivesThemNoTorque) {
   ASSERT_EQ(rig.group->size(), 9U);
   EXPECT_EQ(rig.group->num_driven(), 8U);
   rig.cycle(2000, 0.1);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone) << text_of(rig.group->trouble());
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone) << text_of(rig.group->fault());
   EXPECT_EQ(rig.line.motor(8).value(regs::kTorqueEnable), 0);
   EXPECT_NEAR(rig.group->readings()[8].position, 0.7, 2e-3);
   EXPECT_GT(rig.group->readings()[7].velocity, 0.1);
   EXPECT_NE(rig.group->readings()[8].supply, 0.0);
 
   rig.line.motor(8).set_power(false);
-  rig.cycle_until_trouble();
-  EXPECT_EQ(rig.group->trouble().motor, 32);
+  rig.cycle_until_fault();
+  EXPECT_EQ(rig.group->fault().motor, 32);
   EXPECT_NE(trifinger::test::message_of<InvalidArgument>([] {
               const GroupRig twice({.ids = {1, 2}, .sensors = {2}});
             }).find("same motor twice"),
@@ -409,9 +409,9 @@ TEST(MotorGroup, NamesEveryHardwareErrorWhileItRuns) {
     rig.cycle(5, 0.1);
     rig.line.motor(7).fail(error);
     rig.cycle(1, 0.1);
-    EXPECT_EQ(rig.group->trouble().kind, Trouble::kHardwareError);
-    EXPECT_EQ(rig.group->trouble().motor, 31);
-    const std::string text = text_of(rig.group->trouble());
+    EXPECT_EQ(rig.group->fault().kind, MotorFault::kHardwareError);
+    EXPECT_EQ(rig.group->fault().motor, 31);
+    const std::string text = text_of(rig.group->fault());
     EXPECT_NE(text.find(dynamixel::text_of(error).sentence), std::string::npos) << text;
     EXPECT_NE(text.find(dynamixel::text_of(error).remedy), std::string::npos) << text;
   }
@@ -423,9 +423,9 @@ TEST(MotorGroup, NoticesAMotorThatFallsSilent) {
   rig.cycle(5, 0.0);
   rig.line.motor(8).set_power(false);
   const Instant off = rig.port->now();
-  rig.cycle_until_trouble();
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kSilent);
-  EXPECT_EQ(rig.group->trouble().motor, 32);
+  rig.cycle_until_fault();
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kSilent);
+  EXPECT_EQ(rig.group->fault().motor, 32);
   EXPECT_GE(rig.port->now() - off, rig.group->options().silent_after);
 }
 
@@ -435,9 +435,9 @@ TEST(MotorGroup, NoticesAMotorThatHasRestarted) {
   rig.cycle(5, 0.0);
   rig.line.motor(3).set_power(false);
   rig.line.motor(3).set_power(true);
-  rig.cycle_until_trouble();
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kTorqueLost);
-  EXPECT_EQ(rig.group->trouble().motor, 20);
+  rig.cycle_until_fault();
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kTorqueLost);
+  EXPECT_EQ(rig.group->fault().motor, 20);
 }
 
 TEST(MotorGroup, StopsByTheWatchdogIfTheHostStalls) {
@@ -446,12 +446,12 @@ TEST(MotorGroup, StopsByTheWatchdogIfTheHostStalls) {
   rig.cycle(5, 0.5);
   rig.port->sleep_until(rig.port->now() + 130ms);
   for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(rig.line.motor(i).torque(), 0.0);
-  rig.cycle_until_trouble(0.5);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kWatchdog);
+  rig.cycle_until_fault(0.5);
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kWatchdog);
   // A start makes them work again.
   rig.group->start();
   rig.cycle(5, 0.5);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone);
   EXPECT_GT(rig.line.motor(0).torque(), 0.0);
 }
 
@@ -460,16 +460,16 @@ TEST(MotorGroup, NoticesThatTheLineHasGoneAndOpensItAgain) {
   rig.group->start();
   rig.port->set_plugged(false);
   rig.cycle(1, 0.0);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kLineGone);
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kLineGone);
   EXPECT_THROW(rig.group->start(), Error);
   rig.port->set_plugged(true);
   rig.group->start();
   rig.cycle(5, 0.1);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone);
   EXPECT_GT(rig.line.motor(0).current(), 0.0);
 }
 
-TEST(MotorGroup, NoLongerDrivesAfterATrouble) {
+TEST(MotorGroup, NoLongerDrivesAfterAFault) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();
   rig.cycle(5, 0.0);
@@ -560,7 +560,7 @@ TEST(MotorGroup, ReleasesEveryMotor) {
   rig.group->start();
   rig.release_and_expect_no_torque();
   rig.cycle(5, 1.0);
-  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_EQ(rig.group->fault().kind, MotorFault::kNone);
 }
 
 TEST(MotorGroup, LooksAtSupplyAndTemperatureOfEveryMotor) {
@@ -589,7 +589,7 @@ TEST(MotorGroup, SurvivesALineThatLosesAndDamages) {
                                       .seed = 5}});
     rig.group->start();
     rig.cycle(20'000, 0.5);
-    ASSERT_EQ(rig.group->trouble().kind, Trouble::kNone) << text_of(rig.group->trouble());
+    ASSERT_EQ(rig.group->fault().kind, MotorFault::kNone) << text_of(rig.group->fault());
     EXPECT_GT(rig.group->counts().missing, 0U);
     EXPECT_GT(rig.group->counts().damaged, 0U);
     for (const MotorReading& reading : rig.group->readings()) {
@@ -637,10 +637,10 @@ TEST(MotorGroup, RefusesOptionsThatMakeNoSense) {
   EXPECT_THROW(make({.ids = {1}, .silent_after = 0ms}), InvalidArgument);
 }
 
-TEST(GroupTroubles, HaveASentenceEach) {
-  for (const Trouble kind :
-       {Trouble::kNone, Trouble::kLineGone, Trouble::kSilent, Trouble::kHardwareError,
-        Trouble::kTorqueLost, Trouble::kWatchdog, Trouble::kRefused}) {
+TEST(GroupFaults, HaveASentenceEach) {
+  for (const MotorFault kind :
+       {MotorFault::kNone, MotorFault::kLineGone, MotorFault::kSilent, MotorFault::kHardwareError,
+        MotorFault::kTorqueLost, MotorFault::kWatchdog, MotorFault::kRefused}) {
     EXPECT_GT(describe({.kind = kind, .motor = 7, .detail = 1}).view().size(), 20U);
   }
 }

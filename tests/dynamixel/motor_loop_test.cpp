@@ -99,8 +99,8 @@ TEST_F(Loops, SayWhyTheyHaveFailedAndStartAgain) {
   start();
   emulator_->change([](EmulatedBus& line) { line.motor(1).fail(HardwareError::kOverload); });
   wait([](const MotorSnapshot& snapshot) { return snapshot.phase == Phase::kFailed; });
-  EXPECT_EQ(snapshot_.trouble.kind, Trouble::kHardwareError);
-  EXPECT_EQ(snapshot_.trouble.motor, 2);
+  EXPECT_EQ(snapshot_.fault.kind, MotorFault::kHardwareError);
+  EXPECT_EQ(snapshot_.fault.motor, 2);
   EXPECT_NE(snapshot_.failure.view().find("motor 2"), std::string_view::npos);
   start();
   EXPECT_EQ(snapshot_.phase, Phase::kRunning) << snapshot_.failure.view();
@@ -140,7 +140,7 @@ TEST_F(Loops, NoticeThatTheTerminalHasGoneAndOpenItAgain) {
   start();
   emulator_.reset();
   wait([](const MotorSnapshot& snapshot) { return snapshot.phase == Phase::kFailed; });
-  EXPECT_EQ(snapshot_.trouble.kind, Trouble::kLineGone);
+  EXPECT_EQ(snapshot_.fault.kind, MotorFault::kLineGone);
   start();
   EXPECT_EQ(snapshot_.phase, Phase::kFailed);
   plug_in();

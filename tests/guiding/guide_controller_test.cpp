@@ -47,15 +47,15 @@ class GuideControllerOf : public ::testing::Test {
       pose[i] = uniform(soft_lower(i) + margin, soft_upper(i) - margin);
     return pose;
   }
-  Wish random_wish() {
+  Setpoint random_setpoint() {
     const int choice = std::uniform_int_distribution<int>(0, 9)(random_);
     if (choice == 0) return {.mode = Mode::kHold};
     if (choice == 1) return {.mode = Mode::kHome};
     if (choice == 2) return {.mode = Mode::kFloat};
     if (choice <= 5) {
-      Wish wish{.mode = Mode::kMoveJoints, .joints = JointValues(kJoints)};
-      for (int i = 0; i < kJoints; ++i) wish.joints[i] = uniform(-4.0, 4.0);
-      return wish;
+      Setpoint setpoint{.mode = Mode::kMoveJoints, .joints = JointValues(kJoints)};
+      for (int i = 0; i < kJoints; ++i) setpoint.joints[i] = uniform(-4.0, 4.0);
+      return setpoint;
     }
     return {.mode = Mode::kMoveTip,
             .finger = std::uniform_int_distribution<int>(0, kFingers - 1)(random_),
@@ -92,7 +92,7 @@ TYPED_TEST_SUITE(GuideControllerOf, Robots);
 TYPED_TEST(GuideControllerOf, AsksForNothingBeforeItBegins) {
   GuideController controller(this->robot_, this->speeds_);
   const MeasuredJoints measured = this->at_rest(this->random_pose());
-  EXPECT_FALSE(controller.grant({.mode = Mode::kHome}));
+  EXPECT_FALSE(controller.accept({.mode = Mode::kHome}));
   const GuideCommand& command = controller.update(measured);
   EXPECT_TRUE(command.torque.isZero(0.0));
   EXPECT_TRUE(command.position.array().isNaN().all());
@@ -108,42 +108,42 @@ TYPED_TEST(GuideControllerOf, DoesNotBeginWithoutAWholeMeasurement) {
   EXPECT_FALSE(controller.begin(measured));
 }
 
-TYPED_TEST(GuideControllerOf, BeginsAtTheMeasuredPoseWhateverIsWished) {
+TYPED_TEST(GuideControllerOf, BeginsAtTheMeasuredPoseWhateverIsAsked) {
   for (int trial = 0; trial < 200; ++trial) {
     GuideController controller(this->robot_, this->speeds_);
     const MeasuredJoints measured = this->at_rest(this->random_pose());
     ASSERT_TRUE(controller.begin(measured));
-    static_cast<void>(controller.grant(this->random_wish()));
+    static_cast<void>(controller.accept(this->random_setpoint()));
     static_cast<void>(controller.update(measured));
     EXPECT_LE((controller.state().reference - measured.position).cwiseAbs().maxCoeff(),
               this->speeds_.joint_speed * kPeriod);
   }
 }
 
-TYPED_TEST(GuideControllerOf, RefusesWishesThatMakeNoSense) {
+TYPED_TEST(GuideControllerOf, RefusesSetpointsThatMakeNoSense) {
   GuideController controller(this->robot_, this->speeds_);
   ASSERT_TRUE(controller.begin(this->at_rest(this->robot_.home)));
-  ASSERT_TRUE(controller.grant({.mode = Mode::kMoveJoints, .joints = this->random_pose()}));
+  ASSERT_TRUE(controller.accept({.mode = Mode::kMoveJoints, .joints = this->random_pose()}));
   const JointValues target = controller.state().target;
-  EXPECT_FALSE(controller.grant({.mode = Mode::kMoveTip, .finger = -1}));
-  EXPECT_FALSE(controller.grant({.mode = Mode::kMoveTip, .finger = this->kFingers}));
-  EXPECT_FALSE(controller.grant({.mode = Mode::kMoveTip, .tip = {0.0, kNan, 0.0}}));
-  EXPECT_FALSE(controller.grant({.mode = Mode::kMoveJoints, .joints = JointValues(1)}));
-  EXPECT_FALSE(controller.grant(
+  EXPECT_FALSE(controller.accept({.mode = Mode::kMoveTip, .finger = -1}));
+  EXPECT_FALSE(controller.accept({.mode = Mode::kMoveTip, .finger = this->kFingers}));
+  EXPECT_FALSE(controller.accept({.mode = Mode::kMoveTip, .tip = {0.0, kNan, 0.0}}));
+  EXPECT_FALSE(controller.accept({.mode = Mode::kMoveJoints, .joints = JointValues(1)}));
+  EXPECT_FALSE(controller.accept(
       {.mode = Mode::kMoveJoints, .joints = JointValues::Constant(this->kJoints, kNan)}));
   EXPECT_EQ(controller.state().target, target);
   EXPECT_EQ(controller.state().mode, Mode::kMoveJoints);
 }
 
-TYPED_TEST(GuideControllerOf, KeepsItsLawsWithRandomWishesInASimulation) {
+TYPED_TEST(GuideControllerOf, KeepsItsLawsWithRandomSetpointsInASimulation) {
   const std::int64_t steps = repetitions(100'000, 1'000'000);
   GuidedSimulation<TypeParam> simulation;
-  int until_wish = 0;
+  int until_setpoint = 0;
   for (std::int64_t step = 0; step < steps; ++step) {
     ControllerState before = simulation.controller.state();
-    if (until_wish-- == 0) {
-      ASSERT_TRUE(simulation.controller.grant(this->random_wish()));
-      until_wish = std::uniform_int_distribution<int>(1, 1500)(this->random_);
+    if (until_setpoint-- == 0) {
+      ASSERT_TRUE(simulation.controller.accept(this->random_setpoint()));
+      until_setpoint = std::uniform_int_distribution<int>(1, 1500)(this->random_);
     }
     ASSERT_NO_THROW(simulation.step()) << "at step " << step;
     this->expect_lawful(before, simulation.controller.state(), simulation.command);
@@ -164,7 +164,7 @@ TYPED_TEST(GuideControllerOf, KeepsItsLawsWhateverIsMeasured) {
   const std::int64_t steps = repetitions(100'000, 1'000'000);
   for (std::int64_t step = 0; step < steps; ++step) {
     const ControllerState before = controller.state();
-    if (step % 37 == 0) static_cast<void>(controller.grant(this->random_wish()));
+    if (step % 37 == 0) static_cast<void>(controller.accept(this->random_setpoint()));
     MeasuredJoints measured = this->at_rest(pose);
     for (int i = 0; i < this->kJoints; ++i) {
       const double odd = this->uniform(0.0, 1.0);
@@ -189,12 +189,12 @@ TYPED_TEST(GuideControllerOf, BringsJointsWhereTheyAreSent) {
     for (int i = 0; i < this->kJoints; ++i)
       goal[i] =
           std::clamp(goal[i] + this->uniform(-0.2, 0.2), this->soft_lower(i), this->soft_upper(i));
-    ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kMoveJoints, .joints = goal}));
+    ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveJoints, .joints = goal}));
     ASSERT_TRUE(simulation.arrive());
     EXPECT_LT((joint_values(simulation.observation.position) - goal).cwiseAbs().maxCoeff(), 0.02);
     EXPECT_EQ(simulation.controller.state().reference, goal);
   }
-  ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kHome}));
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kHome}));
   ASSERT_TRUE(simulation.arrive());
   EXPECT_EQ(simulation.controller.state().reference, this->robot_.home);
 }
@@ -211,7 +211,7 @@ TYPED_TEST(GuideControllerOf, LeadsATipOnAStraightLine) {
     const JointValues others = simulation.controller.state().target;
     const Eigen::Vector3d end = begin + Eigen::Vector3d(0.02, -0.02, 0.05);
     ASSERT_TRUE(
-        simulation.controller.grant({.mode = Mode::kMoveTip, .finger = finger, .tip = end}));
+        simulation.controller.accept({.mode = Mode::kMoveTip, .finger = finger, .tip = end}));
     const Eigen::Vector3d along = (end - begin).normalized();
     double aside = 0.0;
     bool has_arrived = false;
@@ -232,8 +232,8 @@ TYPED_TEST(GuideControllerOf, LeadsATipOnAStraightLine) {
   }
 }
 
-TYPED_TEST(GuideControllerOf, FollowsAPointThatMovesOnWithEveryWish) {
-  // Somebody steers at 30 Hz. If every wish began from rest, the tip would fall behind.
+TYPED_TEST(GuideControllerOf, FollowsAPointThatMovesOnWithEverySetpoint) {
+  // Somebody steers at 30 Hz. If every setpoint began from rest, the tip would fall behind.
   GuidedSimulation<TypeParam> simulation;
   const Eigen::Vector3d begin = simulation.controller.kinematics().tip_position(0);
   constexpr double kSpeed = 0.05;
@@ -241,7 +241,7 @@ TYPED_TEST(GuideControllerOf, FollowsAPointThatMovesOnWithEveryWish) {
   for (int step = 0; step < 1000; ++step) {
     if (step % 33 == 0) {
       point = begin + Eigen::Vector3d(0.0, 0.0, kSpeed * kPeriod * step);
-      ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kMoveTip, .tip = point}));
+      ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveTip, .tip = point}));
     }
     simulation.step();
   }
@@ -256,14 +256,14 @@ TYPED_TEST(GuideControllerOf, WaitsAtAnObstacleAndHoldsTheMeasuredPose) {
   const MeasuredJoints blocked = this->at_rest(this->random_pose(0.3));
   ASSERT_TRUE(controller.begin(blocked));
   for (const double side : {-1.0, 1.0}) {
-    ASSERT_TRUE(controller.grant(
+    ASSERT_TRUE(controller.accept(
         {.mode = Mode::kMoveJoints, .joints = JointValues::Constant(this->kJoints, side * 10.0)}));
     for (int step = 0; step < 5000; ++step) static_cast<void>(controller.update(blocked));
     const JointValues lead = controller.state().reference - blocked.position;
     for (int i = 0; i < this->kJoints; ++i) EXPECT_NEAR(lead[i], side * 0.15, 1e-9);
     EXPECT_FALSE(controller.state().has_arrived);
 
-    ASSERT_TRUE(controller.grant({.mode = Mode::kHold}));
+    ASSERT_TRUE(controller.accept({.mode = Mode::kHold}));
     for (int step = 0; step < 1000; ++step) static_cast<void>(controller.update(blocked));
     EXPECT_EQ(controller.state().reference, blocked.position);
     EXPECT_TRUE(controller.state().has_arrived);
@@ -288,7 +288,7 @@ TYPED_TEST(GuideControllerOf, HoldsThePoseThatItHoldsAlready) {
   // Something heavy pulls the joints down. Each new hold of the measured pose would let them sink.
   const MeasuredJoints sunk = this->at_rest(pose - JointValues::Constant(this->kJoints, 0.1));
   for (int step = 0; step < 100; ++step) {
-    ASSERT_TRUE(controller.grant({.mode = Mode::kHold}));
+    ASSERT_TRUE(controller.accept({.mode = Mode::kHold}));
     static_cast<void>(controller.update(sunk));
   }
   EXPECT_EQ(controller.state().target, pose);
@@ -298,11 +298,11 @@ TYPED_TEST(GuideControllerOf, BrakesFromTheMiddleOfAMotion) {
   GuidedSimulation<TypeParam> simulation;
   JointValues goal = this->robot_.home;
   goal[0] = std::clamp(goal[0] + 0.6, this->soft_lower(0), this->soft_upper(0));
-  ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kMoveJoints, .joints = goal}));
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveJoints, .joints = goal}));
   for (int step = 0; step < 300; ++step) simulation.step();
   const double there = simulation.observation.position[0];
   ASSERT_GT(simulation.observation.velocity[0], 0.5);
-  ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kHold}));
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kHold}));
   ASSERT_TRUE(simulation.arrive());
   // A second of its speed would be ten times as far.
   EXPECT_GT(simulation.controller.state().target[0], there);
@@ -311,7 +311,7 @@ TYPED_TEST(GuideControllerOf, BrakesFromTheMiddleOfAMotion) {
 
 TYPED_TEST(GuideControllerOf, GoesNearAPointThatNoTipReaches) {
   GuidedSimulation<TypeParam> simulation;
-  ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kMoveTip, .tip = {0.0, 0.0, 2.0}}));
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveTip, .tip = {0.0, 0.0, 2.0}}));
   const ControllerState& state = simulation.controller.state();
   EXPECT_NE(state.shortfalls[0].reach, Reach::kYes);
   const JointValues target = state.target;
@@ -319,8 +319,8 @@ TYPED_TEST(GuideControllerOf, GoesNearAPointThatNoTipReaches) {
     EXPECT_GE(target[i], this->soft_lower(i));
     EXPECT_LE(target[i], this->soft_upper(i));
   }
-  // A later wish that can be fulfilled forgets the refusal.
-  ASSERT_TRUE(simulation.controller.grant(
+  // A later setpoint that can be reached forgets the refusal.
+  ASSERT_TRUE(simulation.controller.accept(
       {.mode = Mode::kMoveTip, .tip = simulation.controller.kinematics().tip_position(0)}));
   EXPECT_EQ(simulation.controller.state().shortfalls[0].reach, Reach::kYes);
   EXPECT_FALSE(simulation.controller.state().shortfalls[0].is_clamped);
@@ -331,7 +331,7 @@ TYPED_TEST(GuideControllerOf, ClampsTargetsToSoftLimitsAndSaysSo) {
   ASSERT_TRUE(controller.begin(this->at_rest(this->robot_.home)));
   JointValues far = this->robot_.home;
   far[this->kJoints - 1] = 100.0;
-  ASSERT_TRUE(controller.grant({.mode = Mode::kMoveJoints, .joints = far}));
+  ASSERT_TRUE(controller.accept({.mode = Mode::kMoveJoints, .joints = far}));
   EXPECT_EQ(controller.state().target[this->kJoints - 1], this->soft_upper(this->kJoints - 1));
   EXPECT_TRUE(
       controller.state().shortfalls[static_cast<std::size_t>(this->kFingers - 1)].is_clamped);
@@ -342,7 +342,7 @@ TYPED_TEST(GuideControllerOf, FloatsWithoutSinking) {
   for (int i = 0; i < this->kJoints; ++i)
     begin[static_cast<std::size_t>(i)] = this->robot_.home[i] + (i % 3 == 0 ? 0.3 : 0.1);
   GuidedSimulation<TypeParam> simulation(begin);
-  ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kFloat}));
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kFloat}));
   for (int step = 0; step < 3000; ++step) simulation.step();
   for (std::size_t i = 0; i < TypeParam::kJoints; ++i)
     EXPECT_NEAR(simulation.observation.position[i], begin[i], 0.01);
@@ -353,11 +353,11 @@ TYPED_TEST(GuideControllerOf, HoldsTheLastPoseIfMeasurementsFailWhileItFloats) {
   GuideController controller(this->robot_, this->speeds_);
   const MeasuredJoints measured = this->at_rest(this->random_pose());
   ASSERT_TRUE(controller.begin(measured));
-  ASSERT_TRUE(controller.grant({.mode = Mode::kFloat}));
+  ASSERT_TRUE(controller.accept({.mode = Mode::kFloat}));
   static_cast<void>(controller.update(measured));
   const MeasuredJoints nothing = this->at_rest(JointValues::Constant(this->kJoints, kNan));
   EXPECT_TRUE(controller.update(nothing).torque.allFinite());
-  ASSERT_TRUE(controller.grant({.mode = Mode::kHold}));
+  ASSERT_TRUE(controller.accept({.mode = Mode::kHold}));
   const GuideCommand& command = controller.update(nothing);
   EXPECT_EQ(command.position, measured.position);
   EXPECT_TRUE(command.torque.allFinite());
@@ -369,7 +369,7 @@ TYPED_TEST(GuideControllerOf, DoesNotAllocateAfterConstruction) {
   const AllocationCounter allocations;
   static_cast<void>(controller.begin(this->at_rest(pose)));
   for (int step = 0; step < 2000; ++step) {
-    if (step % 50 == 0) static_cast<void>(controller.grant(this->random_wish()));
+    if (step % 50 == 0) static_cast<void>(controller.accept(this->random_setpoint()));
     const GuideCommand& command = controller.update(this->at_rest(pose));
     if (command.position.allFinite()) pose = command.position;
   }

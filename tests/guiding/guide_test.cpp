@@ -122,7 +122,7 @@ class GuideOf : public Test {};
 using Robots = ::testing::Types<TriFinger, Finger>;
 TYPED_TEST_SUITE(GuideOf, Robots);
 
-TYPED_TEST(GuideOf, ObeysWishesOneAfterTheOther) {
+TYPED_TEST(GuideOf, FollowsSetpointsOneAfterTheOther) {
   const RunningRobot<TypeParam> robot;
   const auto guide = robot.guide();
   const GuideState begin = guide->state();

@@ -218,15 +218,15 @@ TEST_F(SharedMemoryFile, SaysWhyItCannotBeOpened) {
       << "a link may lead anywhere";
 }
 
-TEST_F(SharedMemoryFile, RefusesAFileThatAStrangerHasLaid) {
+TEST_F(SharedMemoryFile, RefusesAFileOfAnotherUser) {
   if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can give files away";
   create().publish();
-  constexpr uid_t kStranger = 54321;
-  ASSERT_EQ(::chown(path_.c_str(), kStranger, kStranger), 0);
+  constexpr uid_t kOtherUser = 54321;
+  ASSERT_EQ(::chown(path_.c_str(), kOtherUser, kOtherUser), 0);
   EXPECT_THROW(static_cast<void>(SharedMemory::open(path_, Access::kReadOnly)), Error);
 
-  // A file shared with our group is not a stranger's.
-  ASSERT_EQ(::chown(path_.c_str(), kStranger, ::getegid()), 0);
+  // A file shared with our group is no other user's.
+  ASSERT_EQ(::chown(path_.c_str(), kOtherUser, ::getegid()), 0);
   ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
   EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).size(), kSize);
 }

@@ -708,7 +708,7 @@ TEST(SafetyChain, fault_47_StopsOnAMotorThatGivesMoreThanItWasTold) {
   EXPECT_EQ(report.joint, 1);
   EXPECT_LT(applied.thermal_margin[1], -0.19);
   EXPECT_EQ(fault_text_of(fault_code_of(report)),
-            "joint 1 is too warm: it has given more torque than it was told");
+            "joint 1 is too warm: it has given more torque than was commanded");
 }
 
 TEST(SafetyChain, fault_08_DampsAtOnceHoweverSlowTheTorqueMayChange) {

@@ -106,13 +106,13 @@ TEST(EnvironmentBatch, fault_64_RefusesToMoveInAForkedChildAndGoesOnInItsParent)
   EXPECT_EQ(batch->results().reward, other.results().reward);
 }
 
-rendering::SightOptions small_images() {
-  rendering::SightOptions sight{.cameras = calibration_of_figures({}).cameras,
-                                .capture = {.period = 12, .delay = 7},
-                                .rendering = {},
-                                .varies = true};
-  for (camera::Camera& camera : sight.cameras) camera = camera.reduced(18);
-  return sight;
+rendering::VisionOptions small_images() {
+  rendering::VisionOptions vision{.cameras = calibration_of_figures({}).cameras,
+                                  .capture = {.period = 12, .delay = 7},
+                                  .rendering = {},
+                                  .varies = true};
+  for (camera::Camera& camera : vision.cameras) camera = camera.reduced(18);
+  return vision;
 }
 
 TEST(EnvironmentBatch, SeesTheSameWhateverTheNumberOfThreads) {
@@ -142,9 +142,9 @@ TEST(EnvironmentBatch, AgesOfImagesEndWhereTheirSpaceEnds) {
   options.layout = Layout::kImages;
   options.steps_per_action = 1000;
   options.duration = 100;
-  rendering::SightOptions sight = small_images();
-  sight.capture.period = 100000;
-  EnvironmentBatch batch("push", options, late_poses(), 1, 1, sight);
+  rendering::VisionOptions vision = small_images();
+  vision.capture.period = 100000;
+  EnvironmentBatch batch("push", options, late_poses(), 1, 1, vision);
   batch.reset();
   const std::vector<float> actions(9);
   std::vector<float> ages;
@@ -159,10 +159,10 @@ TEST(EnvironmentBatch, AgesOfImagesEndWhereTheirSpaceEnds) {
 TEST(EnvironmentBatch, APoseIsSureUntilTheNextOneOfThisSimulationShouldBeThere) {
   const EnvironmentOptions options = default_options("push");
   EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1).oldest_sure_age(), 13 + 10 - 1);
-  rendering::SightOptions sight = small_images();
-  sight.capture.pose_delay = 9;
-  sight.finds_objects = true;
-  EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1, 1, sight).oldest_sure_age(),
+  rendering::VisionOptions vision = small_images();
+  vision.capture.pose_delay = 9;
+  vision.finds_objects = true;
+  EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1, 1, vision).oldest_sure_age(),
             9 + 12 - 1);
 }
 

@@ -101,7 +101,7 @@ TEST_F(FlightRecorderTest, LeavesTheLastSecondsBeforeAFaultAsTheyWere) {
   run_session(150);
   const auto left = recorder_.write();
   ASSERT_THAT(left, SizeIs(1));
-  EXPECT_EQ(left[0].trouble, "");
+  EXPECT_EQ(left[0].error, "");
   const Log log(left[0].file);
   EXPECT_TRUE(log.is_finished());
   expect_same_steps(log, *session_, 50, 150);
@@ -251,7 +251,7 @@ TEST_F(FlightRecorderTest, SaysWhyItCouldNotWrite) {
   }
   const auto left = nowhere.write();
   ASSERT_THAT(left, SizeIs(1));
-  EXPECT_THAT(left[0].trouble, AllOf(HasSubstr("missing"), HasSubstr("No such file")));
+  EXPECT_THAT(left[0].error, AllOf(HasSubstr("missing"), HasSubstr("No such file")));
 }
 
 TEST_F(FlightRecorderTest, IsFoundByTheSessionThatItBelongsTo) {

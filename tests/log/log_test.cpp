@@ -41,7 +41,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 void expect_same(const LoggedSession& found, const OddSession& written) {
-  EXPECT_EQ(found.header().realtime_lacks, written.header.realtime_lacks);
+  EXPECT_EQ(found.header().realtime_warnings, written.header.realtime_warnings);
   const test::FoundSteps steps = test::read_steps(found);
   EXPECT_EQ(steps.indices.size(), written.desired_actions.size());
   EXPECT_TRUE(test::is_true(steps, written));

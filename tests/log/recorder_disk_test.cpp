@@ -127,7 +127,7 @@ TEST_P(RecorderDiskError, fault_21_IsAGapWhereTheHistoryIsTooShort) {
   recorder_->stop();
   const Recorded log(logs_.path());
   // The steps that are missing are exactly those that the log reports as missing.
-  EXPECT_EQ(log.first().holes(), log.first().told_holes());
+  EXPECT_EQ(log.first().holes(), log.first().reported_holes());
   ASSERT_FALSE(log.first().gaps.empty());
   std::int64_t lost = 0;
   for (const auto& [first, last] : log.first().gaps) lost += last - first + 1;
@@ -154,7 +154,7 @@ TEST_F(RecorderDisk, fault_21_WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
   // On a busy machine, the recorder may return when the other half is used up as well. The warning
   // came before that.
   const Recorded log(logs_.path());
-  EXPECT_EQ(log.first().holes(), log.first().told_holes());
+  EXPECT_EQ(log.first().holes(), log.first().reported_holes());
   const std::string events = recorder_->all_events();
   EXPECT_LT(events.find("far behind robot"), events.find("not in the log: overwritten before"));
 }
@@ -168,7 +168,7 @@ TEST_F(RecorderDisk, fault_21_ThatHangsDelaysNobodyButTheRecorder) {
   catch_up();
   recorder_->stop();
   const Recorded log(logs_.path());
-  EXPECT_EQ(log.first().holes(), log.first().told_holes());
+  EXPECT_EQ(log.first().holes(), log.first().reported_holes());
   EXPECT_FALSE(log.first().gaps.empty());
 }
 
@@ -183,7 +183,7 @@ TEST_F(RecorderDisk, fault_23_MayFailAtAnyMomentWithRotationToo) {
     go_on(static_cast<TimeIndex>(random() % 1000));
   }
   catch_up();
-  recorder_->wait_until([](const auto& state) { return state.trouble.empty(); });
+  recorder_->wait_until([](const auto& state) { return state.error.empty(); });
   recorder_->stop();
   const Recorded log(logs_.path());
   EXPECT_GT(log.files.size(), 2);

@@ -163,7 +163,7 @@ TEST_F(RecorderKill, fault_20_LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) 
   recorder.wait_for_step(robot.current_time_index());
   recorder.stop();
   const Recorded log(logs_.path());
-  EXPECT_EQ(log.first().holes(), log.first().told_holes());
+  EXPECT_EQ(log.first().holes(), log.first().reported_holes());
   ASSERT_FALSE(log.first().gaps.empty());
   EXPECT_TRUE(log.first().is_ordered());
   // The first one may have been killed between a gap and its event.

@@ -331,9 +331,8 @@ TEST_F(RecorderTest, LeavesFreeOnTheDiskWhatItIsToldTo) {
   greedy.keep_free = std::uint64_t{1} << 60U;
   RecorderUnderTest recorder({"robot"}, greedy);
   const NamedRobot backend("robot", {});
-  recorder.wait_until([](const auto& state) {
-    return state.trouble.find("free on the disk") != std::string::npos;
-  });
+  recorder.wait_until(
+      [](const auto& state) { return state.error.find("free on the disk") != std::string::npos; });
   EXPECT_EQ(recorder.count_events("cannot write: leave "), 1);
   // The end cannot be written either.
   EXPECT_THROW(recorder.stop(), SystemError);

@@ -135,7 +135,7 @@ class Recorded {
     /// Returns the missing steps behind the first one that the log reports. A recorder that is too
     /// late twice, on a busy machine, reports two gaps that touch: one hole. If it comes late to
     /// begin with, it reports steps before all that it writes.
-    [[nodiscard]] std::vector<std::pair<TimeIndex, TimeIndex>> told_holes() const {
+    [[nodiscard]] std::vector<std::pair<TimeIndex, TimeIndex>> reported_holes() const {
       std::vector<std::pair<TimeIndex, TimeIndex>> told;
       for (const auto& [first, last] : gaps) {
         if (steps.empty() || last < steps.front()) continue;

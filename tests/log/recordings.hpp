@@ -97,9 +97,9 @@ inline OddSession random_session(unsigned seed, TimeIndex steps, bool is_real_ti
                                   {"model.xml", "application/xml", "<mujoco/>\n"}},
                     .first_index = 0};
   if (is_real_time) {
-    session.header.realtime_lacks.emplace();
+    session.header.realtime_warnings.emplace();
     for (unsigned i = 0; i < seed % 3; ++i) {
-      session.header.realtime_lacks->push_back("lacks " + std::to_string(i) + "; and a remedy");
+      session.header.realtime_warnings->push_back("lacks " + std::to_string(i) + "; and a remedy");
     }
   }
   session.header.time_offset = session.header.created - (is_real_time ? 5 * kMillisecond : 0);

@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "boards/board_robot.hpp"
+#include "machine/candump.hpp"
 #include "machine/robot.hpp"
-#include "machine/witness.hpp"
 #include "support/message_of.hpp"
 
 namespace trifinger::test {
@@ -64,13 +64,13 @@ double distance(const Joints& one, const Joints& other) {
   return largest;
 }
 
-// A robot homes, moves, and is stopped. The tests ask what its user and a witness have seen.
+// A robot homes, moves, and is stopped. The tests ask what its user and candump have seen.
 class MotionOverSocketCan : public ::testing::Test {
  protected:
   struct Story {
     RobotOnBoards robot;
-    Witness commands{"any,0:7F8"};  // from the beginning to the end
-    std::optional<Witness> motion;  // of all frames while the robot moves
+    Candump commands{"any,0:7F8"};  // from the beginning to the end
+    std::optional<Candump> motion;  // of all frames while the robot moves
     std::vector<TriFinger::Observation> observations;
     std::vector<TriFinger::AppliedAction> applied;
     Status last;
@@ -202,7 +202,7 @@ TEST_F(MotionOverSocketCan, fault_37_LosesNoFrame) {
     const std::array counts{frames(board, "020").size(), frames(board, "030").size(),
                             frames(board, "040").size(), frames(board, "050").size()};
     EXPECT_GE(counts[0], story_->observations.size());
-    // The witness may have begun or been dismissed between two frames.
+    // A candump may have been started or ended between two frames.
     EXPECT_THAT(counts, Each(AnyOf(counts[0] - 1, counts[0], counts[0] + 1)));
   }
 }

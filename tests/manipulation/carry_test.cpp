@@ -102,7 +102,7 @@ TEST(CarryPlanner, FindsAPoseFromWhichAGraspReachesTheGoal) {
   ASSERT_TRUE(rest);
   const auto plan = planner.plan(rest->pose);
   ASSERT_TRUE(plan);
-  const Pose end = plan->way.at(plan->way.begin_of(Leg::kHold)).pose;
+  const Pose end = plan->trajectory.at(plan->trajectory.begin_of(Leg::kHold)).pose;
   EXPECT_LT((end.position - goal.position).norm(), 1e-9);
   EXPECT_LT(end.orientation.angularDistance(goal.orientation), 1e-6);
 }
@@ -123,14 +123,14 @@ TEST(CarryTask, NeverTouchesTheTableOnItsWayAndComesBack) {
                          .turn_speed = 0.6,
                          .clearance = 0.004,
                          .hold_time = Seconds(3)};
-    const ObjectWay whole(task, Seconds(0), start, start, 0.0, radius);
+    const ObjectTrajectory whole(task, Seconds(0), start, start, 0.0, radius);
     for (const double share : {0.1, 0.3, 0.5, 0.7, 2.0}) {
-      ObjectWay way = whole;
-      const Seconds given_up = share * way.begin_of(Leg::kHold);
-      if (share <= 1.0) way.give_up(given_up);
-      for (Seconds time(0); time < way.duration(); time += Seconds(0.02))
-        ASSERT_GT(evaluation::lowest_point(cube, way.at(time).pose), -1e-5) << time.count();
-      const Pose end = way.at(way.duration()).pose;
+      ObjectTrajectory trajectory = whole;
+      const Seconds given_up = share * trajectory.begin_of(Leg::kHold);
+      if (share <= 1.0) trajectory.give_up(given_up);
+      for (Seconds time(0); time < trajectory.duration(); time += Seconds(0.02))
+        ASSERT_GT(evaluation::lowest_point(cube, trajectory.at(time).pose), -1e-5) << time.count();
+      const Pose end = trajectory.at(trajectory.duration()).pose;
       EXPECT_LT((end.position - start.position).norm(), 1e-9);
       EXPECT_LT(end.orientation.angularDistance(start.orientation), 1e-6);
     }

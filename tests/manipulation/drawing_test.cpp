@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "manipulation/skills/draw/letters.hpp"
-#include "manipulation/skills/draw/line_way.hpp"
+#include "manipulation/skills/draw/line_part.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {
@@ -132,8 +132,8 @@ TEST(LineWay, IsSmoothAndAsFastAsItMayBe) {
         for (Seconds t(0.01); t < part.duration(); t += Seconds(0.01)) {
           const NibMotion motion = part.at(t);
           EXPECT_LE(motion.velocity.norm(), kSpeed + 1e-9);
-          const Vector2d way = part.at(t + Seconds(kStep)).position - motion.position;
-          EXPECT_NEAR(way.norm(), kStep * motion.velocity.norm(), 5e-8);
+          const Vector2d displacement = part.at(t + Seconds(kStep)).position - motion.position;
+          EXPECT_NEAR(displacement.norm(), kStep * motion.velocity.norm(), 5e-8);
         }
       }
       EXPECT_LT((end - stroke.back()).norm(), 1e-9);

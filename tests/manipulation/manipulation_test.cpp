@@ -260,7 +260,7 @@ LiftWithCameras lift_with_cameras(std::uint64_t seed,
                                 .torque = JointValues::Map(y.torque.data(), 9)});
     const Phase phase = manipulation.phase();
     if (phase == Phase::kFollow || phase == Phase::kHold || phase == Phase::kLower) {
-      if (!manipulation.is_in_sight()) ++result.blind_steps;
+      if (!manipulation.is_visible()) ++result.blind_steps;
       const Pose& desired = manipulation.desired().pose;
       const double distance =
           (Eigen::Vector3d::Map(truth.position.data()) - desired.position).norm();

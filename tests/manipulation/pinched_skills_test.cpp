@@ -118,9 +118,9 @@ TEST_P(PinchedSkill, KeepsItsTipsOnTheBoxWhileItTurns) {
   };
   EXPECT_EQ(run_skill(robot, skill, options).failure, "");
   ASSERT_GT(steps, 0);
-  constexpr double kMostPerSecond = 2.0;
+  constexpr double kMaxPerSecond = 2.0;
   for (std::size_t tip = 0; tip < losses.size(); ++tip)
-    EXPECT_LE(losses[tip] * 1e3 / steps, kMostPerSecond) << "tip " << tip;
+    EXPECT_LE(losses[tip] * 1e3 / steps, kMaxPerSecond) << "tip " << tip;
 }
 
 TEST_P(PinchedSkill, AllocatesNothingInItsLoop) {

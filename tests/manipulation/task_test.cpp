@@ -31,7 +31,7 @@ Pose led() {
           .orientation = Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()))};
 }
 
-ObjectWay slide() {
+ObjectTrajectory slide() {
   return {kSlide,
           kLead,
           kStart,
@@ -39,7 +39,7 @@ ObjectWay slide() {
           M_PI / 2};
 }
 
-ObjectWay carry() {
+ObjectTrajectory carry() {
   return {CarryTask{.goal = {{0.03, 0.04, 0.08},
                              Eigen::Quaterniond(Eigen::AngleAxisd(
                                  0.8, Eigen::Vector3d(1.0, 0.5, 0.3).normalized()))},
@@ -54,78 +54,80 @@ ObjectWay carry() {
           0.0563};
 }
 
-std::vector<ObjectWay> ways() {
+std::vector<ObjectTrajectory> trajectories() {
   LiftTask touch = kLift;
   touch.hold_time = Seconds(0);
-  return {ObjectWay(kLift, kLead, kStart, led()), ObjectWay(touch, kLead, kStart, kStart), slide(),
-          carry()};
+  return {ObjectTrajectory(kLift, kLead, kStart, led()),
+          ObjectTrajectory(touch, kLead, kStart, kStart), slide(), carry()};
 }
 
-void expect_no_jumps(const ObjectWay& way) {
+void expect_no_jumps(const ObjectTrajectory& trajectory) {
   constexpr Seconds kStep(1e-3);
-  Motion before = way.at(Seconds(0));
+  Motion before = trajectory.at(Seconds(0));
   EXPECT_LT((before.pose.position - kStart.position).norm(), 1e-12);
-  for (Seconds time = kStep; time < way.duration() + Seconds(0.1); time += kStep) {
-    const Motion now = way.at(time);
+  for (Seconds time = kStep; time < trajectory.duration() + Seconds(0.1); time += kStep) {
+    const Motion now = trajectory.at(time);
     // The motion between two points agrees with the velocity.
     const Eigen::Vector3d moved = now.pose.position - before.pose.position;
     const Eigen::Vector3d mean = (now.twist.linear + before.twist.linear) / 2 * kStep.count();
     ASSERT_LT((moved - mean).norm(), 1e-6) << time.count();
-    // No way turns faster than 2 rad/s.
+    // No trajectory turns faster than 2 rad/s.
     ASSERT_LT(control::rotation_error(now.pose.orientation, before.pose.orientation).norm(), 2e-3);
     before = now;
   }
   EXPECT_LT(before.twist.linear.norm(), 1e-9);
 }
 
-TEST(ObjectWay, IsContinuousFromItsStartToItsEnd) {
-  for (const ObjectWay& way : ways()) expect_no_jumps(way);
+TEST(ObjectTrajectory, IsContinuousFromItsStartToItsEnd) {
+  for (const ObjectTrajectory& trajectory : trajectories()) expect_no_jumps(trajectory);
 }
 
-TEST(ObjectWay, GoesThroughItsLegsInTheirOrder) {
-  for (const ObjectWay& way : ways()) {
+TEST(ObjectTrajectory, GoesThroughItsLegsInTheirOrder) {
+  for (const ObjectTrajectory& trajectory : trajectories()) {
     Leg before = Leg::kLead;
-    for (Seconds time(0); time < way.duration() + Seconds(0.1); time += Seconds(0.01)) {
-      const Leg leg = way.leg_at(time);
+    for (Seconds time(0); time < trajectory.duration() + Seconds(0.1); time += Seconds(0.01)) {
+      const Leg leg = trajectory.leg_at(time);
       EXPECT_GE(leg, before);
-      EXPECT_GE(time, way.begin_of(leg));
+      EXPECT_GE(time, trajectory.begin_of(leg));
       before = leg;
     }
     EXPECT_EQ(before, Leg::kRest);
   }
 }
 
-TEST(ObjectWay, LiftsAlongAVerticalLineAndPutsBackOnTheTable) {
-  const ObjectWay way(kLift, kLead, kStart, led());
-  const Pose top = way.at(way.begin_of(Leg::kHold)).pose;
+TEST(ObjectTrajectory, LiftsAlongAVerticalLineAndPutsBackOnTheTable) {
+  const ObjectTrajectory trajectory(kLift, kLead, kStart, led());
+  const Pose top = trajectory.at(trajectory.begin_of(Leg::kHold)).pose;
   EXPECT_LT((top.position - led().position - Eigen::Vector3d(0, 0, kLift.height)).norm(), 1e-12);
-  const Pose end = way.at(way.duration()).pose;
+  const Pose end = trajectory.at(trajectory.duration()).pose;
   EXPECT_LT((end.position.head<2>() - led().position.head<2>()).norm(), 1e-12);
   EXPECT_NEAR(end.position.z(), kStart.position.z(), 1e-12);
 }
 
-TEST(ObjectWay, SlidesOnTheCircleAndLeavesAShareOfTheWeightOnTheTable) {
-  const ObjectWay way = slide();
-  for (Seconds time = way.begin_of(Leg::kFollow); time < way.duration(); time += Seconds(0.05)) {
-    const Motion motion = way.at(time);
+TEST(ObjectTrajectory, SlidesOnTheCircleAndLeavesAShareOfTheWeightOnTheTable) {
+  const ObjectTrajectory trajectory = slide();
+  for (Seconds time = trajectory.begin_of(Leg::kFollow); time < trajectory.duration();
+       time += Seconds(0.05)) {
+    const Motion motion = trajectory.at(time);
     EXPECT_NEAR(motion.pose.position.head<2>().norm(), kRadius, 1e-12);
     EXPECT_NEAR(motion.acceleration.linear.z(), -kSlide.table_share * 9.81, 1e-12);
   }
 }
 
-TEST(ObjectWay, ComesDownWhereverItIsGivenUp) {
-  for (const ObjectWay& whole : ways()) {
+TEST(ObjectTrajectory, ComesDownWhereverItIsGivenUp) {
+  for (const ObjectTrajectory& whole : trajectories()) {
     for (Seconds time(0); time < whole.duration(); time += Seconds(0.31)) {
-      ObjectWay way = whole;
-      way.give_up(time);
-      EXPECT_LE(way.duration(), std::max(time + Seconds(4), whole.duration()));
-      EXPECT_LT((way.at(time).pose.position - whole.at(time).pose.position).norm(), 1e-12);
-      EXPECT_NEAR(way.at(way.duration()).pose.position.z(), kStart.position.z(), 1e-12);
+      ObjectTrajectory trajectory = whole;
+      trajectory.give_up(time);
+      EXPECT_LE(trajectory.duration(), std::max(time + Seconds(4), whole.duration()));
+      EXPECT_LT((trajectory.at(time).pose.position - whole.at(time).pose.position).norm(), 1e-12);
+      EXPECT_NEAR(trajectory.at(trajectory.duration()).pose.position.z(), kStart.position.z(),
+                  1e-12);
     }
   }
 }
 
-TEST(ObjectWay, RefusesWhatMakesNoSense) {
+TEST(ObjectTrajectory, RefusesWhatMakesNoSense) {
   LiftTask sudden = kLift;
   sudden.lift_time = Seconds(0);
   LiftTask early = kLift;
@@ -133,7 +135,7 @@ TEST(ObjectWay, RefusesWhatMakesNoSense) {
   SlideTask still = kSlide;
   still.turns = 0.0;
   for (const Task& task : {Task(sudden), Task(early), Task(still)})
-    EXPECT_THROW(ObjectWay(task, kLead, kStart, led()), InvalidArgument) << task.index();
+    EXPECT_THROW(ObjectTrajectory(task, kLead, kStart, led()), InvalidArgument) << task.index();
 }
 
 TEST(Upright, TurnsTheNearestAxisUpAndKeepsTheYaw) {

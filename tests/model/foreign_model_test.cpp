@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Models of strangers: what they ask for, which files they name, and what MuJoCo may not do.
+// Untrusted models: what they ask for, which files they name, and what MuJoCo may not do.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mujoco/mujoco.h>

@@ -202,8 +202,8 @@ std::string tried(const std::filesystem::path& file) {
   if (::wait4(child, &status, 0, &usage) != child) return "it cannot be waited for";
   if (WIFSIGNALED(status)) return "it ended with signal " + std::to_string(WTERMSIG(status));
   if (WEXITSTATUS(status) != 0) return "it ended with " + std::to_string(WEXITSTATUS(status));
-  constexpr std::int64_t kMostKilobytes = 4 * 1024 * 1024;
-  if (usage.ru_maxrss > kMostKilobytes) return "it took " + std::to_string(usage.ru_maxrss) + " kB";
+  constexpr std::int64_t kMaxKilobytes = 4 * 1024 * 1024;
+  if (usage.ru_maxrss > kMaxKilobytes) return "it took " + std::to_string(usage.ru_maxrss) + " kB";
   return "";
 }
 

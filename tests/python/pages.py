@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Carries out a page as a reader does: code blocks in their order, in an empty folder.
+"""Runs a page as a reader does: code blocks in their order, in an empty folder.
 
 What stands after the language of a block says what a reader does with it:
 
@@ -45,7 +45,7 @@ NEEDS = {
 }
 """Why no test types a command, after `needs` in a block of a page."""
 
-# `trifinger doctor` says that a machine lacks something by its status: this is no failure.
+# `trifinger doctor` says by its status that a check has failed: this is no failure.
 WITH_FINDINGS = "trifinger doctor"
 LONGEST = 270.0
 """Time for all commands of a page on a busy machine [s]. The watchdog of pytest comes later."""
@@ -171,7 +171,7 @@ class Terminal:
 
 
 class Page:
-    """A page that is carried out in a folder."""
+    """A page that is run in a folder."""
 
     def __init__(
         self,
@@ -190,7 +190,7 @@ class Page:
         self._said: str | Terminal = ""
         self._end = math.inf
 
-    def carry_out(self) -> None:
+    def run(self) -> None:
         """Does what the blocks say, then ends what still runs."""
         self._end = time.monotonic() + LONGEST
         try:

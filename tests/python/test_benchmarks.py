@@ -277,4 +277,4 @@ def test_a_soak_drives_robots_until_its_steps_are_done() -> None:
         check=False,
     )
     # Whether it grows shows only in many more steps.
-    assert "drives that needed a hand or failed: 0 of" in done.stdout
+    assert "drives that needed an operator or failed: 0 of" in done.stdout

@@ -576,7 +576,7 @@ def test_fault_58_the_status_says_whether_the_loop_has_priority(
 
 
 @pytest.mark.parametrize(
-    ("options", "lacks"),
+    ("options", "warnings"),
     [
         (["--scheduling", "off"], ["no real-time settings were asked for"]),
         (["--cpu", "1023"], ["cannot stay on processor 1023"]),
@@ -584,16 +584,16 @@ def test_fault_58_the_status_says_whether_the_loop_has_priority(
     ],
 )
 def test_fault_58_what_a_loop_lacks_is_in_its_status_and_its_log(
-    options: list[str], lacks: list[str], start_program: StartProgram, tmp_path: Path
+    options: list[str], warnings: list[str], start_program: StartProgram, tmp_path: Path
 ) -> None:
     words = (*options, *PATIENT_FAKE, "--record", str(tmp_path))
     program = start_program("run", "fake", *words)
     program.wait_for("holds its pose")
     with trifinger.connect("fake") as robot:
         robot.wait_until_time_index(robot.append_desired_action(robot.new_action()) + 1)
-        found = robot.session_info().realtime_lacks
+        found = robot.session_info().realtime_warnings
     is_real_time = "--non-real-time" not in options
-    for sentence in lacks:
+    for sentence in warnings:
         assert any(sentence in line for line in found)
     status = run("status", "fake", "--once")
     assert ("realtime" in status) == is_real_time
@@ -603,10 +603,10 @@ def test_fault_58_what_a_loop_lacks_is_in_its_status_and_its_log(
     if is_real_time:
         assert f"realtime    no: {found[0]}" in status
         assert f"realtime    no: {found[0]}" in info
-        assert tuple(session.realtime_lacks or ()) == found
+        assert tuple(session.realtime_warnings or ()) == found
     else:
         assert "realtime" not in info
-        assert session.realtime_lacks is None
+        assert session.realtime_warnings is None
 
 
 def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgram) -> None:
@@ -846,7 +846,7 @@ def examine(folder: Path, changes: dict[str, str], expect: int) -> str:
 def test_the_doctor_finds_nothing_on_a_good_machine(tmp_path: Path) -> None:
     report = examine(tmp_path, {}, expect=0)
     assert "note" not in report
-    assert "lacks" not in report
+    assert "fails" not in report
 
 
 def test_the_page_on_real_time_turns_every_line_of_the_doctor_green(tmp_path: Path) -> None:
@@ -891,8 +891,8 @@ def test_the_doctor_tells_what_is_lacking_and_the_remedy(
     tmp_path: Path, path: str, text: str, what: str, remedy: str
 ) -> None:
     report = examine(tmp_path, {path: text}, expect=1)
-    assert re.search(rf"^lacks  {what} .*\n +.*{remedy}", report, re.MULTILINE)
-    assert "lacks 1 of 12 things" in report
+    assert re.search(rf"^fails  {what} .*\n +.*{remedy}", report, re.MULTILINE)
+    assert "fails 1 of 12 checks" in report
 
 
 @pytest.mark.parametrize(
@@ -970,7 +970,7 @@ def examine_robot(*arguments: str) -> list[str]:
     result = subprocess.run(
         [PROGRAM, "doctor", *arguments], capture_output=True, text=True, check=False
     )
-    assert result.returncode == (1 if "lacks" in result.stdout else 0), result.stderr
+    assert result.returncode == (1 if "fails" in result.stdout else 0), result.stderr
     return can_lines(result.stdout)
 
 
@@ -978,7 +978,7 @@ def examine_robot(*arguments: str) -> list[str]:
 def test_the_doctor_hears_whether_emulated_boards_are_on(start_program: StartProgram) -> None:
     robot = "trifinger_edu_emulated"
     silent = (
-        r"lacks +motor boards +none answers on can0, can1, can2, can3, can4, can5 "
+        r"fails +motor boards +none answers on can0, can1, can2, can3, can4, can5 "
         f"start them: trifinger emulate {robot}"
     )
     [line] = examine_robot(robot)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Every command on every page is typed by a test, or is one that its program takes.
 
-Pages are carried out as a whole: test_pages.py. What a page shows for robots, logs or hours that a
+Pages are run as a whole: test_pages.py. What a page shows for robots, logs or hours that a
 test does not have is done by another test, which the block names, or needs what no test has. Each
 of these commands is started in an empty folder, in which no robot runs, and is ended soon: it may
 miss a robot or a file, but it must not be told how it is used.

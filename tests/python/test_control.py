@@ -216,8 +216,8 @@ def test_trajectories_begin_and_end_at_rest() -> None:
     assert line.duration == 3.0
     np.testing.assert_allclose(line.at(1.5).position, [0, 0, 0.1])
     np.testing.assert_allclose(line.at(3.0).velocity, 0)
-    way = control.PoseTrajectory(control.Pose(), control.Pose((0, 0, 0.1)), 1.0)
-    np.testing.assert_allclose(way.at(1.0).pose.position, [0, 0, 0.1])
+    trajectory = control.PoseTrajectory(control.Pose(), control.Pose((0, 0, 0.1)), 1.0)
+    np.testing.assert_allclose(trajectory.at(1.0).pose.position, [0, 0, 0.1])
     circle = control.CircleTrajectory((0, 0, 0.03), turns=2, period=4)
     np.testing.assert_allclose(
         circle.at(0).position, circle.at(circle.duration).position, atol=1e-12

@@ -104,7 +104,7 @@ def test_pushes_are_told_by_how_far_the_cube_had_to_go():
     evaluation = Evaluation(
         distances=np.array([0.01, 0.01, 0.03, 0.2]),
         successes=np.array([True, True, False, False]),
-        ways=starts[:, None],
+        paths=starts[:, None],
     )
     assert push.table(evaluation).splitlines() == [
         "| 0 to 5 cm | 1 | 100 % | 1.00 cm | 1.00 to 1.00 cm |",

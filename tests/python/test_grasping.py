@@ -52,18 +52,21 @@ def test_a_grasp_carries_the_cube_with_the_share_of_torque_that_it_says() -> Non
     kinematics = control.Kinematics("sim", RAISED)
     planner = control.GraspPlanner("sim", RAISED)
     for x, y, yaw in [(0, 0, 0), (0.01, -0.01, 0.5), (-0.015, 0.005, 1.1), (0, 0.01, -2.3)]:
-        way = upwards(on_table(x, y, yaw), 0.15)
-        grasp = planner.plan(way)
+        trajectory = upwards(on_table(x, y, yaw), 0.15)
+        grasp = planner.plan(trajectory)
         assert grasp is not None
         contacts = []
         for touch in grasp.touches:
             # The contact is on a side face, whose normal points inwards.
             assert touch.normal[2] == 0
             assert touch.point @ -touch.normal == pytest.approx(HALF)
-            normal = turned(way[0].pose, touch.normal)
+            normal = turned(trajectory[0].pose, touch.normal)
             contacts.append(
                 control.Contact(
-                    turned(way[0].pose, touch.point), normal, friction=0.45, min_normal_force=0.9
+                    turned(trajectory[0].pose, touch.point),
+                    normal,
+                    friction=0.45,
+                    min_normal_force=0.9,
                 )
             )
         weight = control.Wrench(-MASS * control.gravity())
@@ -71,7 +74,7 @@ def test_a_grasp_carries_the_cube_with_the_share_of_torque_that_it_says() -> Non
         assert found
         shares = []
         near = np.tile([0, 0.9, -1.7], 3)
-        for motion in way:
+        for motion in trajectory:
             for finger, touch in enumerate(grasp.touches):
                 tip = control.point_of_body(motion, touch.point - RADIUS * touch.normal).position
                 joints = slice(3 * finger, 3 * finger + 3)
@@ -84,18 +87,18 @@ def test_a_grasp_carries_the_cube_with_the_share_of_torque_that_it_says() -> Non
 
 
 def test_the_configuration_says_how_strong_and_how_free_the_joints_are() -> None:
-    way = upwards(on_table(0, 0, 0.3), 0.1)
-    usual = control.GraspPlanner("sim", RAISED).plan(way)
+    trajectory = upwards(on_table(0, 0, 0.3), 0.1)
+    usual = control.GraspPlanner("sim", RAISED).plan(trajectory)
     assert usual is not None
     weak = {"safety.max_torque": TORQUE / 4, "safety.continuous_torque": TORQUE / 4}
-    assert control.GraspPlanner("sim", RAISED | weak).plan(way) is None
+    assert control.GraspPlanner("sim", RAISED | weak).plan(trajectory) is None
     settings = control.GraspPlannerConfig(largest_torque=5.0)
-    grasp = control.GraspPlanner("sim", RAISED | weak, settings=settings).plan(way)
+    grasp = control.GraspPlanner("sim", RAISED | weak, settings=settings).plan(trajectory)
     assert grasp is not None
     assert grasp.torque_share == pytest.approx(4 * usual.torque_share)
     narrow = {"safety.soft_lower": [-1.6, -1.2, -1.75], "fingers.initial_position": [0, 0.9, -1.7]}
     settings = control.GraspPlannerConfig(limit_margin=0.5)
-    assert control.GraspPlanner("sim", RAISED | narrow, settings=settings).plan(way) is None
+    assert control.GraspPlanner("sim", RAISED | narrow, settings=settings).plan(trajectory) is None
 
 
 def test_a_tip_comes_from_above_and_from_the_side() -> None:
@@ -299,9 +302,13 @@ def test_settings_that_make_no_sense_are_refused_by_name() -> None:
 
 
 def test_planning_again_gives_the_same() -> None:
-    way = upwards(on_table(0.01, 0, 0.2), 0.1)
+    trajectory = upwards(on_table(0.01, 0, 0.2), 0.1)
     planner = control.GraspPlanner("sim", RAISED)
-    grasps = [planner.plan(way), planner.plan(way), control.GraspPlanner("sim", RAISED).plan(way)]
+    grasps = [
+        planner.plan(trajectory),
+        planner.plan(trajectory),
+        control.GraspPlanner("sim", RAISED).plan(trajectory),
+    ]
     for a, b in itertools.pairwise(grasps):
         assert a is not None
         assert b is not None

@@ -23,7 +23,7 @@ def wait_for_mode(guide: trifinger.Guide, mode: str) -> None:
 
 
 @pytest.mark.usefixtures("running")
-def test_a_robot_obeys_wishes() -> None:
+def test_a_robot_follows_setpoints() -> None:
     with trifinger.guide("g") as guide:
         fingers = guide.num_fingers
         begin = guide.state()
@@ -54,7 +54,7 @@ def test_a_robot_obeys_wishes() -> None:
 
 
 @pytest.mark.usefixtures("running")
-def test_wishes_that_make_no_sense_are_refused() -> None:
+def test_setpoints_that_make_no_sense_are_refused() -> None:
     with trifinger.guide("g") as guide:
         with pytest.raises(trifinger.InvalidArgument, match="finger 7 does not exist"):
             guide.move_tip(7, (0.0, 0.0, 0.1))

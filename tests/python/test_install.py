@@ -216,19 +216,19 @@ def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
 
 
 @pytest.mark.parametrize(
-    ("wish", "answer"),
+    ("asked", "answer"),
     [
         ("99.0", f"version: {VERSION}"),
         ("COMPONENTS gripper", "there is no layer 'gripper', only base, ipc,"),
     ],
 )
 def test_package_says_why_it_is_not_what_was_asked_for(
-    prefix: Path, tmp_path: Path, wish: str, answer: str
+    prefix: Path, tmp_path: Path, asked: str, answer: str
 ) -> None:
     (tmp_path / "CMakeLists.txt").write_text(
         f"""cmake_minimum_required(VERSION 3.25)
         project(consumer LANGUAGES NONE)
-        find_package(trifinger {wish} REQUIRED)
+        find_package(trifinger {asked} REQUIRED)
         """
     )
     refusal = run(

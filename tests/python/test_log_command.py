@@ -283,7 +283,7 @@ def test_a_page_needs_nothing_but_itself_and_has_every_step(
 def test_a_page_of_a_long_log_keeps_every_peak(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trifinger.log.plot.page.MOST_STRETCHES", 50)
+    monkeypatch.setattr("trifinger.log.plot.page.MAX_STRETCHES", 50)
     plot(written.log, tmp_path / "page.html")
     page = Page((tmp_path / "page.html").read_text())
     assert "50 stretches of up to 12 steps" in page.text

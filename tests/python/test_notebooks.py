@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every notebook is carried out as it stands; the site shows what came out."""
+"""Every notebook is run as it stands; the site shows what came out."""
 
 import gc
 from pathlib import Path

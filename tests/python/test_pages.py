@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every page is carried out as it stands; tutorials make the pictures that they show."""
+"""Every page is run as it stands; tutorials make the pictures that they show."""
 
 import os
 import re
@@ -54,7 +54,7 @@ def test_does_what_it_says(path: Path, tmp_path: Path) -> None:
     if path in TUTORIALS:  # they build on each other
         for before in TUTORIALS[: TUTORIALS.index(path)]:
             Page(before, folder, variables).save_files()
-    page.carry_out()
+    page.run()
     PICTURES.mkdir(parents=True, exist_ok=True)
     for name in pictures(page.text):
         shutil.copy(folder / name, PICTURES / name)

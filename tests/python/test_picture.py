@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import PROGRAM
 from trifinger import InvalidArgument
-from trifinger.picture import CAMERAS, SURROUND_GROUP, TABLE, Painter, Sight, View
+from trifinger.picture import CAMERAS, SURROUND_GROUP, TABLE, Painter, SceneCamera, View
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # the default of Painter
 
@@ -29,16 +29,16 @@ def mjcf_of(scene: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
-def seen_pixels(model, data, sight, view, is_cleared):
+def seen_pixels(model, data, scene_camera, view, is_cleared):
     """How many pixels show which shape, without what is translucent."""
     from mujoco.rendering.classic.renderer import Renderer
 
     if is_cleared:
-        sight.clear(data)
+        scene_camera.clear(data)
     model.vis.quality.offsamples = 0
     renderer = Renderer(model, width=view.width, height=view.height)
     renderer.enable_segmentation_rendering()
-    renderer.update_scene(data, sight.camera)
+    renderer.update_scene(data, scene_camera.camera)
     numbers = renderer.render()[..., 0]
     renderer.close()
     return np.bincount(numbers[numbers >= 0].ravel(), minlength=model.ngeom)
@@ -53,8 +53,8 @@ def seen(scene, camera):
     data.qpos[:] = model.key_qpos[0]
     mujoco.mj_forward(model, data)
     view = View(camera)
-    sight = Sight(model, view)
-    return model, data, view, sight
+    scene_camera = SceneCamera(model, view)
+    return model, data, view, scene_camera
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -62,11 +62,11 @@ def seen(scene, camera):
 def test_robot_and_objects_fill_the_picture(scene, camera):
     import mujoco
 
-    model, data, view, sight = seen(scene, camera)
+    model, data, view, scene_camera = seen(scene, camera)
     place = mujoco.MjvScene(model, maxgeom=1000)
     options = mujoco.MjvOption()
     mujoco.mjv_updateScene(
-        model, data, options, None, sight.camera, mujoco.mjtCatBit.mjCAT_ALL, place
+        model, data, options, None, scene_camera.camera, mujoco.mjtCatBit.mjCAT_ALL, place
     )
     eye, other = place.camera[:2]  # the scene has two eyes
     middle = (np.array(eye.pos) + other.pos) / 2
@@ -86,12 +86,12 @@ def test_robot_and_objects_fill_the_picture(scene, camera):
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_neither_frame_nor_wall_hides_the_scene(scene, camera):
-    model, data, view, sight = seen(scene, camera)
+    model, data, view, scene_camera = seen(scene, camera)
     surround = model.geom_group == SURROUND_GROUP
     assert surround.sum() > 20
-    drawn = seen_pixels(model, data, sight, view, is_cleared=True)
+    drawn = seen_pixels(model, data, scene_camera, view, is_cleared=True)
     model.geom_rgba[surround, 3] = 0.0
-    alone = seen_pixels(model, data, sight, view, is_cleared=False)
+    alone = seen_pixels(model, data, scene_camera, view, is_cleared=False)
     shown = (model.geom_bodyid > 0) & ~surround
     assert alone[shown].sum() > 0.08 * view.width * view.height
     assert drawn[shown].sum() == pytest.approx(alone[shown].sum(), rel=0.05)
@@ -105,10 +105,10 @@ def test_the_frame_is_there_where_it_hides_nothing():
     mujoco.mj_forward(model, data)
     surround = model.geom_group == SURROUND_GROUP
     whole = model.geom_rgba[surround, 3].copy()
-    sight = Sight(model, View())
-    sight.clear(data)
+    scene_camera = SceneCamera(model, View())
+    scene_camera.clear(data)
     assert 10 < (model.geom_rgba[surround, 3] > 0).sum() < surround.sum() - 10
-    sight.clear(data, Sight(model, View("camera60")).camera)
+    scene_camera.clear(data, SceneCamera(model, View("camera60")).camera)
     assert model.geom_rgba[surround, 3].tolist() == whole.tolist()
 
 

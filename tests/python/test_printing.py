@@ -18,7 +18,7 @@ from link_into_venv import scripts
 from mcap.writer import Writer
 from strange_log import copy_changed
 from trifinger.commands.command_line import say
-from trifinger.text import MOST_PRINTED, printable, printable_lines
+from trifinger.text import MAX_PRINTED, printable, printable_lines
 from trifinger_compat import check
 
 TITLE = "\x1b]0;evil\x07"  # sets the title of a terminal
@@ -30,7 +30,7 @@ HUGE = f"{TITLE}{'x' * 300_000}"
 def assert_harmless(output: str) -> None:
     for character in "\x1b\x07\x9b\u202e":
         assert character not in output, output[:2000]
-    assert len(output) < 20 * MOST_PRINTED
+    assert len(output) < 20 * MAX_PRINTED
 
 
 def words_of(*words: str | Path) -> str:
@@ -84,7 +84,7 @@ def test_fault_78_errors_and_lines_are_shortened_and_say_so(
     assert_harmless(capsys.readouterr().out)
 
 
-# ---- a log of a stranger ----
+# ---- an untrusted log ----
 
 
 def with_event(data: bytes, text: str) -> bytes:
@@ -128,7 +128,7 @@ def test_fault_78_no_text_of_a_log_reaches_the_terminal_as_it_is(
     output = words_of(PROGRAM, "log", "info", "--events", strange)
     assert "\\x1b]0;evil\\x07" in output
     assert_harmless(output.replace("\\x1b", ""))
-    assert len(output) < 30 * MOST_PRINTED
+    assert len(output) < 30 * MAX_PRINTED
     for words in ("check", "recover", "info"):
         assert_harmless(words_of(PROGRAM, "log", words, strange))
     assert_harmless(python_of("view", strange, "-o", tmp_path / "page.html"))
@@ -219,7 +219,7 @@ def test_fault_78_words_that_a_command_does_not_know_are_shown_harmlessly() -> N
     assert_harmless(python_of("bridge", "foxglove", "robot", HOSTILE))  # a command of a command
 
 
-# ---- programs of strangers ----
+# ---- untrusted programs ----
 
 
 def test_fault_78_compat_check_shows_programs_harmlessly(

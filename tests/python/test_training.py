@@ -174,7 +174,7 @@ def test_a_checkpoint_is_the_old_or_the_new_one(tmp_path):
     assert Training.resume(tmp_path).run() == training.curve[-1][1]
 
 
-# ---- checkpoints of strangers ----
+# ---- untrusted checkpoints ----
 
 
 class Touching:
@@ -200,7 +200,7 @@ def files_that_run(path):
     yield file.getvalue()
 
 
-def test_fault_83_a_checkpoint_of_a_stranger_runs_nothing(undisturbed, tmp_path):
+def test_fault_83_an_untrusted_checkpoint_runs_nothing(undisturbed, tmp_path):
     shutil.copytree(undisturbed, tmp_path / "run")
     ran = tmp_path / "ran"
     for content in files_that_run(ran):
@@ -350,11 +350,11 @@ def test_coming_nearer_is_rewarded_by_as_much(task):
         return VectorEnvironment(task, 2, options=options, autoreset_mode=AutoresetMode.SAME_STEP)
 
     def away_of(tips, place, goal):
-        way = goal[:3] - place[: min(3, len(goal))]
-        aside = np.hypot(*way[:2])
-        behind = [*(place[:2] - min(0.045, aside) * way[:2] / aside), place[2]]
+        offset = goal[:3] - place[: min(3, len(goal))]
+        aside = np.hypot(*offset[:2])
+        behind = [*(place[:2] - min(0.045, aside) * offset[:2] / aside), place[2]]
         reach = min(np.linalg.norm(tip - behind) for tip in tips.reshape(3, 3))
-        return reach + 2 * np.linalg.norm(way)
+        return reach + 2 * np.linalg.norm(offset)
 
     def away(seen):
         names = ("tip_position", "object_position", "goal")
@@ -434,8 +434,8 @@ def test_an_evaluation_is_what_single_environments_come_to():
         while not has_ended:
             _, _, _, has_ended, info = environment.step(target)
         np.testing.assert_array_equal(result.distances[index], info["distance"])
-        way = info["achieved_goal"] - info["desired_goal"]
-        np.testing.assert_array_equal(result.ways[index, -1], way)
+        offset = info["achieved_goal"] - info["desired_goal"]
+        np.testing.assert_array_equal(result.paths[index, -1], offset)
         assert result.successes[index] == info["is_success"]
 
 

@@ -258,13 +258,13 @@ TEST(EnterRealtime, AThreadKnowsWhatItLacks) {
   std::vector<std::string> refused;
   std::vector<std::string> after;
   std::thread([&] {
-    before = realtime_lacks();
+    before = realtime_warnings();
     refused = enter_realtime(kImpossible);
-    after = realtime_lacks();
+    after = realtime_warnings();
   }).join();
   EXPECT_THAT(before, ::testing::ElementsAre("no real-time settings were asked for"));
   EXPECT_THAT(after, ::testing::ElementsAreArray(refused));
-  EXPECT_EQ(realtime_lacks(), before) << "of another thread";
+  EXPECT_EQ(realtime_warnings(), before) << "of another thread";
 }
 
 TEST(EnterRealtime, fault_57_ALimitThatForbidsToLockMemoryIsNamedWithItsRemedy) {

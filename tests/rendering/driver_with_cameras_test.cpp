@@ -15,7 +15,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/rendering/options.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 
 namespace trifinger::rendering {
 namespace {
@@ -135,27 +135,27 @@ TEST(DriverWithCameras, EachEpisodeHasNoiseOfItsOwn) {
   EXPECT_EQ(first, session(1, 2));
 }
 
-TEST(Sight, IsOfTheNewestImagesThatHaveArrived) {
+TEST(CaptureQueue, IsOfTheNewestImagesThatHaveArrived) {
   const RobotDescription description;
   const std::vector<camera::Camera> cameras = small_cameras().cameras;
   const std::vector<double> scene = configuration(description, {0, 0, 0.0325});
-  Eyes eyes({.description = description}, cameras, {}, nullptr);
-  Sight sight({.period = 2, .delay = 1}, 1);
-  sight.begin({});
-  EXPECT_TRUE(sight.is_due(-1));
-  sight.capture(-1, scene);
-  EXPECT_FALSE(sight.is_due(-1));
+  VisionPipeline pipeline({.description = description}, cameras, {}, nullptr);
+  CaptureQueue captures({.period = 2, .delay = 1}, 1);
+  captures.begin({});
+  EXPECT_TRUE(captures.is_due(-1));
+  captures.capture(-1, scene);
+  EXPECT_FALSE(captures.is_due(-1));
   for (TimeIndex t = 0; t < 6; ++t) {
-    EXPECT_EQ(sight.is_due(t), t % 2 == 0);
-    if (sight.is_due(t)) sight.capture(t, scene);
+    EXPECT_EQ(captures.is_due(t), t % 2 == 0);
+    if (captures.is_due(t)) captures.capture(t, scene);
   }
-  EXPECT_TRUE(sight.look(4, eyes));
-  EXPECT_EQ(sight.images().capture_index, 2) << "that of step 4 arrives at step 5";
-  EXPECT_EQ(sight.images().number, 2);
-  EXPECT_FALSE(sight.look(4, eyes));
-  EXPECT_TRUE(sight.look(5, eyes));
-  EXPECT_EQ(sight.images().capture_index, 4);
-  EXPECT_FALSE(sight.take_poses(5));
+  EXPECT_TRUE(captures.look(4, pipeline));
+  EXPECT_EQ(captures.images().capture_index, 2) << "that of step 4 arrives at step 5";
+  EXPECT_EQ(captures.images().number, 2);
+  EXPECT_FALSE(captures.look(4, pipeline));
+  EXPECT_TRUE(captures.look(5, pipeline));
+  EXPECT_EQ(captures.images().capture_index, 4);
+  EXPECT_FALSE(captures.take_poses(5));
 }
 
 // Fails once, then finds the object.
@@ -171,19 +171,19 @@ class Forgetful final : public ObjectFinder {
   bool has_failed_{false};
 };
 
-TEST(Sight, ImagesAtWhichNobodyCouldLookDidNotArrive) {
+TEST(CaptureQueue, ImagesAtWhichNobodyCouldLookDidNotArrive) {
   const RobotDescription description;
-  Eyes eyes({.description = description}, small_cameras().cameras, {},
-            std::make_unique<Forgetful>());
-  Sight sight({.period = 2, .delay = 0}, 1);
-  sight.begin({});
-  sight.capture(0, configuration(description, {0, 0, 0.0325}));
-  EXPECT_THROW((void)sight.look(0, eyes), Error);
-  EXPECT_EQ(sight.images().number, -1);
-  EXPECT_FALSE(sight.take_poses(0));
-  EXPECT_TRUE(sight.look(0, eyes));
-  EXPECT_EQ(sight.images().number, 0);
-  EXPECT_TRUE(sight.take_poses(0));
+  VisionPipeline pipeline({.description = description}, small_cameras().cameras, {},
+                          std::make_unique<Forgetful>());
+  CaptureQueue captures({.period = 2, .delay = 0}, 1);
+  captures.begin({});
+  captures.capture(0, configuration(description, {0, 0, 0.0325}));
+  EXPECT_THROW((void)captures.look(0, pipeline), Error);
+  EXPECT_EQ(captures.images().number, -1);
+  EXPECT_FALSE(captures.take_poses(0));
+  EXPECT_TRUE(captures.look(0, pipeline));
+  EXPECT_EQ(captures.images().number, 0);
+  EXPECT_TRUE(captures.take_poses(0));
 }
 
 TEST(ObjectFinder, RefusesObjectsWhoseOrientationNoImageShows) {

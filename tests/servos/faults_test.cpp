@@ -51,7 +51,7 @@ TEST(ServoFaults, AnOverloadedMotorStopsTheRobotAndIsRebooted) {
   run_to_the_end(rig);
   EXPECT_THAT(rig.fault(),
               AllOf(StartsWith("J21: motor 21 has stopped"), HasSubstr("beyond its torque")));
-  EXPECT_EQ(rig.last.fault_code, ServoRobot::kMotorTrouble + (5 << 8));
+  EXPECT_EQ(rig.last.fault_code, ServoRobot::kMotorFault + (5 << 8));
   static_cast<void>(rig.observe());
   expect_no_torque(rig);
   EXPECT_EQ(rig.robot.stop(0).state, DriverReport::State::kReady);

@@ -242,7 +242,7 @@ TEST(ServoRobotInPositionMode, RefusesTorquesAndGainsByName) {
   EXPECT_TRUE(rig.last.action_rejected);
   EXPECT_THAT(std::string(rig.robot.rejection_text()), HasSubstr("position_kp of joint 2 (J12)"));
 
-  // The robot's own gains are no wish.
+  // The robot's own gains do not count as given.
   action.position_kp[2] = 2.0;
   action.position_kd[2] = 0.02;
   ASSERT_TRUE(rig.step(action));

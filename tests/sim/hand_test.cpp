@@ -495,7 +495,7 @@ TEST(HandWriter, PullsAsLongAsItsProcessLivesHoweverSlowTheStepsAre) {
   sim.step_until(true);
   // A step that takes long. A busy machine may stop the writer just then: once more.
   do {
-    std::this_thread::sleep_for(3 * kHandPatience);
+    std::this_thread::sleep_for(3 * kHandTimeout);
   } while (sim.step().body < 0);
 }
 

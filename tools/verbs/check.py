@@ -133,7 +133,7 @@ def test_release(count: Count) -> bool:
 
 
 def test_site(count: Count, machine: Machine) -> bool:
-    """Builds the site, with pictures of the pages that the release build has carried out.
+    """Builds the site, with pictures of the pages that the release build has run.
 
     Site and machine use one processor each, so the machine starts beside the site.
     """

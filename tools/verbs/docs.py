@@ -17,22 +17,22 @@ DEBIAN_PACKAGES = ("doxygen", "graphviz")
 
 
 def docs() -> int:
-    """Builds the site, carries out its pages, and tests it in a browser."""
+    """Builds the site, runs its pages, and tests it in a browser."""
     setup()
     build("release", "apps/all", "bindings/all")
     count = Count()
-    pages = carry_out_pages(count)
+    pages = run_pages(count)
     build_site()
     page = FOLDER / "html" / "index.html"
     print(f"    {page.relative_to(ROOT)}")
     return 0 if look_at_site(count) and pages else 1
 
 
-def carry_out_pages(count: Count) -> bool:
-    """Carries out pages and notebooks, whose pictures the site then shows."""
+def run_pages(count: Count) -> bool:
+    """Runs pages and notebooks, whose pictures the site then shows."""
     pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal"]
     files = ["tests/python/test_pages.py", "tests/python/test_notebooks.py"]
-    return count.pytest(Steps("docs"), "pages are carried out", [*pytest, *files]).succeeded
+    return count.pytest(Steps("docs"), "pages are run", [*pytest, *files]).succeeded
 
 
 def build_site() -> None:

@@ -131,7 +131,9 @@ def memory() -> bool:
 
 
 def endurance() -> bool:
-    """Drives emulated robots for 10^8 steps of simulated time with faults: nothing needs a hand."""
+    """Drives emulated robots for 10^8 steps of simulated time with faults: nothing needs an
+    operator.
+    """
     build("release")
     return python_soak("endurance") and long_tests("release", "endurance_drive", "*")
 

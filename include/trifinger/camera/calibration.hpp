@@ -16,7 +16,7 @@ struct Calibration {
   double residual{0};  ///< Root mean square of what the calibration could not explain [pixel].
   std::vector<Camera> cameras;
 
-  /// As the text of a file, in YAML.
+  /// Returns the text of a file, in YAML.
   [[nodiscard]] std::string text() const;
 };
 

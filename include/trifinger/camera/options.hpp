@@ -28,7 +28,7 @@ enum class SourceKind : std::uint8_t {
 
 /// What only simulated cameras have.
 struct SimulatedCameraOptions {
-  Nanoseconds delay{0};  ///< From the middle of the exposure until the images arrive.
+  Nanoseconds delay{0};  ///< Time from the middle of the exposure until the images arrive.
   /// Light, colours, noise and the like. Its exposure and gain mean nothing: those of the cameras
   /// count.
   RenderingOptions look{};
@@ -49,10 +49,10 @@ struct CameraOptions {
   /// Column and row at which images of GenICam cameras begin on the sensor [pixel]. Default: where
   /// they do when a camera is first opened.
   std::optional<std::array<int, 2>> offset{};
-  /// Which device each camera is, in the order of the calibration: a serial number, or for
+  /// The device of each camera, in the order of the calibration: a serial number, or for
   /// Video4Linux the path of its device. Empty: the calibration says it.
   std::vector<std::string> devices{};
-  std::filesystem::path folder{};  ///< Of images in files.
+  std::filesystem::path folder{};  ///< Folder of images in files.
   SimulatedCameraOptions simulated{};
 };
 
@@ -81,7 +81,7 @@ struct DeviceInfo {
   std::string detail;  ///< Address, formats.
 };
 
-/// All devices of all kinds. What hinders the search is in `lacks`, in sentences.
-[[nodiscard]] std::vector<DeviceInfo> list_devices(std::vector<std::string>& lacks);
+/// All devices of all kinds. What hinders the search is in `warnings`, in sentences.
+[[nodiscard]] std::vector<DeviceInfo> list_devices(std::vector<std::string>& warnings);
 
 }  // namespace trifinger::camera

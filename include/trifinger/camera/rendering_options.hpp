@@ -40,7 +40,8 @@ struct RenderingOptions {
   double gloss{1};  ///< Factor on reflections of the lamp.
   double dust{0};   ///< Dust on the objects: 0 is clean, 1 is very dirty.
 
-  Nanoseconds exposure{std::chrono::microseconds(1500)};  ///< Of the real cameras; decides blur.
+  Nanoseconds exposure{
+      std::chrono::microseconds(1500)};  ///< Exposure time of the real cameras; decides blur.
   int blur_steps{4};       ///< Most pictures for what moves during the exposure; 1: no blur.
   double gain{1};          ///< Factor on brightness: exposure time, aperture, gain.
   double vignetting{0};    ///< Share of the light that is missing in the corners.

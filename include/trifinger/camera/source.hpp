@@ -56,7 +56,7 @@ class Source {
   [[nodiscard]] virtual bool has_ended() const noexcept { return false; }
 
   /// What has happened to the cameras since the last call, in sentences: "camera60 is unplugged".
-  [[nodiscard]] virtual std::vector<std::string> take_news() { return {}; }
+  [[nodiscard]] virtual std::vector<std::string> take_messages() { return {}; }
 };
 
 }  // namespace trifinger::camera

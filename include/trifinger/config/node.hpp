@@ -25,8 +25,8 @@ struct Element;
 /// The place where a value was written.
 struct Location {
   std::string source;  ///< The file, or "--set fingers.height" for an override.
-  int line{0};         ///< From 1; 0 for an override.
-  int column{0};       ///< From 1; 0 for an override.
+  int line{0};         ///< Line, counted from 1; 0 for an override.
+  int column{0};       ///< Column, counted from 1; 0 for an override.
 
   /// "robot.yml:12:3", or the source alone for an override.
   [[nodiscard]] std::string text() const;

@@ -25,7 +25,7 @@ struct Touch {
 /// The places where the tips touch, finger 0 first.
 using Touches = std::array<Touch, kContacts>;
 
-/// The way of a tip to its touch. The centre of the tip's sphere passes these points, given in the
+/// The path of a tip to its touch. The centre of the tip's sphere passes these points, given in the
 /// world frame.
 struct Approach {
   Eigen::Vector3d above;   ///< [m]
@@ -65,9 +65,10 @@ struct PlannedGrasp {
 };
 
 /// Chooses which finger touches which side face of a box, and where: a face that is upright at the
-/// beginning of the way. The fingers reach the whole way. Only their tips touch anything, and they
-/// touch only the box. They carry it within friction, also during upward acceleration, with as
-/// little torque as possible. One object must not be used by several threads at once.
+/// beginning of the trajectory. The fingers reach the whole trajectory. Only their tips touch
+/// anything, and they touch only the box. They carry it within friction, also during upward
+/// acceleration, with as little torque as possible. One object must not be used by several threads
+/// at once.
 class GraspPlanner {
  public:
   /// @throws InvalidArgument if the robot does not have three fingers, if its scene has no box of
@@ -78,13 +79,13 @@ class GraspPlanner {
   GraspPlanner& operator=(GraspPlanner&&) noexcept;
   ~GraspPlanner();
 
-  /// The best grasp to lead the object along `way`, which begins where it is grasped. Nothing if
-  /// there is none. The object may be tilted on the way, which takes longer to plan: up to a second
-  /// instead of some milliseconds. Allocates memory.
-  [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> way);
+  /// The best grasp to lead the object along `trajectory`, which begins where it is grasped.
+  /// Nothing if there is none. The object may be tilted on the way, which takes longer to plan: up
+  /// to a second instead of some milliseconds. Allocates memory.
+  [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> trajectory);
   /// The best grasp but those in `tried`, which have failed. The fewer of its tips touch where they
   /// did in one of them, the better it is.
-  [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> way,
+  [[nodiscard]] std::optional<PlannedGrasp> plan(std::span<const Motion> trajectory,
                                                  std::span<const Touches> tried);
 
  private:

@@ -30,9 +30,9 @@ struct OnlinePlannerStatus {
   Seconds begin{0};                     ///< Instant from which the newest plan is used.
   Seconds duration{0};                  ///< What the newest plan took, from its state on.
   Seconds lateness{0};                  ///< How long after its `begin` it was ready; 0 if in time.
-  double cost{0.0};                     ///< `Plan::cost`
-  double median_cost{0.0};              ///< `Plan::median_cost`
-  int num_masked{0};                    ///< `Plan::num_masked`
+  double cost{0.0};                     ///< `Plan::cost` of the newest plan.
+  double median_cost{0.0};              ///< `Plan::median_cost` of the newest plan.
+  int num_masked{0};                    ///< `Plan::num_masked` of the newest plan.
   /// A cost function has thrown, so no other plan will come.
   bool has_failed{false};
 };

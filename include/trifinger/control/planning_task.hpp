@@ -48,9 +48,9 @@ struct CostTerm {
   CostShape shape{CostShape::kLinear};
   int index{0};  ///< The object in the model's list, or the finger.
   Pose goal{};
-  double distance{0.0};                     ///< Of kTipObject [m].
-  double smoothing{0.0};                    ///< Of kSmooth, in the unit of the quantity.
-  std::array<double, kMaxJoints> joints{};  ///< Of kJointPosition [rad].
+  double distance{0.0};                     ///< Distance of kTipObject [m].
+  double smoothing{0.0};                    ///< Scale of kSmooth, in the unit of the quantity.
+  std::array<double, kMaxJoints> joints{};  ///< Joint positions of kJointPosition [rad].
 };
 
 /// What a cost may depend on.
@@ -79,7 +79,7 @@ struct RolloutBatch {
   int num_joints;
   int num_tips;
   Seconds begin;                       ///< Time of the first state.
-  Seconds time_step;                   ///< From one state to the next one.
+  Seconds time_step;                   ///< Time from one state to the next one.
   std::span<const double> positions;   ///< MuJoCo's `qpos`.
   std::span<const double> velocities;  ///< MuJoCo's `qvel`.
   std::span<const double> targets;     ///< Joint targets or torques, after the last step repeated.

@@ -51,12 +51,12 @@ struct PlannerOptions {
   double most_sigma{0.35};
   double one_finger_share{0.4};  ///< Share of rollouts that change one finger only.
   double constant_share{0.3};    ///< Share of rollouts that change all knots equally.
-  /// Of kPathIntegral: the costs' scale, as a share of the median's distance from the least cost.
+  /// The costs' scale of kPathIntegral, as a share of the median's distance from the least cost.
   double temperature{0.1};
-  int elites{8};          ///< Of kCrossEntropy: number of best rollouts.
+  int elites{8};          ///< Number of best rollouts of kCrossEntropy.
   int num_threads{0};     ///< The calling thread included; 0: one per processor that
                           ///< the process may use.
-  std::uint64_t seed{0};  ///< Of all random numbers.
+  std::uint64_t seed{0};  ///< Seed of all random numbers.
 };
 
 /// @throws InvalidArgument that names the first value that makes no sense.
@@ -74,10 +74,10 @@ struct PlannedStates {
 /// A plan, and how good it is. All is from the planning model.
 struct Plan {
   KnotSpline commands;        ///< Its `begin` is the time of the start.
-  double cost{0.0};           ///< Of a rollout of this plan; infinite if it diverged.
-  double previous_cost{0.0};  ///< Of the plan with which this one began.
-  double least_cost{0.0};     ///< Of the best rollout of the last round.
-  double median_cost{0.0};    ///< Of the last round, without masked rollouts.
+  double cost{0.0};           ///< Cost of a rollout of this plan; infinite if it diverged.
+  double previous_cost{0.0};  ///< Cost of the plan with which this one began.
+  double least_cost{0.0};     ///< Cost of the best rollout of the last round.
+  double median_cost{0.0};    ///< Median cost of the last round, without masked rollouts.
   int num_masked{0};          ///< Rollouts of the last round that diverged.
   std::uint64_t number{0};    ///< Counts plans from 1.
   PlannedStates states;       ///< What this plan leads to.

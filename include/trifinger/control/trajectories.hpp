@@ -9,9 +9,9 @@
 #include "trifinger/control/motion.hpp"
 
 /// \file
-/// Ways from rest to rest. Each is a function of the time since its beginning. Before that time it
-/// rests at its start, and after its duration at its end. Position, velocity and acceleration are
-/// continuous.
+/// Trajectories from rest to rest. Each is a function of the time since its beginning. Before that
+/// time it rests at its start, and after its duration at its end. Position, velocity and
+/// acceleration are continuous.
 
 namespace trifinger::control {
 
@@ -40,7 +40,7 @@ class LineTrajectory {
 
  private:
   Eigen::Vector3d start_;
-  Eigen::Vector3d way_;
+  Eigen::Vector3d displacement_;
   Seconds duration_;
 };
 
@@ -59,31 +59,31 @@ class PoseTrajectory {
 
  private:
   Pose start_;
-  Eigen::Vector3d way_;
+  Eigen::Vector3d displacement_;
   Eigen::Vector3d turn_;
   Seconds duration_;
 };
 
-/// Ways from pose to pose, one after the other. The body rests between them.
+/// Trajectories from pose to pose, one after the other. The body rests between them.
 class PoseSequence {
  public:
-  static constexpr std::size_t kMostWays = 4;
+  static constexpr std::size_t kMaxTrajectories = 4;
 
-  /// A sequence of one way.
-  explicit PoseSequence(const PoseTrajectory& way);
+  /// A sequence of one trajectory.
+  explicit PoseSequence(const PoseTrajectory& trajectory);
 
-  /// Adds a way after the last one. It should begin where that one ends.
-  /// @throws InvalidArgument if there are `kMostWays` already
-  void add(const PoseTrajectory& way);
+  /// Adds a trajectory after the last one. It should begin where that one ends.
+  /// @throws InvalidArgument if there are `kMaxTrajectories` already
+  void add(const PoseTrajectory& trajectory);
 
-  /// Time from the start of the first way to the end of the last [s].
+  /// Time from the start of the first trajectory to the end of the last [s].
   [[nodiscard]] Seconds duration() const noexcept;
   /// The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
   /// `duration` at its end.
   [[nodiscard]] Motion at(Seconds time) const noexcept;
 
  private:
-  std::array<std::optional<PoseTrajectory>, kMostWays> ways_;
+  std::array<std::optional<PoseTrajectory>, kMaxTrajectories> trajectories_;
   std::size_t count_{0};
 };
 

@@ -57,7 +57,7 @@ struct FieldDescription {
   ScalarType type{};
   std::vector<std::size_t> shape;  ///< Empty for a single number.
   std::string unit;                ///< SI, such as "rad/s"; empty without dimension.
-  std::size_t offset{0};           ///< From the start of the element [bytes].
+  std::size_t offset{0};           ///< Distance from the start of the element [bytes].
 
   /// Numbers in the field: the product of the shape.
   [[nodiscard]] std::size_t count() const noexcept;

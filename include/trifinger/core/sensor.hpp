@@ -96,11 +96,11 @@ class UntypedSensorReader {
 class LoopSensorReader {
  public:
   /// Reads the sensor `sensor` of `robot`. Its process need not run yet, and may be started again
-  /// at any time. A process that lives but has written nothing for `patience` counts as gone until
+  /// at any time. A process that lives but has written nothing for `timeout` counts as gone until
   /// it writes again.
   /// @throws InvalidArgument
   LoopSensorReader(const std::string& robot, const std::string& sensor,
-                   const ElementDescription& element, Timeout patience = kForever);
+                   const ElementDescription& element, Timeout timeout = kForever);
   LoopSensorReader(const LoopSensorReader&) = delete;
   LoopSensorReader& operator=(const LoopSensorReader&) = delete;
   ~LoopSensorReader();
@@ -110,7 +110,7 @@ class LoopSensorReader {
   [[nodiscard]] bool read_newest(void* element) noexcept TRIFINGER_REALTIME;
 
   /// What has happened to the sensor since the last call, in sentences. Any thread may call this.
-  [[nodiscard]] std::vector<std::string> take_news();
+  [[nodiscard]] std::vector<std::string> take_messages();
 
  private:
   std::vector<std::unique_ptr<detail::SensorOfLoop>> sensors_;  // one
@@ -138,7 +138,7 @@ class DriverWithSensors final : public UntypedDriver {
   ~DriverWithSensors() override;
 
   /// What has happened to the sensors since the last call, in sentences. Any thread may call this.
-  [[nodiscard]] std::vector<std::string> take_news();
+  [[nodiscard]] std::vector<std::string> take_messages();
 
   [[nodiscard]] const RobotTypes& description() const noexcept override;
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;

@@ -46,9 +46,9 @@ struct SessionInfo {
   std::uint64_t session_id{0};
   std::uint64_t robot_session_id{0};  ///< A companion's robot's session; a robot's own session.
   bool is_real_time{false};
-  /// What the loop of a robot in real-time mode lacks to be a real-time thread. Each entry is a
-  /// sentence with the remedy. Empty if nothing is missing.
-  std::vector<std::string> realtime_lacks;
+  /// What keeps the loop of a robot in real-time mode from being a real-time thread. Each entry is
+  /// a sentence with the remedy. Empty if nothing is missing.
+  std::vector<std::string> realtime_warnings;
   Nanoseconds period{0};
   std::chrono::system_clock::time_point created;
   std::string host;

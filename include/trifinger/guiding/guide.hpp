@@ -39,18 +39,18 @@ struct GuideState {
   TipPositions tips;             ///< Points that follow from `joints` [m].
   TipPositions reference_tips;   ///< Points that follow from `reference_joints` [m].
   TipPositions target_tips;      ///< Points that follow from `target_joints` [m].
-  /// All wishes so far are granted, and the robot rests at their target. Always false while
+  /// The robot has reached all setpoints so far and rests at their target. Always false while
   /// floating.
   bool has_arrived{false};
-  /// One sentence per finger whose last wish cannot be fulfilled: why, and what is done instead.
+  /// One sentence per finger whose last setpoint cannot be reached: why, and what is done instead.
   std::string refusal;
 };
 
 /// Lets slow callers steer a robot that must hear from its controller every millisecond.
 ///
-/// A thread of its own drives the robot in every step. It obeys the newest wishes of any number of
-/// threads and never waits for them. The safety checks of the robot apply as always. At first the
-/// robot holds the pose in which it is found.
+/// A thread of its own drives the robot in every step. It follows the newest setpoints of any
+/// number of threads and never waits for them. The safety checks of the robot apply as always. At
+/// first the robot holds the pose in which it is found.
 ///
 /// Any thread may call any function at any time. After a fork only the parent's guide is usable: in
 /// the child all functions throw InheritedHandle.
@@ -81,7 +81,7 @@ class Guide {
   /// cannot get there, it goes near it: see `GuideState::refusal`. The other fingers keep their
   /// targets.
   ///
-  /// A wish returns at once. It replaces earlier ones for the same fingers.
+  /// A setpoint returns at once. It replaces earlier ones for the same fingers.
   /// @throws InvalidArgument for numbers that are not finite, a finger that does not exist, or
   /// after the end of the guide; otherwise what ended the guide
   void move_tip(int finger, const Eigen::Vector3d& position);
@@ -104,7 +104,7 @@ class Guide {
   /// Returns where the robot is. Waits for the first measurement: a robot may first be homing.
   /// @throws what ended the guide before its first measurement, TimedOut
   [[nodiscard]] GuideState state(Timeout timeout = kForever) const;
-  /// Waits until the robot rests at the target of all wishes so far.
+  /// Waits until the robot rests at the target of all setpoints so far.
   /// @throws InvalidArgument if the robot floats, what ended the guide, TimedOut
   void wait_until_arrived(Timeout timeout = kForever) const;
   /// True until the guide has ended, for whatever reason.
@@ -125,8 +125,8 @@ class Guide {
 
   /// The front-end of the robot, for reading.
   [[nodiscard]] const UntypedFrontend& frontend() const;
-  /// What the guide's thread lacks to be a real-time thread: sentences with the remedies.
-  [[nodiscard]] const std::vector<std::string>& realtime_lacks() const noexcept;
+  /// What keeps the guide's thread from being a real-time thread: sentences with the remedies.
+  [[nodiscard]] const std::vector<std::string>& realtime_warnings() const noexcept;
 
  private:
   class Implementation;

@@ -25,8 +25,8 @@ enum class Mode : std::uint8_t {
 };
 [[nodiscard]] std::string_view name_of(Mode mode) noexcept;
 
-/// What a person wants the robot to do. Only the members that belong to the mode count.
-struct Wish {
+/// A setpoint of a guide: what the robot shall do. Only the members that belong to the mode count.
+struct Setpoint {
   Mode mode{Mode::kHold};
   int finger{0};                                 ///< kMoveTip: the finger, from 0.
   Eigen::Vector3d tip{Eigen::Vector3d::Zero()};  ///< kMoveTip: the point in the world frame [m].
@@ -59,7 +59,7 @@ struct GuideCommand {
   JointValues position;  ///< [rad]; NaN means "no position"
 };
 
-/// What is missing between a finger's last wish and its target.
+/// What is missing between a finger's last setpoint and its target.
 struct Shortfall {
   Reach reach{Reach::kYes};  ///< Why the tip cannot get to the point.
   bool is_clamped{false};    ///< A joint's target was clamped to its soft limit.
@@ -76,8 +76,8 @@ struct ControllerState {
   std::array<Shortfall, kMaxFingers> shortfalls{};
 };
 
-/// Turns wishes and measurements into commands for joints. It knows no session and no thread, and
-/// allocates memory only during construction.
+/// Turns setpoints and measurements into commands for joints. It knows no session and no thread,
+/// and allocates memory only during construction.
 ///
 /// What always holds:
 /// - A reference begins at the measured pose: at `begin`, and after floating.
@@ -97,15 +97,15 @@ class GuideController {
                   Nanoseconds period = std::chrono::milliseconds(1));
 
   /// Begins to hold the measured pose. Returns false, and does nothing, if a position is not a
-  /// number. Before the first success, `grant` and `update` do nothing, and commands have no
+  /// number. Before the first success, `accept` and `update` do nothing, and commands have no
   /// torque.
   [[nodiscard]] bool begin(const MeasuredJoints& measured) noexcept TRIFINGER_REALTIME;
   [[nodiscard]] bool has_begun() const noexcept { return has_begun_; }
 
-  /// Takes a wish. Targets are clamped to soft limits; a tip that cannot get to its point goes near
-  /// it. Returns false, and changes nothing, if the wish has numbers that are not finite, a wrong
-  /// number of joints, or a finger that does not exist.
-  [[nodiscard]] bool grant(const Wish& wish) noexcept TRIFINGER_REALTIME;
+  /// Takes a setpoint. Targets are clamped to soft limits; a tip that cannot get to its point goes
+  /// near it. Returns false, and changes nothing, if the setpoint has numbers that are not finite,
+  /// a wrong number of joints, or a finger that does not exist.
+  [[nodiscard]] bool accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTIME;
 
   /// Returns the command of the next step. A measurement that is not a number counts as the one
   /// before.

@@ -48,7 +48,7 @@ struct JointLimit {
 
 /// A row of `JointLimit::fields()`.
 struct JointLimitField {
-  /// Which values make sense. None may be beyond `kLargestJointLimit`.
+  /// The values that make sense. None may be beyond `kLargestJointLimit`.
   enum class Allowed : std::uint8_t {
     kAny,
     kNotNegative,
@@ -69,7 +69,8 @@ struct JointLimitField {
   }
 };
 
-/// With plausible measurements (at most 1e6, too) no product or sum in the checks can overflow.
+/// Bound of limits. With plausible measurements (at most 1e6, too) no product or sum in the checks
+/// can overflow.
 inline constexpr double kLargestJointLimit = 1e6;
 
 namespace detail {

@@ -30,7 +30,7 @@ void read_joint_limits(const config::Node& section, std::span<JointLimit> limits
 struct NamedJoint {
   std::string name;
   JointKind kind{JointKind::kHinge};
-  JointLimit known{};  ///< From the robot's file; NaN: not known.
+  JointLimit known{};  ///< Limits from the robot's file; NaN: not known.
 };
 
 /// Reads the limits of these joints from the section "safety" of `root`. It has a section for each

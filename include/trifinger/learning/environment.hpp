@@ -182,11 +182,11 @@ class Environment {
 
   /// Number of actions that a robot takes to move to the start of an episode by itself. They last 2
   /// s, or longer if that would be fewer than 20 actions.
-  [[nodiscard]] std::int64_t way_actions() const noexcept;
+  [[nodiscard]] std::int64_t approach_actions() const noexcept;
   /// Desired joint positions in action `index` of these, counted from 0 [rad]. The movement has
   /// least jerk.
-  void way_point(std::span<const double> from, const Start& start, std::int64_t index,
-                 std::span<double> position) const noexcept TRIFINGER_REALTIME;
+  void approach_point(std::span<const double> from, const Start& start, std::int64_t index,
+                      std::span<double> position) const noexcept TRIFINGER_REALTIME;
 
   /// Makes an action of the robot from `numbers`, which are cut off at -1 and 1. NaN in `position`
   /// means "not given". Returns false and changes nothing if a number is not finite.

@@ -12,7 +12,7 @@
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/task.hpp"
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 #include "trifinger/sim/simulator.hpp"
 
@@ -40,7 +40,7 @@ struct Observations {
   std::vector<std::uint8_t> success;
   /// Age of the object's pose [steps]; -1 if it was not found yet. Empty if there is no object.
   std::vector<TimeIndex> object_age;
-  /// With `Layout::kImages`: per camera the newest images that have arrived, in RGB.
+  /// The newest images of each camera that have arrived, in RGB, with `Layout::kImages`.
   std::vector<std::vector<std::uint8_t>> images;
   /// Ages of these images [steps], one per camera and simulation, at most `kOldestImage`.
   std::vector<float> image_age;
@@ -66,22 +66,22 @@ struct Results {
 /// its own. One batch must not be used by several threads at once. In a forked child `reset` and
 /// `step` throw InheritedHandle.
 ///
-/// Simulations that see share one pair of eyes per thread. An image is drawn when an observation
-/// needs it.
+/// Simulations with cameras share one vision pipeline per thread. An image is drawn when an
+/// observation needs it.
 class EnvironmentBatch {
  public:
   /// `num_threads` includes the calling thread; 0 means one per
   /// processor that this process may use. Options that need
-  /// cameras need `sight`.
+  /// cameras need `vision`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                    const SimulationOptions& simulation, int size, int num_threads = 0,
-                   const std::optional<rendering::SightOptions>& sight = {});
+                   const std::optional<rendering::VisionOptions>& vision = {});
   /// Makes simulations for the task with this name.
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
                    const SimulationOptions& simulation, int size, int num_threads = 0,
-                   const std::optional<rendering::SightOptions>& sight = {})
-      : EnvironmentBatch(find_task(task), options, simulation, size, num_threads, sight) {}
+                   const std::optional<rendering::VisionOptions>& vision = {})
+      : EnvironmentBatch(find_task(task), options, simulation, size, num_threads, vision) {}
   ~EnvironmentBatch();
   EnvironmentBatch(const EnvironmentBatch&) = delete;
   EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;

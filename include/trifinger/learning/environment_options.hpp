@@ -63,13 +63,13 @@ struct EnvironmentOptions {
   double position_noise{0.0};  ///< Standard deviation of measured joint positions [rad].
   double velocity_noise{0.0};  ///< Standard deviation of measured velocities [rad/s].
   ObjectPoses object_poses{ObjectPoses::kExact};
-  double object_period{0.01};            ///< Time between two poses of a simulated object [s].
-  double object_delay{0.0};              ///< From a pose of a simulated object to its arrival [s].
+  double object_period{0.01};  ///< Time between two poses of a simulated object [s].
+  double object_delay{0.0};    ///< Time from a pose of a simulated object to its arrival [s].
   double object_position_noise{0.0};     ///< Standard deviation of its poses, per axis [m].
   double object_orientation_noise{0.0};  ///< Standard deviation of its rotation, per axis [rad].
   double object_loss{0.0};               ///< Probability that one of its poses never arrives.
   double camera_rate{30.0};              ///< Images of each simulated camera per second [Hz].
-  double camera_delay{0.02};             ///< From a simulated image to its arrival [s].
+  double camera_delay{0.02};             ///< Time from a simulated image to its arrival [s].
   /// Light, colours, dust and noise of simulated images differ in each episode.
   bool camera_varies{false};
   int camera_size{540};  ///< Width and height of simulated images [pixel].

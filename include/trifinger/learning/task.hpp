@@ -24,9 +24,10 @@ inline constexpr double kDegree = std::numbers::pi / 180.0;
 
 /// What a task knows of the robot.
 struct Workspace {
-  const Kinematics* kinematics{nullptr};  ///< Of a TriFinger; nullptr for a robot from a file.
-  const FileBody* file{nullptr};          ///< A robot from a file; nullptr for a TriFinger.
-  std::vector<double> low{};  ///< Lowest joint positions that actions can ask for [rad], [m].
+  const Kinematics* kinematics{
+      nullptr};                   ///< Kinematics of a TriFinger; nullptr for a robot from a file.
+  const FileBody* file{nullptr};  ///< A robot from a file; nullptr for a TriFinger.
+  std::vector<double> low{};      ///< Lowest joint positions that actions can ask for [rad], [m].
   std::vector<double> high{};
 };
 
@@ -37,13 +38,13 @@ using Points = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, static_cast<int>(3 * 
 struct View {
   Points tips{};  ///< Tips of a TriFinger, frames of a robot from a file [m].
   ObjectPose object{};
-  double time{0.0};                    ///< Since the episode began [s].
+  double time{0.0};                    ///< Time since the episode began [s].
   std::span<const double> position{};  ///< Joint positions [rad], [m].
   std::span<const double> velocity{};  ///< Joint velocities [rad/s], [m/s].
   std::span<const double> torque{};    ///< Joint torques [Nm], [N].
   /// @name Robots from files
   /// @{
-  std::span<const double> model_position{};  ///< Of all hinges and slides, driven or not.
+  std::span<const double> model_position{};  ///< Positions of all hinges and slides, driven or not.
   std::span<const double> model_velocity{};
   std::span<const ObjectPose> bodies{};  ///< Free bodies.
   /// @}

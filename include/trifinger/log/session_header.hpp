@@ -19,9 +19,9 @@ struct SessionHeader {
   std::string name;
   std::uint64_t session_id{0};
   bool is_real_time{false};
-  /// In real-time mode: what the loop lacked to be a real-time thread, one sentence each. Nothing
-  /// if it was not recorded.
-  std::optional<std::vector<std::string>> realtime_lacks{};
+  /// In real-time mode: what kept the loop from being a real-time thread, one sentence each.
+  /// Nothing if it was not recorded.
+  std::optional<std::vector<std::string>> realtime_warnings{};
   Nanoseconds period{0};
   std::int64_t created{0};  ///< Time since 1970 [ns].
   /// Add this to times of the session to get times since 1970 [ns]. In real-time mode it is the

@@ -23,8 +23,8 @@ struct SkillRunOptions {
   std::function<void(const SkillStep& step)> on_update{};
   /// Called when another phase begins.
   std::function<void(const Skill& skill)> on_phase{};
-  /// Called when the object is no longer in sight, and when it is in sight again.
-  std::function<void(const Skill& skill)> on_sight{};
+  /// Called when the object is no longer visible, and when it is visible again.
+  std::function<void(const Skill& skill)> on_visibility{};
 };
 
 /// The robot and its limits, as the configuration in its session says.

@@ -25,7 +25,7 @@ using control::Seconds;
 /// What a skill knows of the robot that it drives.
 struct SkillContext {
   RobotDescription description{};  ///< The robot and its objects, as far as they are known.
-  control::SafetyLimits limits{};  ///< Of the checks between desired and applied actions.
+  control::SafetyLimits limits{};  ///< Limits of the checks between desired and applied actions.
   Seconds period{1e-3};            ///< Length of a step.
   /// True: the robot goes on while the skill computes. False: it waits for every action.
   bool is_real_time{false};
@@ -44,7 +44,7 @@ struct SeenPose {
 struct FeltGrasp {
   Eigen::Vector3d normal_forces{Eigen::Vector3d::Zero()};      ///< [N]
   Eigen::Vector3d tangential_forces{Eigen::Vector3d::Zero()};  ///< [N]
-  Eigen::Vector3d travel{Eigen::Vector3d::Zero()};  ///< Of the tips along their faces [m].
+  Eigen::Vector3d travel{Eigen::Vector3d::Zero()};  ///< Travel of the tips along their faces [m].
   bool is_slipping{false};  ///< A tip moves along its face faster than tips roll.
   bool is_exact{false};     ///< The forces make exactly the desired wrench.
 };
@@ -57,7 +57,7 @@ struct SkillState {
   Motion desired{};          ///< Desired motion of the object.
   Motion object{};           ///< Estimated motion of the object.
   double torque_share{0.0};  ///< Largest requested torque, as a share of its limit.
-  bool is_in_sight{true};    ///< False: the object was not seen lately, and is known by touch.
+  bool is_visible{true};     ///< False: the object was not seen lately, and is known by touch.
   std::optional<FeltGrasp> grasp{};  ///< Only of a skill that holds an object with three tips.
 };
 
@@ -68,7 +68,7 @@ struct SkillStep {
   Pose desired{};            ///< Desired pose of the object.
   Pose estimated{};          ///< Estimated pose of the object.
   double torque_share{0.0};  ///< Largest requested torque, as a share of its limit.
-  bool is_in_sight{true};    ///< As in `SkillState`.
+  bool is_visible{true};     ///< As in `SkillState`.
   std::optional<FeltGrasp> grasp{};
   Seconds cycle_time{0};  ///< Time that the skill took to compute the step.
 };
@@ -83,7 +83,7 @@ struct SkillTrace {
 
 /// A number of a report, in SI units.
 struct Figure {
-  std::string name;  ///< As in the file of the report: "distance".
+  std::string name;  ///< Name in the file of the report, such as "distance".
   double value{0.0};
   std::string unit;     ///< "m", "rad", "s", "N", "1", or empty for a number of things.
   std::string meaning;  ///< A few words for a person: "from the axis to where it lands".
@@ -91,7 +91,7 @@ struct Figure {
 
 /// A file of a report beside the ones that all skills have.
 struct ReportFile {
-  std::string name;  ///< "drawing.svg"
+  std::string name;  ///< Name of the file, such as "drawing.svg".
   std::string text;
 };
 

@@ -13,7 +13,7 @@ namespace trifinger::manipulation {
 
 /// What is known of a skill before it is made.
 struct SkillInfo {
-  std::string_view name;     ///< As in `trifinger manipulate NAME`.
+  std::string_view name;     ///< NAME in `trifinger manipulate NAME`.
   std::string_view summary;  ///< One line for a help text.
   std::string_view robot;    ///< A configuration of a robot on which it works.
 };

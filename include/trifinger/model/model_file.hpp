@@ -18,7 +18,7 @@ struct mjSpec_;
 
 namespace trifinger {
 
-/// Which robot to make of a file.
+/// The robot to make of a file.
 struct ModelFileOptions {
   std::filesystem::path path;  ///< MJCF or URDF.
   /// Folder with the meshes. A mesh is looked for by the longest end of its path that is there, so

@@ -194,7 +194,8 @@ struct ObjectDescription {
   /// Initial velocity in the world frame: of its centre [m/s], and about its centre [rad/s].
   Triple velocity{};
   Triple angular_velocity{};
-  /// Of the faces of a box: drawn in pictures, looked for in images. Others have no faces.
+  /// Colours of the faces of a box: drawn in pictures, looked for in images. Other shapes have no
+  /// faces.
   BoxColours colours{competition_colours()};
 };
 

@@ -44,7 +44,7 @@ struct DrivenJoint {
 /// A robot and its scene as a MuJoCo model. It has two makers: `RobotModel` makes it from a
 /// description, `ModelFile` from an MJCF or URDF file.
 ///
-/// Each driven joint has one motor, which gives the joint exactly the torque that it is told. The
+/// Each driven joint has one motor, which gives the joint exactly the commanded torque. The
 /// model is immutable, so any number of threads may simulate it. MuJoCo's automatic reset on
 /// divergence is off: the simulation has to check for numbers that are not finite.
 class SceneModel {

@@ -34,9 +34,9 @@ struct RealtimeOptions {
 /// @throws Error with these sentences if `demand` is kRequire.
 std::vector<std::string> enter_realtime(const RealtimeOptions& options);
 
-/// What the calling thread lacks to be a real-time thread. Returns the sentences that
+/// What keeps the calling thread from being a real-time thread. Returns the sentences that
 /// `enter_realtime` has returned in this thread, or a sentence that says that nobody has called it.
-[[nodiscard]] std::vector<std::string> realtime_lacks();
+[[nodiscard]] std::vector<std::string> realtime_warnings();
 
 /// Lets the calling thread run even if the real-time thread that made it never yields. The calling
 /// thread may use any processor and gets a priority one higher, which `enter_realtime` has tried.

@@ -15,7 +15,7 @@
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/rendering/sight.hpp"
+#include "trifinger/rendering/vision.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -36,7 +36,7 @@ class DriverWithCameras final : public UntypedDriver {
   static constexpr std::int32_t kBlind = 65;
 
   /// `robot` must outlive the driver. With `varies`, each session looks different; see
-  /// `Sight::vary`.
+  /// `CaptureQueue::vary`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   DriverWithCameras(SimulatedRobot& robot, const std::vector<camera::Camera>& cameras,
                     const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
@@ -48,7 +48,7 @@ class DriverWithCameras final : public UntypedDriver {
   void share_images(const std::string& robot);
 
   /// What draws the images. Change its options between sessions.
-  [[nodiscard]] CameraRenderer& renderer() noexcept { return eyes_.renderer(); }
+  [[nodiscard]] CameraRenderer& renderer() noexcept { return pipeline_.renderer(); }
 
   [[nodiscard]] const RobotTypes& description() const noexcept override;
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
@@ -69,8 +69,8 @@ class DriverWithCameras final : public UntypedDriver {
   [[nodiscard]] bool get_poses(TimeIndex time_index, std::byte* element);
 
   SimulatedRobot& robot_;
-  Eyes eyes_;
-  Sight sight_;
+  VisionPipeline pipeline_;
+  CaptureQueue captures_;
   std::vector<CompanionDescription> companions_;
   camera::ImageWriter writer_;
   std::vector<camera::Frame> frames_;

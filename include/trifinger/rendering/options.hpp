@@ -10,8 +10,8 @@ namespace trifinger::rendering {
 using camera::RenderingField;
 using camera::RenderingOptions;
 
-/// How much one episode differs from the next, in the eyes of the cameras. The defaults are wide: a
-/// tracker that does not notice them is expected to work on a real robot.
+/// How much one episode differs from the next, in the images of the cameras. The defaults are wide:
+/// a tracker that does not notice them is expected to work on a real robot.
 struct RenderingVariation {
   double lamp_angle{0.5};      ///< Standard deviation of the lamp's direction, in two axes [rad].
   double power{0.3};           ///< Lamp and ambient power differ by up to this share.

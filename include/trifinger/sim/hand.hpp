@@ -74,7 +74,7 @@ inline constexpr const char* kHandCompanion = "hand";
 
 /// A hand that writes nothing for this long has let go. A `HandWriter` writes all the time, so this
 /// is how long a process pulls that was stopped.
-inline constexpr Nanoseconds kHandPatience = std::chrono::milliseconds(200);
+inline constexpr Nanoseconds kHandTimeout = std::chrono::milliseconds(200);
 
 /// Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
 /// objects.

@@ -94,8 +94,8 @@ struct ConfigDifference {
 /// @throws InvalidArgument if the session has none, config::ConfigError
 [[nodiscard]] config::File config_file_of(const Session& session);
 
-/// The configuration that a robot's back-end has used. No file is opened that a stranger has named:
-/// for a robot of one's own that is from a file, read what `config_file_of` returns.
+/// The configuration that a robot's back-end has used. No file is opened that an untrusted session
+/// names: for a robot of one's own that is from a file, read what `config_file_of` returns.
 /// @throws InvalidArgument if the session has none, or if the robot is from a file
 [[nodiscard]] RobotConfig robot_config_of(const Session& session);
 

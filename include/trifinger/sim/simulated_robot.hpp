@@ -126,7 +126,7 @@ class SimulatedRobot final : public UntypedDriver {
   /// @throws InvalidArgument
   void listen_to_hand(const std::string& name);
   /// What has happened to this hand since the last call, in sentences. Any thread may call this.
-  [[nodiscard]] std::vector<std::string> take_hand_news();
+  [[nodiscard]] std::vector<std::string> take_hand_messages();
   /// Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s]
   /// and angular velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects, or if a number is not finite

@@ -41,7 +41,7 @@ struct ColourModel {
 
   /// The colour with this name; null if there is none.
   [[nodiscard]] const Colour* find(std::string_view name) const noexcept;
-  /// As the text of a file, in YAML.
+  /// Returns the text of a file, in YAML.
   [[nodiscard]] std::string text() const;
 
   /// The colours of the competition's cube, learned from rendered images whose light, colours and

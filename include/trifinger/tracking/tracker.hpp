@@ -32,11 +32,11 @@ struct Estimate {
   };
 
   State state{State::kNotFound};
-  Eigen::Isometry3d pose{Eigen::Isometry3d::Identity()};        ///< Of the object in the world.
+  Eigen::Isometry3d pose{Eigen::Isometry3d::Identity()};  ///< Pose of the object in the world.
   Eigen::Vector3d position_deviation{Eigen::Vector3d::Zero()};  ///< Standard deviations [m].
   /// Standard deviations of a rotation about the world's axes [rad].
   Eigen::Vector3d rotation_deviation{Eigen::Vector3d::Zero()};
-  double confidence{0};  ///< From 0 to 1, at least 0.5 if the state is `kSure`.
+  double confidence{0};  ///< Confidence from 0 to 1, at least 0.5 if the state is `kSure`.
   int cameras{0};        ///< Cameras that show the object.
   int faces{0};          ///< Faces that at least one camera shows.
   double residual{0};    ///< Root mean square distance of measured from expected edges [pixel].

@@ -262,7 +262,7 @@ def test_a_bad_image_is_called_bad(
     image = boards.render(cameras["camera60"], BOARD, pose, how, "mono8", 1)
     boards.save(image, tmp_path / "mark.png")
     view = look("camera60", "mark", tmp_path / "mark.png", BOARD)
-    assert sentence in (view.reason or view.quality.trouble())
+    assert sentence in (view.reason or view.quality.problem())
 
 
 @pytest.mark.slow
@@ -411,8 +411,8 @@ def test_the_truth_lies_within_the_uncertainty_that_is_told(
         assert_true(found.calibration, cameras)
         assert found.rms == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
         for camera in found.calibration.cameras:
-            way = np.linalg.norm(camera.pose[:3, 3] - cameras[camera.name].pose[:3, 3])
-            ratios.append(way / found.uncertainty[camera.name].position)
+            move = np.linalg.norm(camera.pose[:3, 3] - cameras[camera.name].pose[:3, 3])
+            ratios.append(move / found.uncertainty[camera.name].position)
     # The squares of errors in units of their deviations are 1 on average.
     assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.8
 

@@ -200,7 +200,7 @@ def calibrate_views(
     say(f"fitting {sum(len(view.numbers) for view in good)} corners in {len(good)} images")
     adjustment, fit = fit_robustly(board, cameras, good, options)
     remarks = []
-    odd = findings.strangers(adjustment, fit)
+    odd = findings.outliers(adjustment, fit)
     problems = []
     if len(odd) > max(3, len(good) // 4):
         problems.append(
@@ -208,7 +208,7 @@ def calibrate_views(
             "be of one instant, the board must be flat, and cameras must not move"
         )
     elif odd:
-        sentences, left_out = findings.explain_strangers(adjustment, fit.state, odd)
+        sentences, left_out = findings.explain_outliers(adjustment, fit.state, odd)
         remarks += [f"{sentence}; they were left out" for sentence in sentences]
         good = [view for i, view in enumerate(good) if i not in left_out]
         adjustment, fit = fit_robustly(board, cameras, good, options)

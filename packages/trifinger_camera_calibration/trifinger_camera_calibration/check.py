@@ -147,9 +147,9 @@ def what_moved(adjustment: Adjustment, state: State) -> str:
             "lens; calibrate them again"
         )
     before, after = (inverse(each.camera_from_world(best)) for each in (state, fits[best].state))
-    way = np.linalg.norm(after[:3, 3] - before[:3, 3])
+    move = np.linalg.norm(after[:3, 3] - before[:3, 3])
     turn = np.degrees(angle_between(before[:3, :3], after[:3, :3]))
     return (
-        f"{adjustment.cameras[best]} has moved by {way * 1e3:.1f} mm and {turn:.2f} degrees since "
+        f"{adjustment.cameras[best]} has moved by {move * 1e3:.1f} mm and {turn:.2f} degrees since "
         "its calibration; calibrate the cameras again"
     )

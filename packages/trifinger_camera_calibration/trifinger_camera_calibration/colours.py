@@ -18,9 +18,9 @@ BACKGROUND = "background"
 DARK = 6.0  # levels; keeps the noise of dark pixels from looking like a colour
 BELLS = {BACKGROUND: 14}  # normal distributions of a colour; others have
 FEW_BELLS = 4
-MOST_PER_IMAGE = 150  # pixels of a face
-MOST_BACKGROUND = 600
-MOST_LABELLED = 1500  # pixels of a colour in an image that was labelled by hand
+MAX_PER_IMAGE = 150  # pixels of a face
+MAX_BACKGROUND = 600
+MAX_LABELLED = 1500  # pixels of a colour in an image that was labelled by hand
 MOST = 30_000  # pixels of a colour that are used
 LEAST = 200  # pixels that a colour needs
 SMALLEST_VARIANCE = 2e-3
@@ -55,7 +55,7 @@ class Samples:
         for image, content in zip(images, contents, strict=True):
             pixels, faces = balanced_blocks(image), np.asarray(content)
             for face, colour in enumerate(tracked.colours):
-                self._add(colour, self._own(pixels[faces == face]), MOST_PER_IMAGE)
+                self._add(colour, self._own(pixels[faces == face]), MAX_PER_IMAGE)
             self._add_background(pixels[faces == -1])
 
     def add_labelled(self, image: Array, masks: Mapping[str, Array]) -> None:
@@ -71,7 +71,7 @@ class Samples:
             if name == BACKGROUND:
                 self._add_background(marked)
             else:
-                self._add(name, self._own(marked), MOST_LABELLED)
+                self._add(name, self._own(marked), MAX_LABELLED)
 
     def learn(self, origin: str, *, is_varied: bool = True) -> str:
         """The model as the text of a file. Varied: other light and cameras are expected, too.
@@ -110,7 +110,7 @@ class Samples:
         # Colourful things count more: they are what colours are mixed up with.
         largest, smallest = pixels.max(axis=1), pixels.min(axis=1)
         weights = 0.05 + ((largest - smallest) / (largest + 1)) ** 2
-        count = min(MOST_BACKGROUND, len(pixels))
+        count = min(MAX_BACKGROUND, len(pixels))
         drawn = self._random.choice(len(pixels), count, False, weights / weights.sum())
         self._add(BACKGROUND, pixels[drawn], count)
 

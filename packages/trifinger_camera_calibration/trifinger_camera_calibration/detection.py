@@ -13,7 +13,7 @@ from trifinger.errors import InvalidArgument
 from trifinger_camera_calibration.board import Board, Matrix, dictionary_names, dictionary_of
 from trifinger_camera_calibration.images import Grey, ImageSet, Quality, read, to_grey
 
-LEAST_CORNERS = 8  # fewer say little about the place of a board
+MIN_CORNERS = 8  # fewer say little about the place of a board
 
 Numbers = NDArray[np.int64]
 
@@ -66,7 +66,7 @@ def without_strays(numbers: Numbers, pixels: Matrix, board: Board) -> tuple[Numb
 
     The small dictionaries take stray patterns for markers, so a few corners may be wrong.
     """
-    if len(numbers) < LEAST_CORNERS:
+    if len(numbers) < MIN_CORNERS:
         return numbers, pixels
     plane = board.corners[numbers, :2]
     homography, _ = cv2.findHomography(plane, pixels, cv2.RANSAC, 4.0)
@@ -88,7 +88,7 @@ def refined(grey: Grey, board: Board, numbers: Numbers, pixels: Matrix) -> Matri
     to it. OpenCV takes the gradients in a square window. A tilted board needs another shape: a
     cross whose arms lie along the edges and end before the next marker begins.
     """
-    if len(numbers) < LEAST_CORNERS:
+    if len(numbers) < MIN_CORNERS:
         return pixels
     slopes = (
         np.asarray(cv2.Scharr(grey, cv2.CV_64F, 1, 0), np.float64),
@@ -154,8 +154,8 @@ def why_not_found(grey: Grey, board: Board, found: int, seen: Numbers, search: b
 
     On request, other dictionaries of markers are searched, which takes longer.
     """
-    if trouble := Quality.of(grey).trouble():
-        return trouble
+    if problem := Quality.of(grey).problem():
+        return problem
     is_marked = len(seen) > board.markers // 2
     if is_marked and (first := first_id_in(grey, board, seen)) is not None:
         return (
@@ -164,7 +164,7 @@ def why_not_found(grey: Grey, board: Board, found: int, seen: Numbers, search: b
         )
     if found:
         return (
-            f"shows only {found} corners of the board, {LEAST_CORNERS} are needed: bring the "
+            f"shows only {found} corners of the board, {MIN_CORNERS} are needed: bring the "
             "board nearer, or turn it to the camera"
         )
     if is_marked:
@@ -192,7 +192,7 @@ def first_id_in(grey: Grey, board: Board, seen: Numbers) -> int | None:
     last = len(dictionary_of(board.dictionary).bytesList) - board.markers
     for first in range(max(0, int(seen.max()) - board.markers + 1), min(last, int(seen.min())) + 1):
         other = dataclasses.replace(board, first_id=first)
-        if first != board.first_id and len(find_corners(grey, other)[0]) >= LEAST_CORNERS:
+        if first != board.first_id and len(find_corners(grey, other)[0]) >= MIN_CORNERS:
             return first
     return None
 
@@ -240,7 +240,7 @@ def look(camera: str, name: str, path: Path, board: Board, search: bool = True) 
     grey = to_grey(read(path))
     numbers, pixels, markers = find_corners(grey, board)
     size = (grey.shape[1], grey.shape[0])
-    if len(numbers) < LEAST_CORNERS:
+    if len(numbers) < MIN_CORNERS:
         reason = why_not_found(grey, board, len(numbers), markers, search)
         return View(camera, name, path, size, Quality.of(grey), numbers, pixels, reason)
     quality = Quality.of(grey, mask_of(pixels, grey.shape))

@@ -34,7 +34,7 @@ def listed(names: Sequence[str]) -> str:
 # Views that do not fit.
 
 
-def strangers(adjustment: Adjustment, fit: Fit) -> list[int]:
+def outliers(adjustment: Adjustment, fit: Fit) -> list[int]:
     """The views that do not fit to the others."""
     misses = np.array(
         [
@@ -46,7 +46,7 @@ def strangers(adjustment: Adjustment, fit: Fit) -> list[int]:
     return [int(i) for i in np.flatnonzero(misses > limit)]
 
 
-def explain_strangers(
+def explain_outliers(
     adjustment: Adjustment, state: State, odd: Sequence[int]
 ) -> tuple[list[str], set[int]]:
     """Says of each place with views that do not fit what happened, and which views to leave out."""
@@ -121,8 +121,8 @@ def exchanged_since(found: CameraCalibration, expected: CameraCalibration) -> st
     orders = list(itertools.permutations(range(len(names))))
 
     def distance(order: Sequence[int]) -> float:
-        ways = [np.linalg.norm(places[i] - before[names[j]]) for i, j in enumerate(order)]
-        return float(np.max(ways))
+        distances = [np.linalg.norm(places[i] - before[names[j]]) for i, j in enumerate(order)]
+        return float(np.max(distances))
 
     best = min(orders, key=distance)
     if best == orders[0] or distance(orders[0]) < 0.1 or distance(best) > distance(orders[0]) / 3:
@@ -178,10 +178,10 @@ def moved_since(found: CameraCalibration, before: CameraCalibration) -> Iterator
     old = {camera.name: camera for camera in before.cameras}
     for camera in found.cameras:
         if camera.name in old:
-            way = np.linalg.norm(camera.pose[:3, 3] - old[camera.name].pose[:3, 3])
+            move = np.linalg.norm(camera.pose[:3, 3] - old[camera.name].pose[:3, 3])
             turn = angle_between(camera.pose[:3, :3], old[camera.name].pose[:3, :3])
             yield (
-                f"{camera.name} stands {way * 1e3:.1f} mm and {np.degrees(turn):.2f} degrees from "
+                f"{camera.name} stands {move * 1e3:.1f} mm and {np.degrees(turn):.2f} degrees from "
                 f"where it was in the calibration of {before.date or 'an unknown day'}"
             )
 
@@ -229,8 +229,8 @@ def advise(result: Result) -> Iterator[str]:
                 "flat, and did it lie still?"
             )
     for view in adjustment.views:
-        if trouble := view.quality.trouble():
-            yield f"{view.camera}/{view.path.name} {trouble}"
+        if problem := view.quality.problem():
+            yield f"{view.camera}/{view.path.name} {problem}"
     flat = [place for place in adjustment.placements if place.is_flat and not place.height]
     if not adjustment.turntable.angles and len(flat) < 3:
         yield (

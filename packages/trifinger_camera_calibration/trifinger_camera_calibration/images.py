@@ -212,7 +212,7 @@ class Quality:
         blur = contrast / (np.sqrt(2 * np.pi) * max(min(slopes), 1e-3))
         return cls(float(white), contrast, float(np.mean(values >= 254)), 2.56 * blur)
 
-    def trouble(self) -> str:
+    def problem(self) -> str:
         """What is wrong with the image, as the end of a sentence; empty if nothing is."""
         if self.white < self.DARK:
             return (

@@ -207,8 +207,8 @@ def picture(result: Result, view: View) -> str:
     if own:
         miss = root_mean_square(result.fit.residuals[(adjustment.view == own[0]) & result.used])
         note = f"{len(view.numbers)} corners, {miss:.2f} pixel"
-        if trouble := view.quality.trouble():
-            note += f'; <span class="warn">{escape(trouble)}</span>'
+        if problem := view.quality.problem():
+            note += f'; <span class="warn">{escape(problem)}</span>'
     else:
         note = f'<span class="bad">not used: {escape(view.reason or "it does not fit")}</span>'
     name = escape(f"{view.camera}/{view.path.name}")
@@ -238,10 +238,10 @@ def pairs_of_cameras(result: Result) -> str:
     rows = ""
     for i, one in enumerate(cameras):
         for other in cameras[i + 1 :]:
-            way = np.linalg.norm(one.pose[:3, 3] - other.pose[:3, 3])
+            move = np.linalg.norm(one.pose[:3, 3] - other.pose[:3, 3])
             turn = np.degrees(angle_between(one.pose[:3, :3], other.pose[:3, :3]))
             rows += f"<tr><td>{escape(one.name)} to {escape(other.name)}</td>"
-            rows += f"<td>{way * 1e3:.1f} mm</td><td>{turn:.2f}°</td></tr>"
+            rows += f"<td>{move * 1e3:.1f} mm</td><td>{turn:.2f}°</td></tr>"
     return f"<table>{rows}</table>" if rows else ""
 
 

@@ -23,7 +23,7 @@ from trifinger_camera_calibration.detection import View
 from trifinger_camera_calibration.geometry import angle_between, rotations, vector_of
 from trifinger_camera_calibration.images import ImageSet, Kind, Placement
 
-LEAST_VIEWS = 4  # of the board for a lens
+MIN_VIEWS = 4  # of the board for a lens
 CAP = 0.2  # poses that differ by more are just different
 
 
@@ -48,7 +48,7 @@ def not_together(some: Sequence[str], others: Sequence[str]) -> Error:
 def too_few(camera: str, count: int) -> Error:
     """The error if a camera has not enough images for a lens."""
     return Error(
-        f"{camera} sees the board in {count} images; {LEAST_VIEWS} are needed at least, and "
+        f"{camera} sees the board in {count} images; {MIN_VIEWS} are needed at least, and "
         "20 are good"
     )
 
@@ -69,15 +69,15 @@ def require_names(images: ImageSet, *, has_lenses: bool, turns: bool) -> None:
     if apart := [one for one in others if one not in reached]:
         raise not_together(apart, [one for one in images.cameras if one in reached])
     for camera, paths in images.paths.items():
-        if not has_lenses and len(paths) < LEAST_VIEWS:
+        if not has_lenses and len(paths) < MIN_VIEWS:
             raise too_few(camera, len(paths))
 
 
 def difference(one: Matrix, other: Matrix) -> float:
     """How much two poses differ; 1 stands for 1 rad or for 0.5 m."""
     turn = angle_between(one[:3, :3], other[:3, :3])
-    way = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
-    return min(turn + 2 * way, CAP)
+    move = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
+    return min(turn + 2 * move, CAP)
 
 
 def most_central(poses: Sequence[Matrix]) -> Matrix:
@@ -89,7 +89,7 @@ def most_central(poses: Sequence[Matrix]) -> Matrix:
 def first_lens(camera: str, views: Sequence[View], board: Board) -> Matrix:
     """The lens of a camera from its own views; raises Error if there are too few."""
     own = [view for view in views if view.camera == camera]
-    if len(own) < LEAST_VIEWS:
+    if len(own) < MIN_VIEWS:
         raise too_few(camera, len(own))
     flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     _, matrix, distortion, _, _ = cv2.calibrateCamera(

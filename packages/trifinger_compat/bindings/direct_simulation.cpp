@@ -82,9 +82,9 @@ void DirectSimulation<R>::apply_control(const Action& action, const Control& con
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     applied.position_kp[i] = or_else(action.position_kp[i], control.kp[i]);
     applied.position_kd[i] = or_else(action.position_kd[i], control.kd[i]);
-    const double wish = applied.position_kp[i] * (action.position[i] - now.position[i]) -
-                        applied.position_kd[i] * now.velocity[i];
-    const double torque = clipped(action.torque[i] + or_else(wish, 0.0), control.max_torque);
+    const double feedback = applied.position_kp[i] * (action.position[i] - now.position[i]) -
+                            applied.position_kd[i] * now.velocity[i];
+    const double torque = clipped(action.torque[i] + or_else(feedback, 0.0), control.max_torque);
     applied.torque[i] = clipped(torque - control.damping[i] * now.velocity[i], control.max_torque);
   }
 }

@@ -10,7 +10,7 @@ from robot_interfaces.py_generic import Status
 from robot_interfaces.py_trifinger_types import Action as _Action
 from trifinger.errors import SessionNotFound
 from trifinger_cameras import py_tricamera_types
-from trifinger_compat.camera_series import RobotEyes
+from trifinger_compat.camera_series import RobotCameras
 from trifinger_compat.types import ActionLike
 from trifinger_object_tracking import py_tricamera_types as py_tricamera_object_types
 
@@ -28,8 +28,8 @@ class TriFingerPlatformFrontend:
         """Raises RuntimeError if no robot runs."""
         self._data = robot_interfaces.trifinger.MultiProcessData("trifinger", False)
         self._frontend = robot_interfaces.trifinger.Frontend(self._data)
-        self._eyes_of: Any = None
-        self._eyes: RobotEyes | None = None
+        self._cameras_of: Any = None
+        self._cameras: RobotCameras | None = None
 
     def append_desired_action(self, desired_action: ActionLike) -> int:
         """Appends an action and returns the step at which it will act; RuntimeError at the end."""
@@ -42,18 +42,18 @@ class TriFingerPlatformFrontend:
     def get_camera_observation(self, t: int) -> Any:
         """The newest that had come from the cameras at step `t`; waits for that step."""
         robot = self._data.robot
-        if self._eyes is None or self._eyes_of is not robot:
-            self._eyes = self._look(robot)
-            self._eyes_of = robot
-        return self._eyes.at(t)
+        if self._cameras is None or self._cameras_of is not robot:
+            self._cameras = self._look(robot)
+            self._cameras_of = robot
+        return self._cameras.at(t)
 
-    def _look(self, robot: Any) -> RobotEyes:
+    def _look(self, robot: Any) -> RobotCameras:
         if self._needs_object:
-            return RobotEyes(robot, has_object=True)
+            return RobotCameras(robot, has_object=True)
         try:
-            return RobotEyes(robot, has_object=True)
+            return RobotCameras(robot, has_object=True)
         except (RuntimeError, SessionNotFound):
-            return RobotEyes(robot, has_object=False)
+            return RobotCameras(robot, has_object=False)
 
     def get_desired_action(self, t: int) -> Any:
         """The action that was asked for in step `t`; waits for it."""

@@ -588,7 +588,7 @@ class Touching:
         return Path.touch, (self.path,)
 
 
-def test_fault_83_a_log_of_a_stranger_runs_nothing(tmp_path: Path) -> None:
+def test_fault_83_an_untrusted_log_runs_nothing(tmp_path: Path) -> None:
     log, ran = tmp_path / "log.p", tmp_path / "ran"
     reaches = (Touching(ran), {"actions": [Touching(ran)]}, evaluation.run_policy, subprocess.run)
     for content in reaches:

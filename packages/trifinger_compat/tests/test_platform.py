@@ -176,8 +176,8 @@ def test_the_applied_torque_follows_the_original_law(
         trifinger_simulation.Action(torque, position, kp=kp)  # lists are fine
     )
     gains = np.where(np.isnan(kp), finger.position_gains, kp)
-    wish = np.nan_to_num(gains * (np.array(position) - q) - finger.velocity_gains * v, nan=0.0)
-    expected = np.clip(np.array(torque) + wish, -0.396, 0.396)
+    feedback = np.nan_to_num(gains * (np.array(position) - q) - finger.velocity_gains * v, nan=0.0)
+    expected = np.clip(np.array(torque) + feedback, -0.396, 0.396)
     expected = np.clip(expected - finger.safety_kd * v, -0.396, 0.396)
     assert finger.get_applied_action(t).torque == pytest.approx(expected, abs=1e-12)
 

@@ -42,7 +42,7 @@ def from_pose(pose: ObjectPose) -> Array:
     return np.array([*pose.position, *pose.orientation, pose.confidence])
 
 
-class RobotEyes:
+class RobotCameras:
     """What a running robot knows from its cameras, at the robot's steps."""
 
     def __init__(self, robot: trifinger.Frontend, *, has_object: bool) -> None:
@@ -222,7 +222,7 @@ class RunningCameras:
         self._robot = trifinger.observe(session_name("trifinger"))
         self._cameras = Cameras(self._robot)
         self._companion = self._cameras.companion
-        self._eyes: dict[bool, RobotEyes] = {}  # with and without objects
+        self._robot_cameras: dict[bool, RobotCameras] = {}  # with and without objects
 
     def range(self) -> tuple[int, int]:
         """The first number that can be read, and the one after the newest."""
@@ -245,10 +245,10 @@ class RunningCameras:
         except HistoryLost as error:
             raise ValueError(str(error)) from error
         step = int(element["stamp"]["arrival_index"])
-        if has_object not in self._eyes:
-            self._eyes[has_object] = RobotEyes(self._robot, has_object=has_object)
+        if has_object not in self._robot_cameras:
+            self._robot_cameras[has_object] = RobotCameras(self._robot, has_object=has_object)
         stamp = float(element["stamp"]["arrival_time"]) * 1e-9 + SINCE_1970
-        return stamp * 1000, self._eyes[has_object].at(max(step, 0))
+        return stamp * 1000, self._robot_cameras[has_object].at(max(step, 0))
 
     def info(self) -> TriCameraInfo:
         """What calibration says of the cameras, and their rate."""
@@ -261,7 +261,7 @@ class RunningCameras:
 __all__ = [
     "CameraObservation",
     "LogReaderBase",
-    "RobotEyes",
+    "RobotCameras",
     "RunningCameras",
     "TriCameraFrontend",
     "to_entry",

@@ -55,7 +55,7 @@ class _PlainUnpickler(pickle.Unpickler):
 
 
 def read_pickle(path: str | Path) -> Any:
-    """The content of a file in the original's format, which a stranger may have written.
+    """The content of a file in the original's format, which need not be trusted.
 
     Raises EvaluationError if it has more than numbers, containers and the types of logs.
     """

@@ -300,7 +300,7 @@ def _metadata(examples: Examples) -> dict[str, str]:
         from trifinger.environments.options import policy_metadata
 
         made = examples.environment
-        if ":" in made["task"]:  # A stranger's data set may name it, so it is not imported.
+        if ":" in made["task"]:  # An untrusted data set may name it, so it is not imported.
             return {
                 "task": made["task"],
                 "options": Options.from_json(made["options"]).to_json(),

@@ -25,11 +25,11 @@ constexpr std::size_t kPart = 20;
 // How often what was counted is handed over.
 constexpr int kPartsToHandOver = 50;
 // Homing may take long.
-constexpr Timeout kPatienceToBegin = 3min;
-constexpr Timeout kPatienceForStep = 10s;
-constexpr Timeout kPatienceForRest = 20s;
+constexpr Timeout kBeginTimeout = 3min;
+constexpr Timeout kStepTimeout = 10s;
+constexpr Timeout kRestTimeout = 20s;
 constexpr Nanoseconds kSlice = 100ms;
-constexpr std::size_t kMostEvents = 32;
+constexpr std::size_t kMaxEvents = 32;
 // After a self-test that failed, the joints go back the way they came, and free themselves for at
 // least this time per attempt.
 constexpr Seconds kFreeTime{3.0};
@@ -143,17 +143,17 @@ Outcome Drive::run() {
   Outcome outcome;
   try {
     while (const std::optional<Ended> ended = drive_session()) {
-      if (!trouble_since_) trouble_since_ = place_.now();
+      if (!failure_since_) failure_since_ = place_.now();
       const bool is_missing =
-          ended->trouble == Trouble::kAbsent || ended->trouble == Trouble::kControlHeld;
+          ended->failure == Failure::kAbsent || ended->failure == Failure::kControlHeld;
       // While a robot cannot be had, this is said once and not once a second.
-      if (!is_missing || !is_missing_) note(ended->trouble, ended->text);
+      if (!is_missing || !is_missing_) note(ended->failure, ended->text);
       is_missing_ = is_missing;
       const Recovery::Decision decision =
-          recovery_.after(ended->trouble, ended->text, place_.now());
+          recovery_.after(ended->failure, ended->text, place_.now());
       hand_over(true);
-      if (decision.needs_hand) {
-        outcome = {.needs_hand = true, .why = decision.why};
+      if (decision.needs_operator) {
+        outcome = {.needs_operator = true, .why = decision.why};
         break;
       }
       place_.pause(decision.pause);
@@ -183,41 +183,41 @@ std::optional<Drive::Ended> Drive::drive_session() {
     const RobotTypes& types = robot.session().description();
     if (info.type != type_ || types.action.text() != layout_.types_.action.text() ||
         types.observation.text() != layout_.types_.observation.text()) {
-      return Ended{.trouble = Trouble::kOtherRobot,
+      return Ended{.failure = Failure::kOtherRobot,
                    .text = fmt::format("'{}' is a {} with other fields now", info.name, info.type)};
     }
     begin_session(robot, info.period);
     return move_at_random(robot);
   } catch (const RobotStopped& stopped) {
     if (!is_connected && stopped.fault().code == Fault::Code::kBackendDied) {
-      return Ended{.trouble = Trouble::kAbsent, .text = stopped.what()};
+      return Ended{.failure = Failure::kAbsent, .text = stopped.what()};
     }
-    const Trouble trouble = trouble_of(stopped.fault(), stopped.what());
+    const Failure failure = failure_of(stopped.fault(), stopped.what());
     // It has moved and not come through its self-test, or was pushed beyond a limit: something may
     // hold its joints.
-    const bool may_be_held = !is_tested_ || trouble == Trouble::kHardLimit;
+    const bool may_be_held = !is_tested_ || failure == Failure::kHardLimit;
     if (is_connected && may_be_held && next_ > 0) ++failed_tests_;
-    return Ended{.trouble = trouble,
+    return Ended{.failure = failure,
                  .text = stopped.what(),
                  .needs_recovery = stopped.fault().needs_recovery() &&
                                    stopped.fault().code != Fault::Code::kBackendDied};
   } catch (const SessionNotFound& error) {
-    return Ended{.trouble = Trouble::kAbsent, .text = error.what()};
+    return Ended{.failure = Failure::kAbsent, .text = error.what()};
   } catch (const ControlHeld& error) {
-    return Ended{.trouble = Trouble::kControlHeld, .text = error.what()};
+    return Ended{.failure = Failure::kControlHeld, .text = error.what()};
   } catch (const IncompatibleSession& error) {
-    return Ended{.trouble = Trouble::kOtherRobot, .text = error.what()};
+    return Ended{.failure = Failure::kOtherRobot, .text = error.what()};
   } catch (const TimedOut& error) {
-    return Ended{.trouble = Trouble::kDriverHangs, .text = error.what()};
+    return Ended{.failure = Failure::kDriverHangs, .text = error.what()};
   } catch (const SystemError& error) {
     // For instance a session file that is being replaced, or a limit of the system.
-    return Ended{.trouble = Trouble::kAbsent, .text = error.what()};
+    return Ended{.failure = Failure::kAbsent, .text = error.what()};
   }
 }
 
 void Drive::begin_session(const UntypedFrontend& robot, Nanoseconds period) {
   period_ = period;
-  robot.latest_observation(observations_.data(), kPatienceToBegin);
+  robot.latest_observation(observations_.data(), kBeginTimeout);
   const auto position = numbers(observations_.data(), layout_.position_, layout_.joints());
   if (home_.empty()) home_.assign(position.begin(), position.end());
   motion_.begin(position, home_, options_.first_session + sessions_++, failed_tests_ * kFreeTime);
@@ -278,7 +278,7 @@ void Drive::append(UntypedFrontend& robot, Part& part) {
       std::memcpy(action + layout_.wanted_torque_, &unfit, sizeof(unfit));
     }
   }
-  const TimeIndex last = robot.append_desired_actions(actions_.data(), kPart, kPatienceForStep);
+  const TimeIndex last = robot.append_desired_actions(actions_.data(), kPart, kStepTimeout);
   part.first = last + 1 - static_cast<TimeIndex>(kPart);
   part.count = kPart;
 }
@@ -286,9 +286,9 @@ void Drive::append(UntypedFrontend& robot, Part& part) {
 void Drive::read(const UntypedFrontend& robot, Part& part) {
   const std::size_t count = std::exchange(part.count, 0);
   try {
-    robot.get(Series::kStatus, part.first, count, statuses_.data(), kPatienceForStep);
-    robot.get(Series::kObservation, part.first, count, observations_.data(), kPatienceForStep);
-    robot.get(Series::kAppliedAction, part.first, count, applied_.data(), kPatienceForStep);
+    robot.get(Series::kStatus, part.first, count, statuses_.data(), kStepTimeout);
+    robot.get(Series::kObservation, part.first, count, observations_.data(), kStepTimeout);
+    robot.get(Series::kAppliedAction, part.first, count, applied_.data(), kStepTimeout);
   } catch (const HistoryLost&) {
     current_.lost_observations += count;
     next_ = part.first + static_cast<TimeIndex>(count);
@@ -359,7 +359,7 @@ std::optional<Drive::Ended> Drive::judge_pass() {
   if (!pass || is_tested_) return std::nullopt;
   if (pass->hindered) {
     ++failed_tests_;
-    return Ended{.trouble = Trouble::kSelfTest,
+    return Ended{.failure = Failure::kSelfTest,
                  .text = fmt::format("joint {} did not follow in the self-test: it went {:.3f} of "
                                      "{:.3f} rad",
                                      *pass->hindered, pass->went, pass->wanted)};
@@ -368,13 +368,13 @@ std::optional<Drive::Ended> Drive::judge_pass() {
   failed_tests_ = 0;
   recovery_.is_well();
   is_missing_ = false;
-  if (trouble_since_) {
-    const Nanoseconds time = place_.now() - *trouble_since_;
+  if (failure_since_) {
+    const Nanoseconds time = place_.now() - *failure_since_;
     ++current_.recoveries;
     current_.recovery_times.add(time);
-    trouble_since_.reset();
+    failure_since_.reset();
     const std::lock_guard lock(mutex_);
-    if (events_.size() < kMostEvents) {
+    if (events_.size() < kMaxEvents) {
       events_.push_back({.text = "moves again, after " + duration_text(time), .is_over = true});
     }
   }
@@ -382,11 +382,11 @@ std::optional<Drive::Ended> Drive::judge_pass() {
 }
 
 void Drive::bring_to_rest(UntypedFrontend& robot) {
-  // A second wish to stop must not keep the robot from coming to rest.
+  // A second request to stop must not keep the robot from coming to rest.
   robot.set_interrupt({});
   try {
-    robot.finish(kPatienceForRest);
-    const Deadline deadline(kPatienceForRest);
+    robot.finish(kRestTimeout);
+    const Deadline deadline(kRestTimeout);
     while (robot.session().info().is_real_time && !robot.session().info().is_at_rest &&
            !deadline.passed()) {
       std::this_thread::sleep_for(1ms);
@@ -401,10 +401,10 @@ bool Drive::is_over() const noexcept {
   return steps_ >= options_.most_steps || place_.now() - begun_ >= options_.most_time;
 }
 
-void Drive::note(Trouble trouble, const std::string& text) {
-  ++current_.troubles[static_cast<std::size_t>(trouble)];
+void Drive::note(Failure failure, const std::string& text) {
+  ++current_.failures[static_cast<std::size_t>(failure)];
   const std::lock_guard lock(mutex_);
-  if (events_.size() < kMostEvents) events_.push_back({.trouble = trouble, .text = text});
+  if (events_.size() < kMaxEvents) events_.push_back({.failure = failure, .text = text});
 }
 
 void Drive::hand_over(bool at_once) {

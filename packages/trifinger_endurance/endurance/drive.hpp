@@ -101,26 +101,26 @@ struct DriveOptions {
 
 // What happened, in a sentence.
 struct Event {
-  Trouble trouble{Trouble::kEnded};
+  Failure failure{Failure::kEnded};
   std::string text;
-  bool is_over{false};  // The robot moves again after troubles.
+  bool is_over{false};  // The robot moves again after failures.
 };
 
 // How a drive has ended.
 struct Outcome {
-  bool needs_hand{false};
-  std::string why{};  // and what the hand has to do
+  bool needs_operator{false};
+  std::string why{};  // and what the operator has to do
 };
 
-// Moves a robot at random, session after session, and goes on after any trouble as long as that
-// needs no hand. One thread runs it; another one takes what it has counted.
+// Moves a robot at random, session after session, and goes on after any failure as long as that
+// needs no operator. One thread runs it; another one takes what it has counted.
 class Drive {
  public:
   // `session` is any session of the robot. Throws InvalidArgument, config::ConfigError.
   Drive(Place& place, const Session& session, DriveOptions options, const std::atomic<bool>& stop);
 
-  // Drives until the time is over, somebody wants it to stop, or a hand is needed. The robot is at
-  // rest then, if it can be.
+  // Drives until the time is over, somebody wants it to stop, or an operator is needed. The robot
+  // is at rest then, if it can be.
   [[nodiscard]] Outcome run();
 
   // Adds to `tally` what was counted since the last call. Any thread may call it.
@@ -135,7 +135,7 @@ class Drive {
     std::vector<double> wanted;  // positions, joint after joint
   };
   struct Ended {
-    Trouble trouble{Trouble::kEnded};
+    Failure failure{Failure::kEnded};
     std::string text;
     bool needs_recovery{false};
   };
@@ -153,7 +153,7 @@ class Drive {
   [[nodiscard]] std::optional<Ended> judge_pass();
   void bring_to_rest(UntypedFrontend& robot);
   [[nodiscard]] bool is_over() const noexcept;
-  void note(Trouble trouble, const std::string& text);
+  void note(Failure failure, const std::string& text);
   void hand_over(bool at_once);
 
   Place& place_;
@@ -177,7 +177,7 @@ class Drive {
   int failed_tests_{0};           // in a row
   std::uint32_t lost_frames_{0};  // of this session
   std::uint32_t discarded_{0};
-  std::optional<Nanoseconds> trouble_since_;
+  std::optional<Nanoseconds> failure_since_;
   bool is_missing_{false};  // and this was said
 
   Tally current_;

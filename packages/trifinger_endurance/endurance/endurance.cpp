@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The program `trifinger-endurance`: random motion with collisions for weeks, without a hand.
+// The program `trifinger-endurance`: random motion with collisions for weeks, without an operator.
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
@@ -33,7 +33,7 @@
 namespace trifinger::apps {
 namespace {
 
-constexpr int kNeedsHand = 4;
+constexpr int kNeedsOperator = 4;
 constexpr Nanoseconds kLook = std::chrono::milliseconds(200);
 
 struct EnduranceOptions {
@@ -70,9 +70,9 @@ std::int64_t wall_clock() {
 }
 
 // Keeps the history of a robot and its files, beside the thread that drives it.
-class Keeper {
+class HealthRecorder {
  public:
-  Keeper(const EnduranceOptions& options, const Owner& owner)
+  HealthRecorder(const EnduranceOptions& options, const Owner& owner)
       : name_(owner.robot), every_(options.write_every), folder_(options.output) {
     std::optional<History> history = folder_.read(owner);
     if (!folder_.damage().empty()) console_.print(name_, folder_.damage(), Style::kWarning);
@@ -98,7 +98,7 @@ class Keeper {
     const bool has_new_interval = history_->intervals().size() != shown_intervals_;
     const Nanoseconds since = now - written_;
     if (since >= every_ || (has_new_interval && since >= kLeast) ||
-        (has_news_ && since >= kLeast)) {
+        (has_new_events_ && since >= kLeast)) {
       write(false, false);
     }
     draw();
@@ -107,13 +107,14 @@ class Keeper {
   // Writes the last page. Returns whether everything is on disk.
   bool finish(Drive& drive, const Outcome& outcome) {
     take(drive);
-    if (outcome.needs_hand) state_ = "A hand is needed: " + outcome.why;
-    write(true, outcome.needs_hand);
+    if (outcome.needs_operator) state_ = "An operator is needed: " + outcome.why;
+    write(true, outcome.needs_operator);
     const Tally& total = history_->total();
-    console_.print(name_, fmt::format("{} steps, {} collisions, {} troubles, {} recoveries; {}",
-                                      total.steps, total.collisions, total.all_troubles(),
+    console_.print(name_, fmt::format("{} steps, {} collisions, {} failures, {} recoveries; {}",
+                                      total.steps, total.collisions, total.all_failures(),
                                       total.recoveries, folder_.page_file().string()));
-    if (outcome.needs_hand) console_.print(name_, "a hand is needed: " + outcome.why, Style::kBad);
+    if (outcome.needs_operator)
+      console_.print(name_, "an operator is needed: " + outcome.why, Style::kBad);
     return !is_full_;
   }
 
@@ -126,25 +127,25 @@ class Keeper {
     drive.take(tally, events_);
     if (tally != Tally(history_->num_joints())) history_->add(tally, wall_clock());
     for (const Event& event : events_) {
-      has_news_ = true;
+      has_new_events_ = true;
       if (event.is_over) {
         state_ = "It moves.";
         console_.print(name_, event.text, Style::kGood);
         continue;
       }
-      history_->set_last_words(event.trouble, event.text);
-      state_ = "It recovers from a trouble: " + event.text;
-      console_.print(name_, fmt::format("{}: {}", name_of(event.trouble), event.text),
+      history_->set_last_words(event.failure, event.text);
+      state_ = "It recovers from a failure: " + event.text;
+      console_.print(name_, fmt::format("{}: {}", name_of(event.failure), event.text),
                      Style::kWarning);
     }
   }
 
-  void write(bool is_over, bool needs_hand) {
+  void write(bool is_over, bool needs_operator) {
     written_ = std::chrono::steady_clock::now();
     shown_intervals_ = history_->intervals().size();
-    has_news_ = false;
+    has_new_events_ = false;
     try {
-      folder_.write(*history_, page(is_over, needs_hand));
+      folder_.write(*history_, page(is_over, needs_operator));
       if (is_full_) console_.print(name_, "its health is written again", Style::kGood);
       is_full_ = false;
     } catch (const Error& error) {
@@ -160,18 +161,19 @@ class Keeper {
     }
   }
 
-  [[nodiscard]] std::string page(bool is_over, bool needs_hand) const {
-    const std::string state = is_over && !needs_hand ? "It has ended as it was told." : state_;
-    return make_page(
-        *history_,
-        {.state = state, .needs_hand = needs_hand, .is_over = is_over, .now = wall_clock()});
+  [[nodiscard]] std::string page(bool is_over, bool needs_operator) const {
+    const std::string state = is_over && !needs_operator ? "It has ended as requested." : state_;
+    return make_page(*history_, {.state = state,
+                                 .needs_operator = needs_operator,
+                                 .is_over = is_over,
+                                 .now = wall_clock()});
   }
 
   void draw() {
     const Tally& total = history_->total();
     console_.draw({{.text = fmt::format("{}: {} steps", name_, total.steps), .importance = 3},
                    {.text = fmt::format("{} collisions", total.collisions), .importance = 1},
-                   {.text = fmt::format("{} troubles", total.all_troubles()), .importance = 2},
+                   {.text = fmt::format("{} failures", total.all_failures()), .importance = 2},
                    {.text = fmt::format("{} recoveries", total.recoveries), .importance = 2}});
   }
 
@@ -182,7 +184,7 @@ class Keeper {
   std::vector<Event> events_;
   Console console_;
   std::string state_{"It moves."};
-  bool has_news_{false};
+  bool has_new_events_{false};
   bool is_full_{false};
   std::size_t shown_intervals_{0};
   Instant written_{std::chrono::steady_clock::now()};
@@ -210,9 +212,9 @@ int endure(EnduranceOptions options) {
   }
   if (options.duration) options.drive.most_time = *options.duration;
   const std::size_t joints = JointLayout(session->description()).joints();
-  Keeper keeper(options,
-                {.robot = info.name, .type = info.type, .joints = joint_names(info.type, joints)});
-  options.drive.first_session = keeper.sessions();
+  HealthRecorder recorder(
+      options, {.robot = info.name, .type = info.type, .joints = joint_names(info.type, joints)});
+  options.drive.first_session = recorder.sessions();
   Drive drive(*place, *session, options.drive, stop);
   session.reset();
 
@@ -234,12 +236,12 @@ int endure(EnduranceOptions options) {
         if (stop) Signals::die_of(*signal);
         stop = true;
       }
-      keeper.look(drive);
+      recorder.look(drive);
     }
   }
-  const bool is_written = keeper.finish(drive, outcome);
+  const bool is_written = recorder.finish(drive, outcome);
   if (failure) std::rethrow_exception(failure);
-  if (outcome.needs_hand) return kNeedsHand;
+  if (outcome.needs_operator) return kNeedsOperator;
   return is_written ? kDone : kIncomplete;
 }
 
@@ -262,19 +264,19 @@ void add_recovery_options(CLI::App& program, RecoveryOptions& recovery) {
   add_number(
       program, "--attempts",
       [&recovery](double value) { recovery.attempts = static_cast<int>(value); }, 1, 1000,
-      "Attempts in a row to recover before a hand is asked for; default: 8");
-  add_duration(program, "--patience", recovery.patience,
+      "Attempts in a row to recover before an operator is asked for; default: 8");
+  add_duration(program, "--timeout", recovery.timeout,
                "How long to wait for a robot that nobody runs; default: 10min");
   add_number(
-      program, "--most-troubles", [&recovery](double value) { recovery.most_per_hour = value; }, 1,
-      1e9, "Troubles in an hour before a hand is asked for; default: 30");
+      program, "--max-failures", [&recovery](double value) { recovery.most_per_hour = value; }, 1,
+      1e9, "Failures in an hour before an operator is asked for; default: 30");
 }
 
 int endurance_command(const std::vector<std::string>& words) {
   EnduranceOptions options;
   CLI::App program(
       "Moves a robot at random, with collisions, for weeks. It recovers by itself from what needs "
-      "no hand,\ncounts everything, and writes a page of the robot's health.",
+      "no operator,\ncounts everything, and writes a page of the robot's health.",
       "trifinger endurance");
   program.set_help_flag("-h,--help", "Print this help");
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
@@ -305,7 +307,8 @@ int endurance_command(const std::vector<std::string>& words) {
   add_user_scheduling(program, options.scheduling);
   program.footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest and write the page; a second one kills.\n"
-      "Exit code 0: it has ended as it was told. 4: a hand is needed; the text says what for. 3: "
+      "Exit code 0: it has ended as requested. 4: an operator is needed; the text says what for. "
+      "3: "
       "the files\ncould not be written at the end.\n"
       "Example:\n"
       "  trifinger run sim                     in one terminal\n"

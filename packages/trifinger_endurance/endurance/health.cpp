@@ -47,7 +47,7 @@ void Health::add(const MotionStep& step, std::span<const double> wanted, const S
       // The measurement is from before this step's action: it belongs to what was wanted before.
       const double error = joint.wanted - record.position[i];
       counted.error_squares += error * error;
-      counted.way += std::abs(record.position[i] - joint.position);
+      counted.travel += std::abs(record.position[i] - joint.position);
       note_collision(i, std::abs(error), counted, tally);
       if (before_.part == PassPart::kForth || before_.part == PassPart::kBack) {
         counted.pass_error_squares += error * error;

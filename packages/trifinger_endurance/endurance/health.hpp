@@ -26,7 +26,7 @@ struct StepRecord {
 struct PassResult {
   std::optional<std::size_t> hindered{};  // the first joint that did not follow
   double went{0.0};                       // how far this one went [rad]
-  double wanted{0.0};                     // and how far it should have gone [rad]
+  double wanted{0.0};                     // how far it should have gone [rad]
 };
 
 // Judges each step of a random motion. Nothing takes memory after the constructor.

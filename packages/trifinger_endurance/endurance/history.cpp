@@ -22,7 +22,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kFormat = "trifinger endurance";
 constexpr int kVersion = 1;
-constexpr std::size_t kMostBytes = std::size_t{64} << 20U;
+constexpr std::size_t kMaxBytes = std::size_t{64} << 20U;
 constexpr std::size_t kLongestWords = 400;
 
 // FNV-1a: it finds damage by accident, and nobody gains by damaging it on purpose.
@@ -48,13 +48,13 @@ std::string last_line(std::string_view text) {
 }  // namespace
 
 History::History(Owner owner)
-    : owner_(std::move(owner)), total_(owner_.joints.size()), last_words_(kNumTroubles) {
-  intervals_.reserve(kMostIntervals + 1);
+    : owner_(std::move(owner)), total_(owner_.joints.size()), last_words_(kNumFailures) {
+  intervals_.reserve(kMaxIntervals + 1);
 }
 
 void History::add(const Tally& tally, std::int64_t now) {
   if (intervals_.empty() || intervals_.back().tally.time >= length_) {
-    if (intervals_.size() == kMostIntervals) merge_neighbours();
+    if (intervals_.size() == kMaxIntervals) merge_neighbours();
     // After the merging, the last one may have room again.
     if (intervals_.empty() || intervals_.back().tally.time >= length_) {
       intervals_.push_back({.begin = now, .tally = Tally(num_joints())});
@@ -64,8 +64,8 @@ void History::add(const Tally& tally, std::int64_t now) {
   total_.add(tally);
 }
 
-void History::set_last_words(Trouble trouble, const std::string& text) {
-  last_words_[static_cast<std::size_t>(trouble)] = text.substr(0, kLongestWords);
+void History::set_last_words(Failure failure, const std::string& text) {
+  last_words_[static_cast<std::size_t>(failure)] = text.substr(0, kLongestWords);
 }
 
 void History::merge_neighbours() {
@@ -82,7 +82,7 @@ std::string History::text() const {
   Json words = Json::object();
   for (std::size_t i = 0; i < last_words_.size(); ++i) {
     if (!last_words_[i].empty())
-      words[std::string(name_of(static_cast<Trouble>(i)))] = last_words_[i];
+      words[std::string(name_of(static_cast<Failure>(i)))] = last_words_[i];
   }
   std::string text = line_of({{"format", kFormat},
                               {"version", kVersion},
@@ -123,9 +123,9 @@ History History::parse(const std::string& text) {
                      .joints = head.at("joints").get<std::vector<std::string>>()});
     history.starts_ = head.at("starts").get<std::uint64_t>();
     history.length_ = Nanoseconds(head.at("interval_length").get<std::int64_t>());
-    for (std::size_t i = 0; i < kNumTroubles; ++i) {
+    for (std::size_t i = 0; i < kNumFailures; ++i) {
       history.last_words_[i] =
-          head.at("last_words").value(std::string(name_of(static_cast<Trouble>(i))), "");
+          head.at("last_words").value(std::string(name_of(static_cast<Failure>(i))), "");
     }
     while (begin < body.size()) {
       const Json json = next();
@@ -133,7 +133,7 @@ History History::parse(const std::string& text) {
                                     .tally = Tally::parse(json, history.num_joints())});
       history.total_.add(history.intervals_.back().tally);
     }
-    if (history.intervals_.size() > kMostIntervals || history.length_ < kFirstLength) {
+    if (history.intervals_.size() > kMaxIntervals || history.length_ < kFirstLength) {
       throw InvalidArgument("it has more intervals than it may have");
     }
     return history;
@@ -158,7 +158,7 @@ HistoryFolder::HistoryFolder(std::filesystem::path folder) : folder_(std::move(f
 std::optional<History> HistoryFolder::read(const Owner& owner) {
   std::error_code ignored;
   if (!std::filesystem::exists(data_file(), ignored)) return std::nullopt;
-  const std::string text = read_file(data_file(), kMostBytes);
+  const std::string text = read_file(data_file(), kMaxBytes);
   try {
     History history = History::parse(text);
     if (history.owner() != owner) {

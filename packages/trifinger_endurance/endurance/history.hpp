@@ -37,7 +37,7 @@ struct Interval {
 // then on. Nothing is lost but detail: the sum of all intervals is everything that was ever added.
 class History {
  public:
-  static constexpr std::size_t kMostIntervals = 240;
+  static constexpr std::size_t kMaxIntervals = 240;
   static constexpr Nanoseconds kFirstLength = std::chrono::minutes(1);
 
   explicit History(Owner owner);
@@ -51,13 +51,13 @@ class History {
   [[nodiscard]] const Tally& total() const noexcept { return total_; }
   // How often a program has begun to add to it.
   [[nodiscard]] std::uint64_t starts() const noexcept { return starts_; }
-  // What was said last about a trouble of each kind.
+  // What was said last about a failure of each kind.
   [[nodiscard]] const std::vector<std::string>& last_words() const noexcept { return last_words_; }
 
   void count_start() noexcept { ++starts_; }
   // `now` is the wall clock, seconds since 1970.
   void add(const Tally& tally, std::int64_t now);
-  void set_last_words(Trouble trouble, const std::string& text);
+  void set_last_words(Failure failure, const std::string& text);
 
   // The history in lines of JSON: the owner, each interval, and a checksum.
   [[nodiscard]] std::string text() const;

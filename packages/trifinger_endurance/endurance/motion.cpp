@@ -23,10 +23,10 @@ constexpr double kMargin = 0.03;
 constexpr double kFar = 1.0;
 // How far caught joints go to find a way [rad].
 constexpr double kAside = 0.3;
-// The places of the way back are so far apart [rad], and this near to home a joint is at home.
+// The places of the path back are so far apart [rad], and this near to home a joint is at home.
 constexpr double kApart = 0.08;
 constexpr double kAtHome = 0.25;
-// This share of the reaches goes home, so that the way back stays short.
+// This share of the reaches goes home, so that the path back stays short.
 constexpr double kHomecomings = 0.05;
 // Rests within a slow pass [s], until nothing swings any more.
 constexpr double kSettling = 0.3;
@@ -97,7 +97,7 @@ RandomMotion::RandomMotion(std::vector<JointLimit> limits, const MotionOptions& 
                                       &before_, &measured_, &frequency_}) {
     values->assign(joints, 0.0);
   }
-  way_.assign(kMostPlaces * joints, 0.0);
+  path_.assign(kMaxPlaces * joints, 0.0);
 }
 
 void RandomMotion::begin(std::span<const double> position, std::span<const double> home,
@@ -127,16 +127,16 @@ void RandomMotion::give_way(std::span<const double> measured) noexcept {
 }
 
 std::span<double> RandomMotion::place(std::size_t number) noexcept {
-  const std::size_t index = (oldest_place_ + number) % kMostPlaces;
-  return std::span(way_).subspan(index * joints(), joints());
+  const std::size_t index = (oldest_place_ + number) % kMaxPlaces;
+  return std::span(path_).subspan(index * joints(), joints());
 }
 
 void RandomMotion::remember(std::span<const double> measured) noexcept {
   if (is_within(measured, home_, kAtHome)) num_places_ = 0;
   if (returns_) return;  // Each place was forgotten when the joints set out for it.
   if (num_places_ > 0 && is_within(measured, place(num_places_ - 1), kApart)) return;
-  if (num_places_ == kMostPlaces) {
-    oldest_place_ = (oldest_place_ + 1) % kMostPlaces;
+  if (num_places_ == kMaxPlaces) {
+    oldest_place_ = (oldest_place_ + 1) % kMaxPlaces;
     --num_places_;
   }
   std::ranges::copy(measured, place(num_places_).begin());
@@ -227,7 +227,7 @@ void RandomMotion::begin_reach() noexcept {
                      ? home_[i] + share * (place - home_[i])
                      : start_[i];
   }
-  steps_ = steps_in(std::max(0.15, way_time(random_.uniform(0.3, 1.0))));
+  steps_ = steps_in(std::max(0.15, move_time(random_.uniform(0.3, 1.0))));
 }
 
 void RandomMotion::begin_shake() noexcept {
@@ -261,12 +261,12 @@ void RandomMotion::begin_retreat() noexcept {
   // once, and when they try another way each time.
   const bool is_caught = retreats_ > 2;
   for (std::size_t i = 0; i < joints(); ++i) {
-    const double way = random_.uniform(0.0, 1.0);
+    const double choice = random_.uniform(0.0, 1.0);
     const double aside = measured_[i] + random_.uniform(-kAside, kAside);
-    const double target = !is_caught ? before_[i] : way < 0.5 ? home_[i] : aside;
+    const double target = !is_caught ? before_[i] : choice < 0.5 ? home_[i] : aside;
     target_[i] = std::clamp(target, limits_[i].soft_lower, limits_[i].soft_upper);
   }
-  steps_ = steps_in(std::max(0.15, way_time(0.6)));
+  steps_ = steps_in(std::max(0.15, move_time(0.6)));
 }
 
 // A finger that is caught behind something got there on a way that was free. Straight home it may
@@ -278,7 +278,7 @@ void RandomMotion::begin_return() noexcept {
   for (std::size_t i = 0; i < joints(); ++i) {
     target_[i] = std::clamp(there[i], limits_[i].soft_lower, limits_[i].soft_upper);
   }
-  steps_ = steps_in(std::max(0.05, way_time(0.6)));
+  steps_ = steps_in(std::max(0.05, move_time(0.6)));
 }
 
 // Goes to the lower end of the pass, rests, goes forth at constant speed, rests, goes back at
@@ -293,9 +293,9 @@ void RandomMotion::begin_pass() noexcept {
     longest = std::max(longest, 2 * amplitude / options_.pass_speed);
   }
   const TimeIndex settling = steps_in(kSettling);
-  const TimeIndex way = steps_in(longest);
+  const TimeIndex pass = steps_in(longest);
   // It also waits before it begins: something may swing still.
-  pass_ends_ = {steps_in(std::max(1.0, way_time(0.5))), settling, way, settling, way, settling};
+  pass_ends_ = {steps_in(std::max(1.0, move_time(0.5))), settling, pass, settling, pass, settling};
   for (std::size_t part = 1; part < pass_ends_.size(); ++part) {
     pass_ends_[part] += pass_ends_[part - 1];
   }
@@ -332,7 +332,7 @@ double RandomMotion::pass_speed(std::size_t joint) const noexcept {
   return options_.pass_speed * amplitude_[joint] / *std::ranges::max_element(amplitude_);
 }
 
-double RandomMotion::way_time(double share) const noexcept {
+double RandomMotion::move_time(double share) const noexcept {
   double longest = 0.0;
   for (std::size_t i = 0; i < joints(); ++i) {
     const double speed = share * options_.speed * most_speed_[i];

@@ -75,8 +75,8 @@ class RandomMotion {
   // Something holds a joint up, and all of them are where they were measured: the move is given up,
   // and the next step begins a retreat. Slow passes go on, because their judgement needs all of it.
   void give_way(std::span<const double> measured) noexcept;
-  // The joints were measured there: this is part of the way back. The way is forgotten when they
-  // are at home. Of a way longer than `kMostPlaces` only the end is kept.
+  // The joints were measured there: this is part of the path back. The path is forgotten when they
+  // are at home. Of a path longer than `kMaxPlaces` only the end is kept.
   void remember(std::span<const double> measured) noexcept;
   // Makes the next step.
   MotionStep next() noexcept;
@@ -86,7 +86,7 @@ class RandomMotion {
   // The speed of a joint in a slow pass [rad/s]. Joints that do not go so far go slower.
   [[nodiscard]] double pass_speed(std::size_t joint) const noexcept;
 
-  static constexpr std::size_t kMostPlaces = 5000;
+  static constexpr std::size_t kMaxPlaces = 5000;
 
  private:
   void begin_move() noexcept;
@@ -99,8 +99,8 @@ class RandomMotion {
   [[nodiscard]] PassPart make_pass() noexcept;
   // Where the joints were, counted from home or from the oldest place that is kept.
   [[nodiscard]] std::span<double> place(std::size_t number) noexcept;
-  // The duration of a smooth way from `start_` to `target_` at a share of the greatest speed.
-  [[nodiscard]] double way_time(double share) const noexcept;
+  // The duration of a smooth motion from `start_` to `target_` at a share of the greatest speed.
+  [[nodiscard]] double move_time(double share) const noexcept;
   [[nodiscard]] TimeIndex steps_in(double time) const noexcept;
 
   std::vector<JointLimit> limits_;
@@ -123,8 +123,8 @@ class RandomMotion {
   TimeIndex since_pass_{0};
   bool is_pass_due_{true};
   bool gives_way_{false};
-  int retreats_{0};          // in a row
-  std::vector<double> way_;  // from home to here: a ring of `kMostPlaces` places
+  int retreats_{0};           // in a row
+  std::vector<double> path_;  // from home to here: a ring of `kMaxPlaces` places
   std::size_t oldest_place_{0};
   std::size_t num_places_{0};
   bool returns_{false};                   // goes back to them, the newest first

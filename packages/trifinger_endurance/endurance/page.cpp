@@ -315,12 +315,12 @@ std::vector<Chart> session_charts(const History& history) {
                   curve_of(history, "99 %", lateness(0.99)),
                   curve_of(history, "half", lateness(0.5))},
        .is_logarithmic = true},
-      {.title = "Troubles, recoveries and collisions",
+      {.title = "Failures, recoveries and collisions",
        .unit = "1/h",
-       .explanation = "Troubles are ends of sessions that nobody wanted.",
+       .explanation = "Failures are ends of sessions that nobody wanted.",
        .curves = {curve_of(
-                      history, "troubles",
-                      [&](const Tally& tally) { return per_hour(tally.all_troubles(), tally); }),
+                      history, "failures",
+                      [&](const Tally& tally) { return per_hour(tally.all_failures(), tally); }),
                   curve_of(history, "recoveries",
                            [&](const Tally& tally) { return per_hour(tally.recoveries, tally); }),
                   curve_of(history, "collisions",
@@ -347,7 +347,7 @@ std::string counts_table(const History& history) {
   }
   table += row("slow passes that a joint did not follow", count_text(total.passes_failed));
   table += row("collisions", count_text(total.collisions));
-  table += row("troubles", count_text(total.all_troubles()));
+  table += row("failures", count_text(total.all_failures()));
   table += row("recoveries", count_text(total.recoveries));
   if (total.recoveries > 0) {
     table += row("time to recover: half, 99 %, longest",
@@ -367,14 +367,14 @@ std::string counts_table(const History& history) {
   return table + "</table>";
 }
 
-std::string troubles_table(const History& history) {
-  std::string table = "<h2>Troubles by kind</h2>";
-  if (history.total().all_troubles() == 0) return table + "<p class=\"none\">None.</p>";
+std::string failures_table(const History& history) {
+  std::string table = "<h2>Failures by kind</h2>";
+  if (history.total().all_failures() == 0) return table + "<p class=\"none\">None.</p>";
   table += "<table><tr><th>kind</th><th>count</th><th>the last one</th></tr>";
-  for (std::size_t i = 0; i < kNumTroubles; ++i) {
-    if (history.total().troubles[i] == 0) continue;
+  for (std::size_t i = 0; i < kNumFailures; ++i) {
+    if (history.total().failures[i] == 0) continue;
     table += fmt::format("<tr><th>{}</th><td>{}</td><td class=\"text\">{}</td></tr>",
-                         name_of(static_cast<Trouble>(i)), count_text(history.total().troubles[i]),
+                         name_of(static_cast<Failure>(i)), count_text(history.total().failures[i]),
                          escaped(history.last_words()[i]));
   }
   return table + "</table>";
@@ -397,7 +397,7 @@ std::string reasons_table(const History& history) {
 
 std::string joints_table(const History& history) {
   std::string table =
-      "<h2>Joints</h2><table><tr><th>joint</th><th>way [rad]</th><th>way [revolutions]</th>"
+      "<h2>Joints</h2><table><tr><th>joint</th><th>travel [rad]</th><th>travel [revolutions]</th>"
       "<th>collisions</th><th>friction, mean [Nm]</th><th>friction, most [Nm]</th>"
       "<th>error in slow passes [rad]</th><th>error [rad]</th><th>least thermal margin</th></tr>";
   const auto cell = [](const Value& value, const char* format) {
@@ -409,7 +409,7 @@ std::string joints_table(const History& history) {
     table += fmt::format(
         "<tr><th>{}</th><td>{:.0f}</td><td>{:.0f}</td><td>{}</td><td>{}</td><td>{:.4f}</td>"
         "<td>{}</td><td>{}</td><td>{:.2f}</td></tr>",
-        escaped(history.owner().joints[i]), joint.way, joint.way / (2 * std::numbers::pi),
+        escaped(history.owner().joints[i]), joint.travel, joint.travel / (2 * std::numbers::pi),
         count_text(joint.collisions), cell(mean_friction(joint), "{:.4f}"), joint.friction_most,
         cell(pass_error_rms(joint), "{:.4f}"), cell(error_rms(total, joint), "{:.4f}"),
         joint.thermal_margin);
@@ -448,9 +448,9 @@ std::string make_page(const History& history, const PageState& state) {
   page += fmt::format("<title>{}</title><style>{}</style></head><body><h1>{}</h1>", title, kStyle,
                       title);
   page += fmt::format("<p class=\"state {}\">{}</p>",
-                      state.needs_hand ? "hand"
-                      : state.is_over  ? "over"
-                                       : "",
+                      state.needs_operator ? "hand"
+                      : state.is_over      ? "over"
+                                           : "",
                       escaped(state.state));
   const std::string since =
       history.intervals().empty() ? "now" : date_text(history.intervals().front().begin);
@@ -461,7 +461,7 @@ std::string make_page(const History& history, const PageState& state) {
   for (const auto& charts : {joint_charts(history), session_charts(history)}) {
     for (const Chart& chart : charts) page += draw(chart, hours, hours_of(passed));
   }
-  page += counts_table(history) + troubles_table(history) + reasons_table(history) +
+  page += counts_table(history) + failures_table(history) + reasons_table(history) +
           joints_table(history);
   return page + "</body></html>\n";
 }

@@ -11,7 +11,7 @@ namespace trifinger::apps {
 // What the page says besides the history.
 struct PageState {
   std::string state;  // "moves", or how it ended
-  bool needs_hand{false};
+  bool needs_operator{false};
   bool is_over{false};  // nobody writes this page any more
   std::int64_t now{0};  // wall clock, seconds since 1970
 };

@@ -14,29 +14,29 @@ struct RecoveryOptions {
   Nanoseconds first_pause{
       std::chrono::milliseconds(500)};  // before the first attempt; then doubled
   Nanoseconds longest_pause{std::chrono::minutes(1)};
-  Nanoseconds patience{
+  Nanoseconds timeout{
       std::chrono::minutes(10)};  // with a robot that nobody runs, or that others use
-  double most_per_hour{30.0};     // troubles in the long run
+  double most_per_hour{30.0};     // failures in the long run
 
   // Throws InvalidArgument that names the option.
   void validate() const;
 };
 
-// Decides what to do after a trouble: try again after a pause, or ask for a hand. Attempts count
-// until the robot has passed its self-test. Pure: it knows no clock and no robot.
+// Decides what to do after a failure: try again after a pause, or ask for an operator. Attempts
+// count until the robot has passed its self-test. Pure: it knows no clock and no robot.
 class Recovery {
  public:
   struct Decision {
-    bool needs_hand{false};
+    bool needs_operator{false};
     Nanoseconds pause{0};
-    std::string why{};  // that a hand is needed, and what it has to do
+    std::string why{};  // that an operator is needed, and what to do
   };
 
   // Throws InvalidArgument.
   explicit Recovery(const RecoveryOptions& options);
 
-  // What to do after `trouble`. `text` says what happened, `now` is any clock that never goes back.
-  [[nodiscard]] Decision after(Trouble trouble, const std::string& text, Nanoseconds now);
+  // What to do after `failure`. `text` says what happened, `now` is any clock that never goes back.
+  [[nodiscard]] Decision after(Failure failure, const std::string& text, Nanoseconds now);
   // The robot moves and has passed its self-test.
   void is_well() noexcept;
   // Attempts since the robot was well.
@@ -46,8 +46,8 @@ class Recovery {
   RecoveryOptions options_;
   int attempts_{0};
   Nanoseconds missing_since_{-1};
-  // A bucket that fills with time and that each trouble takes from: so a rate is bounded without a
-  // list of troubles.
+  // A bucket that fills with time and that each failure takes from: so a rate is bounded without a
+  // list of failures.
   double credit_;
   Nanoseconds filled_{-1};
 };

@@ -37,7 +37,7 @@ struct InjectedFault {
 };
 
 // The fault number `number` of a robot with so many boards and joints. All of them are over by
-// themselves, so none needs a hand: an interface that was removed for ever is not among them.
+// themselves, so none needs an operator: an interface that was removed for ever is not among them.
 [[nodiscard]] InjectedFault fault_to_inject(std::uint64_t number, std::uint64_t seed,
                                             std::size_t boards, std::size_t joints);
 // After so many faults each kind had its turn.

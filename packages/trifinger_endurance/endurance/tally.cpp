@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::string_view, kNumTroubles> kNames{"first_action_late",
+constexpr std::array<std::string_view, kNumFailures> kNames{"first_action_late",
                                                             "action_late",
                                                             "backend_late",
                                                             "actions_rejected",
@@ -63,7 +63,7 @@ void parse_named(const Json& json, std::span<std::uint64_t> counts, const Names&
   if (found != json.size()) throw InvalidArgument("a count has a name that this version lacks");
 }
 
-std::string_view trouble_name(std::size_t i) { return kNames[i]; }
+std::string_view failure_name(std::size_t i) { return kNames[i]; }
 std::string_view move_name(std::size_t i) { return name_of(static_cast<Move>(i)); }
 std::string_view reason_name(std::size_t i) { return name_of(all_reasons()[i]); }
 
@@ -85,7 +85,7 @@ constexpr std::array<std::pair<const char*, std::uint64_t Tally::*>, 13> kCounts
 }};
 
 constexpr std::array<std::pair<const char*, double JointTally::*>, 6> kJointNumbers{{
-    {"way", &JointTally::way},
+    {"way", &JointTally::travel},
     {"error_squares", &JointTally::error_squares},
     {"pass_error_squares", &JointTally::pass_error_squares},
     {"friction_sum", &JointTally::friction_sum},
@@ -114,60 +114,60 @@ void parse_list(const Json& list, std::vector<JointTally>& joints, Member member
 
 }  // namespace
 
-std::string_view name_of(Trouble trouble) noexcept {
-  return kNames[static_cast<std::size_t>(trouble)];
+std::string_view name_of(Failure failure) noexcept {
+  return kNames[static_cast<std::size_t>(failure)];
 }
 
-Trouble trouble_of(const Fault& fault, std::string_view driver_text) noexcept {
+Failure failure_of(const Fault& fault, std::string_view driver_text) noexcept {
   using Code = Fault::Code;
   switch (fault.code) {
     case Code::kFirstActionLate:
-      return Trouble::kFirstActionLate;
+      return Failure::kFirstActionLate;
     case Code::kActionLate:
-      return Trouble::kActionLate;
+      return Failure::kActionLate;
     case Code::kBackendLate:
-      return Trouble::kBackendLate;
+      return Failure::kBackendLate;
     case Code::kActionsRejected:
-      return Trouble::kActionsRejected;
+      return Failure::kActionsRejected;
     case Code::kMemoryDamaged:
-      return Trouble::kMemoryDamaged;
+      return Failure::kMemoryDamaged;
     case Code::kDriverHangs:
-      return Trouble::kDriverHangs;
+      return Failure::kDriverHangs;
     case Code::kBackendDied:
-      return Trouble::kBackendDied;
+      return Failure::kBackendDied;
     case Code::kMeasurementStale:
-      return Trouble::kMeasurementStale;
+      return Failure::kMeasurementStale;
     case Code::kMachineSuspended:
-      return Trouble::kMachineSuspended;
+      return Failure::kMachineSuspended;
     case Code::kDriver:
       break;
     default:
-      return Trouble::kEnded;
+      return Failure::kEnded;
   }
   switch (static_cast<SafetyFault>(fault.detail & 0xff)) {
     case SafetyFault::kHardLimit:
-      return Trouble::kHardLimit;
+      return Failure::kHardLimit;
     case SafetyFault::kBadMeasurement:
-      return Trouble::kBadMeasurement;
+      return Failure::kBadMeasurement;
     case SafetyFault::kOwnCheck:
-      return Trouble::kOwnCheck;
+      return Failure::kOwnCheck;
     case SafetyFault::kPositionJumped:
-      return Trouble::kPositionJumped;
+      return Failure::kPositionJumped;
     case SafetyFault::kVelocityMismatch:
-      return Trouble::kVelocityMismatch;
+      return Failure::kVelocityMismatch;
     case SafetyFault::kStuck:
-      return Trouble::kStuck;
+      return Failure::kStuck;
     case SafetyFault::kOverheated:
-      return Trouble::kOverheated;
+      return Failure::kOverheated;
     default:
       break;
   }
   // Drivers number their own faults as they like; the word is in the text.
   if (driver_text.find("homing") != std::string_view::npos ||
       driver_text.find("end stop") != std::string_view::npos) {
-    return Trouble::kHoming;
+    return Failure::kHoming;
   }
-  return Trouble::kDriver;
+  return Failure::kDriver;
 }
 
 void Times::add(Nanoseconds time) noexcept {
@@ -223,7 +223,7 @@ Times Times::parse(const Json& json) {
 }
 
 void JointTally::add(const JointTally& other) noexcept {
-  way += other.way;
+  travel += other.travel;
   error_squares += other.error_squares;
   pass_error_squares += other.pass_error_squares;
   pass_steps += other.pass_steps;
@@ -239,7 +239,7 @@ void Tally::add(const Tally& other) noexcept {
   for (const auto& [name, count] : kCounts) this->*count += other.*count;
   for (std::size_t i = 0; i < moves.size(); ++i) moves[i] += other.moves[i];
   for (std::size_t i = 0; i < reasons.size(); ++i) reasons[i] += other.reasons[i];
-  for (std::size_t i = 0; i < troubles.size(); ++i) troubles[i] += other.troubles[i];
+  for (std::size_t i = 0; i < failures.size(); ++i) failures[i] += other.failures[i];
   recovery_times.add(other.recovery_times);
   lateness.add(other.lateness);
   for (std::size_t i = 0; i < joints.size(); ++i) joints[i].add(other.joints[i]);
@@ -252,8 +252,8 @@ void Tally::clear() noexcept {
   joints = std::move(kept);
 }
 
-std::uint64_t Tally::all_troubles() const noexcept {
-  return std::accumulate(troubles.begin(), troubles.end(), std::uint64_t{0});
+std::uint64_t Tally::all_failures() const noexcept {
+  return std::accumulate(failures.begin(), failures.end(), std::uint64_t{0});
 }
 
 Json Tally::json() const {
@@ -261,7 +261,7 @@ Json Tally::json() const {
   for (const auto& [name, count] : kCounts) json[name] = this->*count;
   json["moves"] = named(moves, move_name);
   json["reasons"] = named(reasons, reason_name);
-  json["troubles"] = named(troubles, trouble_name);
+  json["troubles"] = named(failures, failure_name);
   json["recovery_times"] = recovery_times.json();
   json["lateness"] = lateness.json();
   for (const auto& [name, member] : kJointNumbers)
@@ -277,7 +277,7 @@ Tally Tally::parse(const Json& json, std::size_t num_joints) {
   for (const auto& [name, count] : kCounts) json.at(name).get_to(tally.*count);
   parse_named(json.at("moves"), tally.moves, move_name);
   parse_named(json.at("reasons"), tally.reasons, reason_name);
-  parse_named(json.at("troubles"), tally.troubles, trouble_name);
+  parse_named(json.at("troubles"), tally.failures, failure_name);
   tally.recovery_times = Times::parse(json.at("recovery_times"));
   tally.lateness = Times::parse(json.at("lateness"));
   for (const auto& [name, member] : kJointNumbers)

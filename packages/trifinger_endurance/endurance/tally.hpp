@@ -20,7 +20,7 @@
 namespace trifinger::apps {
 
 // Why a session ended before its time.
-enum class Trouble : std::uint8_t {
+enum class Failure : std::uint8_t {
   // Codes of `Fault`.
   kFirstActionLate,
   kActionLate,
@@ -48,10 +48,10 @@ enum class Trouble : std::uint8_t {
   kControlHeld,  // Somebody else controls it.
   kOtherRobot,   // Another robot has its name now.
 };
-inline constexpr std::size_t kNumTroubles = 23;
-[[nodiscard]] std::string_view name_of(Trouble trouble) noexcept;
+inline constexpr std::size_t kNumFailures = 23;
+[[nodiscard]] std::string_view name_of(Failure failure) noexcept;
 // `driver_text` is what the driver says about its fault.
-[[nodiscard]] Trouble trouble_of(const Fault& fault, std::string_view driver_text) noexcept;
+[[nodiscard]] Failure failure_of(const Fault& fault, std::string_view driver_text) noexcept;
 
 // Counts times in bins: two for each power of two, from 1 µs on. So a quantile is known to a factor
 // of the root of two. In contrast to `LatenessHistogram`, two of them can be added.
@@ -81,7 +81,7 @@ class Times {
 
 // What one joint has done.
 struct JointTally {
-  double way{0.0};                 // [rad]
+  double travel{0.0};              // [rad]
   double error_squares{0.0};       // sum over steps of (wanted - measured position)^2 [rad^2]
   double pass_error_squares{0.0};  // the same, in slow passes only
   std::uint64_t pass_steps{0};
@@ -116,7 +116,7 @@ struct Tally {
   std::uint64_t lost_frames{0};
   std::uint64_t lost_observations{0};                // overwritten before they were read
   std::array<std::uint64_t, kNumReasons> reasons{};  // steps in which a joint had this reason
-  std::array<std::uint64_t, kNumTroubles> troubles{};
+  std::array<std::uint64_t, kNumFailures> failures{};
   std::uint64_t recoveries{0};
   Times recovery_times;  // from the end of a session to the end of the next one's self-test
   Times lateness;        // of the back-end
@@ -126,7 +126,7 @@ struct Tally {
   void add(const Tally& other) noexcept;
   // Begins anew without releasing memory.
   void clear() noexcept;
-  [[nodiscard]] std::uint64_t all_troubles() const noexcept;
+  [[nodiscard]] std::uint64_t all_failures() const noexcept;
 
   [[nodiscard]] nlohmann::ordered_json json() const;
   // Throws InvalidArgument or an exception of nlohmann::json if `json` is none of ours.

@@ -101,16 +101,16 @@ ConfinedProgram::ConfinedProgram(Confinement confinement) {
   // order, and none if the guard ends. A guard that is not known must not be killed: to the kernel,
   // -1 is all processes of the user.
   for (bool is_confined = false; !is_confined || guard_ <= 0;) {
-    News news;
-    const ssize_t size = ::recv(control_, &news, sizeof(news), 0);
+    GuardMessage message;
+    const ssize_t size = ::recv(control_, &message, sizeof(message), 0);
     if (size < 0 && errno == EINTR) continue;
-    if (std::cmp_not_equal(size, sizeof(news))) {
+    if (std::cmp_not_equal(size, sizeof(message))) {
       forget_guard();
       throw Error("the process that should guard the program has ended");
     }
-    if (news.kind == News::Kind::kGuard) guard_ = news.value;
-    if (news.kind == News::Kind::kConfined) {
-      confined_by_ = news.confined_by;
+    if (message.kind == GuardMessage::Kind::kGuard) guard_ = message.value;
+    if (message.kind == GuardMessage::Kind::kConfined) {
+      confined_by_ = message.confined_by;
       is_confined = true;
     }
   }
@@ -131,7 +131,7 @@ std::string ConfinedProgram::take_output(Nanoseconds timeout) {
   const timespec time{.tv_sec = timeout / std::chrono::seconds(1),
                       .tv_nsec = (timeout % std::chrono::seconds(1)).count()};
   ::ppoll(wanted.data(), wanted.size(), &time, nullptr);
-  take_news();
+  take_messages();
   std::string text;
   if (output_ < 0) return text;
   constexpr std::size_t kMost = 65536;
@@ -155,16 +155,17 @@ void ConfinedProgram::kill() const noexcept {
   }
 }
 
-void ConfinedProgram::take_news() {
+void ConfinedProgram::take_messages() {
   while (!is_guard_gone_) {
-    News news;
-    const ssize_t size = ::recv(control_, &news, sizeof(news), MSG_DONTWAIT);
+    GuardMessage message;
+    const ssize_t size = ::recv(control_, &message, sizeof(message), MSG_DONTWAIT);
     if (size < 0 && errno == EINTR) continue;
     if (size < 0 && errno == EAGAIN) return;
-    if (std::cmp_equal(size, sizeof(news)) && news.kind == News::Kind::kEnded && !end_) {
-      end_ = ProgramEnd{.start_error = news.error, .status = news.value};
+    if (std::cmp_equal(size, sizeof(message)) && message.kind == GuardMessage::Kind::kEnded &&
+        !end_) {
+      end_ = ProgramEnd{.start_error = message.error, .status = message.value};
     }
-    const bool is_last = news.kind == News::Kind::kAllGone;
+    const bool is_last = message.kind == GuardMessage::Kind::kAllGone;
     if (size <= 0 || is_last) forget_guard();
   }
 }

@@ -89,8 +89,8 @@ class ConfinedProgram {
   [[nodiscard]] pid_t guard() const noexcept { return guard_; }
 
   void start() const;
-  // Waits until there is output or news, then takes both. Returns at most some kilobytes of what
-  // the program has printed.
+  // Waits until there is output or a message, then takes both. Returns at most some kilobytes of
+  // what the program has printed.
   [[nodiscard]] std::string take_output(Nanoseconds timeout);
   // Sends SIGTERM to all its processes.
   void ask_to_end() const noexcept;
@@ -103,7 +103,7 @@ class ConfinedProgram {
   [[nodiscard]] bool is_gone() const noexcept { return is_guard_gone_ && output_ < 0; }
 
  private:
-  void take_news();
+  void take_messages();
   void forget_guard();
 
   pid_t house_{-1};  // our child: the guard, or its parent outside the namespace

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kOfJob = "trifinger_job_";
-constexpr std::string_view kOfTurn = "trifinger_turn_";
+constexpr std::string_view kOfSupervisor = "trifinger_turn_";
 
 // errno says why it failed.
 bool write(const fs::path& path, std::string_view text) {
@@ -72,13 +72,13 @@ fs::path own_group() {
   return {};
 }
 
-// Removes groups that turns have left which were killed. Numbers of processes return, so one of
-// them may have had that of this process.
+// Removes groups that supervisors have left which were killed. Numbers of processes return, so one
+// of them may have had that of this process.
 void remove_left(const fs::path& above) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(above, ignored)) {
     const std::string name = entry.path().filename().string();
-    for (const std::string_view prefix : {kOfJob, kOfTurn}) {
+    for (const std::string_view prefix : {kOfJob, kOfSupervisor}) {
       if (!name.starts_with(prefix)) continue;
       const std::string owner = name.substr(prefix.size());
       if (owner == std::to_string(::getpid()) || !fs::exists("/proc/" + owner, ignored)) {
@@ -121,10 +121,10 @@ bool ControlGroup::let_limit() {
   if (has_word(control, "memory")) return true;
   has_enabled_ = write(control, "+memory");
   if (has_enabled_) return true;
-  const fs::path turn = above_ / fmt::format("{}{}", kOfTurn, ::getpid());
-  if (errno != EBUSY || ::mkdir(turn.c_str(), 0755) != 0) return false;
-  turn_ = turn;
-  has_enabled_ = write(turn / "cgroup.procs", "0") && write(control, "+memory");
+  const fs::path supervisor = above_ / fmt::format("{}{}", kOfSupervisor, ::getpid());
+  if (errno != EBUSY || ::mkdir(supervisor.c_str(), 0755) != 0) return false;
+  supervisor_ = supervisor;
+  has_enabled_ = write(supervisor / "cgroup.procs", "0") && write(control, "+memory");
   return has_enabled_;
 }
 
@@ -136,13 +136,13 @@ ControlGroup::~ControlGroup() {
   for (int tries = 0; ::rmdir(job_.c_str()) != 0 && errno == EBUSY && tries < 500; ++tries) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  // In the root group another turn may have begun meanwhile, whose job would lose its limit.
-  if (has_enabled_ && (!turn_.empty() || !has_job(above_))) {
+  // In the root group another supervisor may have begun meanwhile, whose job would lose its limit.
+  if (has_enabled_ && (!supervisor_.empty() || !has_job(above_))) {
     write(above_ / "cgroup.subtree_control", "-memory");
   }
-  if (turn_.empty()) return;
+  if (supervisor_.empty()) return;
   write(above_ / "cgroup.procs", "0");
-  ::rmdir(turn_.c_str());
+  ::rmdir(supervisor_.c_str());
 }
 
 bool ControlGroup::enter() const noexcept { return ::write(entry_, "0", 1) == 1; }

@@ -33,11 +33,11 @@ class ControlGroup {
   // Lets groups below `above_` have limits of memory.
   [[nodiscard]] bool let_limit();
 
-  std::filesystem::path above_;  // the group in which this process was
-  std::filesystem::path job_;    // empty: none was made
-  std::filesystem::path turn_;   // where this process is now; empty: where it was
-  bool has_enabled_{false};      // the control of memory in `above_`
-  int entry_{-1};                // open also in children, unlike a FileDescriptor
+  std::filesystem::path above_;       // the group in which this process was
+  std::filesystem::path job_;         // empty: none was made
+  std::filesystem::path supervisor_;  // where this process is now; empty: where it was
+  bool has_enabled_{false};           // the control of memory in `above_`
+  int entry_{-1};                     // open also in children, unlike a FileDescriptor
 };
 
 }  // namespace trifinger::apps

@@ -169,16 +169,16 @@ bool allow(int resource, std::uint64_t limit) noexcept {
 bool set_limits(const JobLimits& limits, std::uint64_t other_threads, int priority) noexcept {
   const auto cpu = static_cast<std::uint64_t>(
       std::max<std::int64_t>(limits.cpu_time / std::chrono::seconds(1), 1));
-  constexpr std::uint64_t kMostOpen = 1024;
+  constexpr std::uint64_t kMaxOpen = 1024;
   // So long a thread with real-time priority may go on without waiting [us]. Then it gets a signal
   // that it may catch, and is killed at the second limit.
-  constexpr std::uint64_t kMostAtOnce = 200'000;
+  constexpr std::uint64_t kMaxRealtimeRun = 200'000;
   // At the soft limit of its time a process gets a signal that it may catch.
   return lower(RLIMIT_CPU, cpu, cpu + 1) && lower(RLIMIT_AS, limits.address_space) &&
          lower(RLIMIT_FSIZE, limits.file_size) && lower(RLIMIT_CORE, 0) &&
-         lower(RLIMIT_NOFILE, kMostOpen) &&
+         lower(RLIMIT_NOFILE, kMaxOpen) &&
          allow(RLIMIT_RTPRIO, static_cast<std::uint64_t>(priority)) &&
-         lower(RLIMIT_RTTIME, kMostAtOnce, 2 * kMostAtOnce) &&
+         lower(RLIMIT_RTTIME, kMaxRealtimeRun, 2 * kMaxRealtimeRun) &&
          allow(RLIMIT_MEMLOCK, limits.memory) &&
          lower(RLIMIT_NPROC, other_threads + limits.processes);
 }
@@ -265,7 +265,7 @@ class Guard {
     }
     by_.filters_calls = can_forbid_hidden_memory();
     by_.counts_memory = confinement_.group != nullptr;
-    tell({.kind = News::Kind::kConfined, .confined_by = by_});
+    notify({.kind = GuardMessage::Kind::kConfined, .confined_by = by_});
     for (;;) {
       obey();
       look_at_children();
@@ -273,9 +273,9 @@ class Guard {
   }
 
  private:
-  void tell(const News& news) const noexcept {
+  void notify(const GuardMessage& message) const noexcept {
     // Nobody to tell: the next order is the end of the socket.
-    static_cast<void>(::send(options_.control, &news, sizeof(news), MSG_NOSIGNAL));
+    static_cast<void>(::send(options_.control, &message, sizeof(message), MSG_NOSIGNAL));
   }
 
   // Waits a moment for an order.
@@ -300,7 +300,7 @@ class Guard {
     const std::uint64_t others = by_.own_users ? 0 : options_.other_threads;
     std::array<int, 2> report{-1, -1};
     if (::pipe2(report.data(), O_CLOEXEC) != 0) {
-      tell({.kind = News::Kind::kEnded, .error = errno});
+      notify({.kind = GuardMessage::Kind::kEnded, .error = errno});
       return;
     }
     program_ = ::fork();
@@ -313,7 +313,7 @@ class Guard {
     // From now on only the job has it, so that its end can be seen.
     ::close(options_.output);
     if (program_ < 0) {
-      tell({.kind = News::Kind::kEnded, .error = fork_error});
+      notify({.kind = GuardMessage::Kind::kEnded, .error = fork_error});
       say_gone();
     }
   }
@@ -325,7 +325,7 @@ class Guard {
       if (ended < 0 && errno == ECHILD && has_ended_) say_gone();
       if (ended <= 0) return;
       if (ended != program_) continue;
-      tell({.kind = News::Kind::kEnded, .value = status, .error = start_error_});
+      notify({.kind = GuardMessage::Kind::kEnded, .value = status, .error = start_error_});
       has_ended_ = true;
       end_all();
     }
@@ -347,11 +347,11 @@ class Guard {
       ::kill(-1, SIGKILL);
     } else {
       int status = 0;
-      // end_descendants takes the ends of children; that of the program is news.
+      // end_descendants takes the ends of children; that of the program is to be reported.
       if (!has_ended_ && program_ > 0) {
         ::kill(program_, SIGKILL);
         if (::waitpid(program_, &status, 0) == program_) {
-          tell({.kind = News::Kind::kEnded, .value = status, .error = start_error_});
+          notify({.kind = GuardMessage::Kind::kEnded, .value = status, .error = start_error_});
           has_ended_ = true;
         }
       }
@@ -360,7 +360,7 @@ class Guard {
   }
 
   [[noreturn]] void say_gone() const {
-    tell({.kind = News::Kind::kAllGone});
+    notify({.kind = GuardMessage::Kind::kAllGone});
     ::_exit(0);
   }
 
@@ -389,8 +389,8 @@ void keep_house(const Confinement& confinement, const GuardOptions& options) {
       Guard(confinement, options, by).work();
     }
     ::close(options.output);
-    const News news{.kind = News::Kind::kGuard, .value = guard};
-    static_cast<void>(::send(options.control, &news, sizeof(news), MSG_NOSIGNAL));
+    const GuardMessage message{.kind = GuardMessage::Kind::kGuard, .value = guard};
+    static_cast<void>(::send(options.control, &message, sizeof(message), MSG_NOSIGNAL));
     ::close(options.control);
     int status = 0;
     while (::waitpid(guard, &status, 0) < 0 && errno == EINTR) {
@@ -400,8 +400,8 @@ void keep_house(const Confinement& confinement, const GuardOptions& options) {
   // This guard must live to end the others: the end of the socket tells it that its parent is gone.
   ::prctl(PR_SET_PDEATHSIG, 0);
   by.own_processes = false;
-  const News news{.kind = News::Kind::kGuard, .value = ::getpid()};
-  static_cast<void>(::send(options.control, &news, sizeof(news), MSG_NOSIGNAL));
+  const GuardMessage message{.kind = GuardMessage::Kind::kGuard, .value = ::getpid()};
+  static_cast<void>(::send(options.control, &message, sizeof(message), MSG_NOSIGNAL));
   Guard(confinement, options, by).work();
 }
 

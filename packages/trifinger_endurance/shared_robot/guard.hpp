@@ -13,7 +13,7 @@ namespace trifinger::apps {
 
 enum class Order : char { kStart, kAskToEnd, kKill };
 
-struct News {
+struct GuardMessage {
   enum class Kind : int {
     kGuard,     // `value`: the number of the guard in our namespace
     kConfined,  // `confined_by`; the guard waits for kStart

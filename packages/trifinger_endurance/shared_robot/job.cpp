@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The program `trifinger-job`: gives users turns on a robot that they share.
+// The program `trifinger-job`: runs jobs of users on a robot that they share.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -14,21 +14,23 @@
 #include "shared/exit_code.hpp"
 #include "shared/options.hpp"
 #include "shared_robot/confined_program.hpp"
-#include "shared_robot/turn.hpp"
+#include "shared_robot/run_job.hpp"
 
 namespace trifinger::apps {
 namespace {
 
-void add_care(CLI::App& command, CareOptions& care) {
-  add_choice(command, "--self-test", care.self_test,
+void add_preparation(CLI::App& command, PreparationOptions& preparation) {
+  add_choice(command, "--self-test", preparation.self_test,
              {{"joints", SelfTest::kJoints}, {"hold", SelfTest::kHold}, {"off", SelfTest::kOff}},
              "joints: each joint moves by 2 degrees and back (the default); hold: the robot holds "
              "its pose for half a second");
-  add_choice(command, "--cube", care.cube,
-             {{"try", CubeCare::kTry}, {"demand", CubeCare::kDemand}, {"leave", CubeCare::kLeave}},
+  add_choice(command, "--cube", preparation.cube,
+             {{"try", CubeRecovery::kTry},
+              {"demand", CubeRecovery::kDemand},
+              {"leave", CubeRecovery::kLeave}},
              "Bring the cube of the scene back to the middle: try (the default) goes on if that "
              "fails, with demand the robot is then not fit");
-  add_duration(command, "--patience", care.patience,
+  add_duration(command, "--ready-timeout", preparation.timeout,
                "How long the robot may take to be ready for a user; default: 60s");
 }
 
@@ -61,26 +63,26 @@ void add_limits(CLI::App& command, JobLimits& limits, std::uint64_t& processes,
                    "The log of the robot; above it the oldest files are removed; default: 2GB"));
 }
 
-void add_turn_options(CLI::App& command, TurnOptions& turn) {
-  command.add_option("--robot", turn.robot, "Name of the running robot")->required();
+void add_job_options(CLI::App& command, JobOptions& job) {
+  command.add_option("--robot", job.robot, "Name of the running robot")->required();
   command
       .add_option(
-          "--output", turn.output,
+          "--output", job.output,
           "A new folder for report, log, output and files of the job; default: one in jobs/")
       ->option_text("DIR");
   command
       .add_option(
-          "--user", turn.user,
-          "Whose turn it is: the program runs as this user. Needed by root, and only for root")
+          "--user", job.user,
+          "Whose job it is: the program runs as this user. Needed by root, and only for root")
       ->option_text("NAME");
   command
-      .add_option("--env", turn.environment,
+      .add_option("--env", job.environment,
                   "A variable for the program's environment, with a value or as it is here")
       ->allow_extra_args(false)
       ->option_text("NAME[=VALUE]");
-  add_care(command, turn.care);
-  add_limits(command, turn.limits, turn.limits.processes, turn.limits.file_count);
-  command.add_flag_callback("--without-namespaces", [&turn] { turn.with_namespaces = false; })
+  add_preparation(command, job.preparation);
+  add_limits(command, job.limits, job.limits.processes, job.limits.file_count);
+  command.add_flag_callback("--without-namespaces", [&job] { job.with_namespaces = false; })
       ->group("");
   command.footer(
       "Times are such as 30s, 10min, 1h; sizes such as 500MB, 2GiB.\n"
@@ -95,7 +97,7 @@ void add_turn_options(CLI::App& command, TurnOptions& turn) {
       "  trifinger job run --robot sim --time 5min -- python3 my_experiment.py");
 }
 
-void check(const TurnOptions& options) {
+void check(const JobOptions& options) {
   constexpr std::uint64_t kSmallestLog = 8'000'000;
   if (options.limits.log < kSmallestLog) {
     throw UsageError("--log-size must be at least 8MB");
@@ -108,43 +110,43 @@ void check(const TurnOptions& options) {
   if (options.user && !is_root) throw UsageError("--user is for root only");
   // The kernel limits the processes of all users but root.
   if (is_root && (!options.user || SystemUser::find(*options.user).user == 0)) {
-    throw UsageError("a program never runs as root: --user names the user whose turn it is");
+    throw UsageError("a program never runs as root: --user names the user whose job it is");
   }
 }
 
 int job_command(const std::vector<std::string>& all_words) {
-  CLI::App program("Gives users turns on a robot that they share.", "trifinger job");
+  CLI::App program("Runs jobs of users on a robot that they share.", "trifinger job");
   program.set_help_flag("-h,--help", "Print this help");
   program.require_subcommand(1);
   std::function<int()> work;
 
-  TurnOptions turn;
+  JobOptions job;
   CLI::App& run = *program.add_subcommand(
       "run", "Check the robot, run a program within limits, and bring the robot back");
-  add_turn_options(run, turn);
-  run.callback([&] { work = [&] { return take_turn(turn); }; });
+  add_job_options(run, job);
+  run.callback([&] { work = [&] { return run_job(job); }; });
 
   std::string robot;
-  CareOptions care;
+  PreparationOptions preparation;
   CLI::App& restore = *program.add_subcommand(
       "restore", "Clear the fault of a robot, test it, and bring its cube to the middle");
   restore.add_option("NAME", robot, "Name of the running robot")->required();
-  add_care(restore, care);
+  add_preparation(restore, preparation);
   restore.footer(
       "This is what 'trifinger job run' does before and after a program.\n"
       "Exit code 0: the robot is fit. 13: it is not; somebody must look at it.\n"
       "Example:\n"
       "  trifinger job restore sim");
-  restore.callback([&] { work = [&] { return restore_robot(robot, care); }; });
+  restore.callback([&] { work = [&] { return restore_robot(robot, preparation); }; });
 
   // What follows `--` is the program's, also if it looks like an option of ours.
   const auto end = std::ranges::find(all_words, "--");
   const std::vector<std::string> words(all_words.begin(), end);
-  if (end != all_words.end()) turn.words.assign(end + 1, all_words.end());
+  if (end != all_words.end()) job.words.assign(end + 1, all_words.end());
   return run_user_program(program, words, [&] {
-    // Nobody may read what is printed any more, and a turn cannot be paused.
+    // Nobody may read what is printed any more, and a job cannot be paused.
     for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
-    if (run.parsed()) check(turn);
+    if (run.parsed()) check(job);
     return work();
   });
 }

@@ -59,12 +59,12 @@ struct Walk {
 bool Walk::through(int parent, const char* name, const fs::path& path, int depth) const {
   // Deeper ones would need too many open files. Nobody has them who does not want to hide
   // something.
-  constexpr int kMostDepth = 200;
+  constexpr int kMaxDepth = 200;
   struct stat folder{};
   if (::fstatat(parent, name, &folder, AT_SYMLINK_NOFOLLOW) != 0) return true;
   const auto close = [](DIR* open) { ::closedir(open); };
   std::unique_ptr<DIR, decltype(close)> stream;
-  if (depth < kMostDepth) {
+  if (depth < kMaxDepth) {
     const int file = ::openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     if (file < 0 && errno == ENOENT) return true;  // It has just been removed.
     if (file >= 0) stream.reset(::fdopendir(file));
@@ -169,9 +169,9 @@ void JobFiles::look_at(const std::vector<ProcessEntry>& processes) {
   }
   const auto note = [&](const FileIdentity& file) {
     // A bound keeps a hostile job from filling our memory.
-    constexpr std::size_t kMostNoted = 100'000;
+    constexpr std::size_t kMaxNotes = 100'000;
     if (shared_devices.contains(file.first) && !before_.contains(file) &&
-        seen_.size() < kMostNoted) {
+        seen_.size() < kMaxNotes) {
       seen_.insert(file);
     }
   };
@@ -180,8 +180,8 @@ void JobFiles::look_at(const std::vector<ProcessEntry>& processes) {
   removed_bytes_ = 0;
   for (const ProcessEntry& process : processes) {
     // A process may have 65530 of them, and there may be hundreds of processes.
-    constexpr std::size_t kMostRead = 1'000'000;
-    for_each_mapped(process, note, kMostRead);
+    constexpr std::size_t kMaxRead = 1'000'000;
+    for_each_mapped(process, note, kMaxRead);
     for_each_open(process.pid, [&](const struct stat& status) {
       note(identity_of(status));
       const bool is_ours = status.st_nlink == 0 && status.st_uid == user_;

@@ -25,7 +25,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // A program may fail as often as it likes, and its report stays short.
-constexpr std::size_t kMostFaults = 20;
+constexpr std::size_t kMaxFaults = 20;
 
 double seconds(Nanoseconds time) { return static_cast<double>(time.count()) / 1e9; }
 
@@ -61,12 +61,12 @@ Json json_of(const RobotTestReport& test) {
                        {"joints", joints}});
 }
 
-Json json_of(const CareReport& care) {
-  return Json::object({{"is_fit", care.is_fit},
-                       {"problem", care.problem},
-                       {"recovered", care.recovered},
-                       {"self_test", care.test ? json_of(*care.test) : Json()},
-                       {"cube", care.cube}});
+Json json_of(const PreparationReport& preparation) {
+  return Json::object({{"is_fit", preparation.is_fit},
+                       {"problem", preparation.problem},
+                       {"recovered", preparation.recovered},
+                       {"self_test", preparation.test ? json_of(*preparation.test) : Json()},
+                       {"cube", preparation.cube}});
 }
 
 Json json_of(const JobLimits& limits) {
@@ -111,16 +111,17 @@ Json json_of(const Driving& driving) {
                        {"late_steps", driving.late_steps},
                        {"late_by_user", driving.late_by_user},
                        {"lateness_max", seconds(driving.lateness_max)},
-                       {"trouble", driving.trouble}});
+                       {"trouble", driving.error}});
 }
 
-std::string care_text(const CareReport& care) {
-  std::string text = care.is_fit ? "fit" : "NOT FIT: " + care.problem;
-  if (care.test && care.test->problem.empty()) text += ", passes its self-test";
-  if (!care.recovered.empty())
-    text += fmt::format(", after {}", counted(static_cast<std::int64_t>(care.recovered.size()),
-                                              "recovery from a fault"));
-  if (!care.cube.empty()) text += "; the cube is " + care.cube;
+std::string preparation_text(const PreparationReport& preparation) {
+  std::string text = preparation.is_fit ? "fit" : "NOT FIT: " + preparation.problem;
+  if (preparation.test && preparation.test->problem.empty()) text += ", passes its self-test";
+  if (!preparation.recovered.empty())
+    text += fmt::format(
+        ", after {}",
+        counted(static_cast<std::int64_t>(preparation.recovered.size()), "recovery from a fault"));
+  if (!preparation.cube.empty()) text += "; the cube is " + preparation.cube;
   return text;
 }
 
@@ -136,7 +137,7 @@ std::string_view name_of(JobEnd::Kind kind) noexcept {
       return "signal";
     case JobEnd::Kind::kLimit:
       return "limit";
-    case JobEnd::Kind::kInterrupted:
+    case JobEnd::Kind::kCancelled:
       return "interrupted";
   }
   return "not_started";
@@ -151,7 +152,7 @@ Driving driving_in(const std::filesystem::path& folder) {
       if (steps == 0) continue;
       ++driving.sessions;
       driving.steps += steps;
-      if (session.session.fault().needs_recovery() && driving.faults.size() < kMostFaults) {
+      if (session.session.fault().needs_recovery() && driving.faults.size() < kMaxFaults) {
         driving.faults.push_back(session.session.fault_text());
       }
       if (!session.loop) continue;
@@ -162,16 +163,16 @@ Driving driving_in(const std::filesystem::path& folder) {
       driving.lateness_max = std::max(driving.lateness_max, session.loop->timing.lateness().max());
     }
   } catch (const Error& error) {
-    driving.trouble = error.what();
+    driving.error = error.what();
   } catch (const std::filesystem::filesystem_error& error) {
-    driving.trouble = error.what();
+    driving.error = error.what();
   }
   return driving;
 }
 
 int exit_code_of(const JobReport& report) noexcept {
   if (!report.before.is_fit && report.end.kind == JobEnd::Kind::kNotStarted) return kNotFit;
-  if (report.after && !report.after->is_fit) return kNeedsHand;
+  if (report.after && !report.after->is_fit) return kNeedsOperator;
   switch (report.end.kind) {
     case JobEnd::Kind::kNotStarted:
       return kFailed;
@@ -181,7 +182,7 @@ int exit_code_of(const JobReport& report) noexcept {
       return kProgramFailed;
     case JobEnd::Kind::kLimit:
       return kLimitReached;
-    case JobEnd::Kind::kInterrupted:
+    case JobEnd::Kind::kCancelled:
       return 128 + report.end.signal;
   }
   return kFailed;
@@ -214,7 +215,7 @@ void write_json(const JobReport& report, const std::filesystem::path& folder) {
        {"confined_by", confined},
        {"output", {{"bytes", report.output_bytes}, {"left_out", report.output_left_out}}},
        {"leftovers", report.leftovers},
-       {"troubles", report.troubles}});
+       {"troubles", report.errors}});
   // Words of the program need not be UTF-8, but JSON must be.
   const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
   std::filesystem::create_directories(folder);
@@ -237,7 +238,7 @@ std::vector<std::string> lines_of(const JobReport& report) {
                     driving.late_steps, driving.late_by_user, duration_text(driving.lateness_max),
                     counted(driving.rejected, "action")));
     for (const std::string& fault : driving.faults) lines.push_back("fault: " + fault);
-    if (!driving.trouble.empty()) lines.push_back("its log: " + driving.trouble);
+    if (!driving.error.empty()) lines.push_back("its log: " + driving.error);
     lines.push_back(
         fmt::format("it used {} of processors, {} of memory, {}, {} in {}",
                     duration_text(report.most.cpu_time), size_text(report.most.memory),
@@ -250,9 +251,9 @@ std::vector<std::string> lines_of(const JobReport& report) {
         fmt::format("{} of its output are left out", size_text(report.output_left_out)));
   }
   for (const std::string& path : report.leftovers) lines.push_back("removed what it left: " + path);
-  for (const std::string& trouble : report.troubles) lines.push_back(trouble);
-  lines.push_back("before: " + care_text(report.before));
-  if (report.after) lines.push_back("after: " + care_text(*report.after));
+  for (const std::string& error : report.errors) lines.push_back(error);
+  lines.push_back("before: " + preparation_text(report.before));
+  if (report.after) lines.push_back("after: " + preparation_text(*report.after));
   return lines;
 }
 

@@ -10,7 +10,7 @@
 
 #include "shared_robot/confined_program.hpp"
 #include "shared_robot/job_limits.hpp"
-#include "shared_robot/robot_care.hpp"
+#include "shared_robot/robot_preparation.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/timing.hpp"
 
@@ -20,16 +20,16 @@ namespace trifinger::apps {
 inline constexpr int kProgramFailed = 10;  // The program ended with another code than 0.
 inline constexpr int kLimitReached = 11;   // A limit ended the program.
 inline constexpr int kNotFit = 12;         // The robot was not fit: the program was not started.
-inline constexpr int kNeedsHand = 13;      // The robot is not fit afterwards: somebody must look.
+inline constexpr int kNeedsOperator = 13;  // The robot is not fit afterwards: somebody must look.
 
 // How a job has ended.
 struct JobEnd {
   enum class Kind : unsigned char {
-    kNotStarted,   // `text` says why
-    kExited,       // with `exit_code`
-    kSignal,       // by `signal`
-    kLimit,        // was ended at `limit`
-    kInterrupted,  // by the `signal` that this program got
+    kNotStarted,  // `text` says why
+    kExited,      // with `exit_code`
+    kSignal,      // by `signal`
+    kLimit,       // was ended at `limit`
+    kCancelled,   // by the `signal` that this program got
   };
   Kind kind{Kind::kNotStarted};
   int exit_code{0};
@@ -50,7 +50,7 @@ struct Driving {
   std::uint64_t late_steps{0};
   std::uint64_t late_by_user{0};
   Nanoseconds lateness_max{0};
-  std::string trouble;  // Why the log cannot be read or lacks something.
+  std::string error;  // Why the log cannot be read or is not complete.
 };
 
 // Reads the log in `folder`.
@@ -68,13 +68,13 @@ struct JobReport {
   JobLimits limits;
   JobUsage most;
   std::optional<ConfinedBy> confined_by;
-  CareReport before;
-  std::optional<CareReport> after;
+  PreparationReport before;
+  std::optional<PreparationReport> after;
   Driving driving;
   std::uint64_t output_bytes{0};
   std::uint64_t output_left_out{0};
   std::vector<std::string> leftovers;  // that were removed from shared memory
-  std::vector<std::string> troubles;   // of this program itself, such as a full disk
+  std::vector<std::string> errors;     // of this program itself, such as a full disk
 };
 
 [[nodiscard]] int exit_code_of(const JobReport& report) noexcept;

@@ -182,8 +182,8 @@ std::uint64_t threads_of(uid_t user) {
 }
 
 bool end_descendants() {
-  constexpr int kMostSweeps = 500;  // 10 s
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+  constexpr int kMaxSweeps = 500;  // 10 s
+  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     reap();
     // Those that are stopped start no others, so the rounds end.
     std::set<pid_t> stopped;

@@ -28,7 +28,7 @@ constexpr Nanoseconds kAhead = std::chrono::milliseconds(300);
 // A robot that holds its pose does not move further than this while another joint moves [rad].
 constexpr double kStill = 0.1;
 constexpr double kMoves = 0.007;  // a fifth of the way of a sweep [rad]
-constexpr Nanoseconds kTestPatience = std::chrono::seconds(30);
+constexpr Nanoseconds kTestTimeout = std::chrono::seconds(30);
 
 // Reads and writes the numbers of one field in the bytes of an element.
 class NumberField {
@@ -69,7 +69,7 @@ class TestDrive {
         torque_(observation_, "torque"),
         period_(robot.session().info().period) {
     std::vector<std::byte> element(observation_.size());
-    robot_.latest_observation(element.data(), kTestPatience);
+    robot_.latest_observation(element.data(), kTestTimeout);
     start_ = position_.read(element);
     // Without these torques the robot would sink until its position controllers carry its weight.
     carrying_ = weights ? weights(start_) : std::vector(start_.size(), 0.0);
@@ -103,7 +103,7 @@ class TestDrive {
       }
       std::vector<std::byte> element(observation_.size());
       const TimeIndex t = first + static_cast<TimeIndex>(i);
-      robot_.get(Series::kObservation, t, element.data(), kTestPatience);
+      robot_.get(Series::kObservation, t, element.data(), kTestTimeout);
       see(i, position_.read(element), torque_.read(element));
       next_ = t + 1;
     }
@@ -123,7 +123,7 @@ class TestDrive {
     const ElementDescription& layout = objects.session().element(Series::kObservation);
     const NumberField place(layout, "cube.position");
     std::vector<std::byte> element(layout.size());
-    if (place.count() != 3 || !objects.get_latest_at(next_ - 1, element.data(), kTestPatience)) {
+    if (place.count() != 3 || !objects.get_latest_at(next_ - 1, element.data(), kTestTimeout)) {
       return std::nullopt;
     }
     const std::vector<double> found = place.read(element);
@@ -145,7 +145,7 @@ class TestDrive {
       NumberField(action_, "torque").write(carrying_, action);
       target_.write(targets[i], action);
     }
-    robot_.append_desired_actions(actions.data(), targets.size(), kTestPatience);
+    robot_.append_desired_actions(actions.data(), targets.size(), kTestTimeout);
   }
 
   UntypedFrontend& robot_;
@@ -181,13 +181,13 @@ std::string sweep(TestDrive& drive, std::size_t joint, boards::JointReport& repo
     static_cast<void>(measured.next(drive.period()));
     measured.add(torque[joint], position[joint] - from[joint]);
     for (std::size_t k = 0; k < furthest.size(); ++k) {
-      const double way = position[k] - from[k];
-      if (std::abs(way) > std::abs(furthest[k])) furthest[k] = way;
+      const double displacement = position[k] - from[k];
+      if (std::abs(displacement) > std::abs(furthest[k])) furthest[k] = displacement;
     }
   });
   report.sweep = measured.result();
-  const auto most =
-      std::ranges::max_element(furthest, {}, [](double way) { return std::abs(way); });
+  const auto most = std::ranges::max_element(
+      furthest, {}, [](double displacement) { return std::abs(displacement); });
   report.wiring = boards::WiringFinding{.moves = std::abs(*most) > kMoves,
                                         .joint = static_cast<std::size_t>(most - furthest.begin()),
                                         .is_reversed = furthest[joint] < -kMoves};
@@ -227,7 +227,7 @@ RobotTestReport test_robot(UntypedFrontend& robot, SelfTest kind, const std::fun
       if (report.problem.empty()) report.problem = problem;
     }
     report.steps = drive.steps();
-    robot.finish(kTestPatience);
+    robot.finish(kTestTimeout);
   } catch (const RobotStopped& stopped) {
     report.problem = stopped.what();
   } catch (const TimedOut& error) {

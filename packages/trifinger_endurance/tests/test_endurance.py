@@ -75,7 +75,7 @@ def test_goes_on_after_kills_of_the_robot_and_of_itself(
     assert head["starts"] == 2
     assert counted(folder, "recoveries") == 1
     assert sum(interval["troubles"].get("backend_died", 0) for interval in intervals) == 1
-    assert "It has ended as it was told" in (folder / "health.html").read_text()
+    assert "It has ended as requested" in (folder / "health.html").read_text()
     assert "fault" not in robot.end()[1]
 
 
@@ -91,7 +91,7 @@ def test_a_signal_brings_the_robot_to_rest_and_writes_the_page(
     status, _ = lasting.end(number)
     assert status == 0
     page = (tmp_path / "health/health.html").read_text()
-    assert "It has ended as it was told" in page
+    assert "It has ended as requested" in page
     assert "http-equiv" not in page
     status, output = robot.end()
     assert status == 0, output
@@ -107,7 +107,7 @@ def test_ends_when_its_time_is_over(
     output, _ = lasting.process.communicate()
     assert lasting.process.returncode == 0, output
     assert counted(tmp_path / "health", "steps") > 0
-    assert "It has ended as it was told" in (tmp_path / "health/health.html").read_text()
+    assert "It has ended as requested" in (tmp_path / "health/health.html").read_text()
 
 
 @pytest.mark.slow
@@ -116,13 +116,13 @@ def test_asks_for_a_hand_if_nobody_starts_the_robot_again(
 ) -> None:
     robot = start_program(*ROBOT)
     robot.wait_for("waits for a user")
-    lasting = drive("--patience", "1s")
+    lasting = drive("--timeout", "1s")
     lasting.wait_for("its health is in")
     wait_for_steps(tmp_path / "health", 1000)
     robot.process.kill()
     output, _ = lasting.process.communicate()
     assert lasting.process.returncode == 4, output
-    assert "a hand is needed" in output
+    assert "an operator is needed" in output
     assert "trifinger run" in (tmp_path / "health/health.html").read_text()
 
 

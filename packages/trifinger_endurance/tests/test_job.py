@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`trifinger job`: whatever a program does, its turn ends and the robot is whole."""
+"""`trifinger job`: whatever a program does, its job ends and the robot is whole."""
 
 import os
 import shutil
@@ -42,7 +42,7 @@ for _ in range(100):
 
 
 @pytest.fixture
-def turn(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+def a_place(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
     for name in ("TRIFINGER_SESSION_DIR", "TRIFINGER_LOG_DIR"):
         monkeypatch.setenv(name, "")  # so that it is restored
     with place() as found:
@@ -50,11 +50,11 @@ def turn(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
 
 
 @pytest.fixture
-def shared(turn: Place, start_program: StartProgram) -> Place:
+def shared(a_place: Place, start_program: StartProgram) -> Place:
     """A place with a robot called "shared" that waits for its users."""
     robot = start_program("run", "sim", "--name", "shared", "--non-real-time", user=USER)
     robot.wait_for("waits for a user")
-    return turn
+    return a_place
 
 
 def python(text: str) -> tuple[str, ...]:
@@ -207,7 +207,7 @@ def test_a_program_that_does_harm_harms_itself(shared: Place, script: str, expec
 
 
 @pytest.mark.slow
-def test_a_fault_is_cleared_after_the_turn(turn: Place, start_program: StartProgram) -> None:
+def test_a_fault_is_cleared_after_the_job(a_place: Place, start_program: StartProgram) -> None:
     robot = start_program(
         "run",
         *("sim", "--name", "shared", *PATIENT, "--set", "backend.max_rejected_actions=10"),
@@ -219,8 +219,8 @@ def test_a_fault_is_cleared_after_the_turn(turn: Place, start_program: StartProg
         + "\nfor _ in range(1000):\n    robot.get_observation(robot.append_desired_action(bad))"
     )
     bad = "\nbad = robot.new_action(position=[0.0] * 9, position_kp=[1e9] * 9)"
-    report = turn.run(*python(program.replace("\nhold", bad + "\nhold")), expect=10)
-    assert "RobotStopped" in (turn.job / "output.txt").read_text()
+    report = a_place.run(*python(program.replace("\nhold", bad + "\nhold")), expect=10)
+    assert "RobotStopped" in (a_place.job / "output.txt").read_text()
     (fault,) = report["driving"]["faults"]
     assert "not fit to apply" in fault
     assert report["after"]["recovered"] == [fault]
@@ -333,11 +333,11 @@ def test_two_turns_never_overlap(shared: Place, start_program: StartProgram) -> 
     running.end()
 
 
-def test_a_program_is_not_started_on_a_robot_that_is_not_fit(turn: Place) -> None:
-    report = turn.run("--patience", "0.2s", *shell("echo started"), expect=12)
+def test_a_program_is_not_started_on_a_robot_that_is_not_fit(a_place: Place) -> None:
+    report = a_place.run("--ready-timeout", "0.2s", *shell("echo started"), expect=12)
     assert report["end"]["kind"] == "not_started"
     assert "shared" in report["before"]["problem"]
-    assert not (turn.job / "output.txt").exists()
+    assert not (a_place.job / "output.txt").exists()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can run a job as somebody else")
@@ -359,13 +359,13 @@ def test_root_runs_a_program_as_its_user(shared: Place, start_program: StartProg
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can run a job as somebody else")
-def test_root_makes_no_folder_that_its_user_could_exchange(turn: Place) -> None:
-    home = turn.folder / "home"
+def test_root_makes_no_folder_that_its_user_could_exchange(a_place: Place) -> None:
+    home = a_place.folder / "home"
     home.mkdir()
     os.chown(home, NOBODY, NOBODY)
     (home / "link").symlink_to("/etc")
     for output in (home / "job", home / "link" / "job"):
-        words = turn.words("--user", "nobody", *shell("true"))
+        words = a_place.words("--user", "nobody", *shell("true"))
         words[words.index("--output") + 1] = str(output)
         refused = subprocess.run(words, capture_output=True, text=True)
         assert refused.returncode == 2

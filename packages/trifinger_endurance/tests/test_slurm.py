@@ -58,15 +58,15 @@ def file_of_page(name: str) -> str:
 class Queue:
     """A Slurm of one node, whose daemons end with the test."""
 
-    def __init__(self, turn: Place) -> None:
-        self.folder = turn.folder / "slurm"
+    def __init__(self, a_place: Place) -> None:
+        self.folder = a_place.folder / "slurm"
         for name in ("state", "spool"):
             (self.folder / name).mkdir(parents=True)
         self.started: list[subprocess.Popen[bytes]] = []
-        self.write_files(turn)
+        self.write_files(a_place)
         os.environ["SLURM_CONF"] = str(self.folder / "slurm.conf")
 
-    def write_files(self, turn: Place) -> None:
+    def write_files(self, a_place: Place) -> None:
         """The files of the page, in other folders and on a machine that has another name."""
         host = socket.gethostname().split(".")[0]
         changes = {
@@ -102,7 +102,7 @@ class Queue:
         epilog = file_of_page("/etc/slurm/epilog").replace(
             "runuser -u trifinger -- trifinger job",
             f"exec setpriv --reuid={NOBODY} --regid={NOBODY} --clear-groups"
-            f" env TRIFINGER_SESSION_DIR={turn.folder}/sessions {PROGRAM}",
+            f" env TRIFINGER_SESSION_DIR={a_place.folder}/sessions {PROGRAM}",
         )
         (self.folder / "epilog").write_text(epilog)
         (self.folder / "epilog").chmod(0o755)
@@ -166,7 +166,7 @@ class Queue:
 
 
 @pytest.fixture
-def turn(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+def a_place(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
     for name in ("TRIFINGER_SESSION_DIR", "TRIFINGER_LOG_DIR", "SLURM_CONF"):
         monkeypatch.setenv(name, "")  # so that it is restored
     with place() as found:
@@ -174,8 +174,8 @@ def turn(monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
 
 
 @pytest.fixture
-def queue(turn: Place) -> Iterator[Queue]:
-    queue = Queue(turn)
+def queue(a_place: Place) -> Iterator[Queue]:
+    queue = Queue(a_place)
     try:
         queue.start()
         yield queue
@@ -184,11 +184,11 @@ def queue(turn: Place) -> Iterator[Queue]:
 
 
 @pytest.fixture
-def script(turn: Place, start_program: StartProgram) -> Path:
+def script(a_place: Place, start_program: StartProgram) -> Path:
     """The job of the page, for the program that its arguments name; its robot runs."""
     robot = start_program("run", "sim", "--name", "robot-1", "--non-real-time", user=NOBODY)
     robot.wait_for("waits for a user")
-    script = turn.folder / "jobs" / "job.sh"
+    script = a_place.folder / "jobs" / "job.sh"
     text = file_of_page("my_job.sh")
     own = f"{PROGRAM} run --self-test hold --grace 1s --time 10min --env {PACKAGES}"
     assert "trifinger job run" in text
@@ -199,7 +199,7 @@ def script(turn: Place, start_program: StartProgram) -> Path:
 
 
 def report_of(job: str, jobs: Path) -> dict[str, Any]:
-    """What the turn of a job has written."""
+    """What a job has written."""
     return dict(json.loads((jobs / f"job-{job}/job.json").read_text()))
 
 

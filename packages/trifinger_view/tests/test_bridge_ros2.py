@@ -421,7 +421,7 @@ def test_each_image_has_the_parameters_of_its_camera_beside_it(
     monkeypatch.setattr(ros2, "LiveMessages", Live)
     node = Collected()
     node.listened.add("/sim/camera60/image/compressed")
-    bridge = Ros2Bridge("sim", node, tell=lambda _: None)
+    bridge = Ros2Bridge("sim", node, report=lambda _: None)
     bridge.pump()
     infos = [data for _, data in node.messages["/sim/camera60/camera_info"]]
     assert infos == [header + b"informed", header + b"image__1", header + b"image__2"]

@@ -390,7 +390,7 @@ def test_joined_motions_have_no_jump_in_position_and_velocity(
     n, m = len(first), len(second)
     assert np.array_equal(joined.positions[:n], first.positions)
     assert np.array_equal(joined.positions[-m:], second.positions)
-    way = joined.positions[n - 1 : len(joined) - m + 1]
+    trajectory = joined.positions[n - 1 : len(joined) - m + 1]
     times = joined.times[n - 1 : len(joined) - m + 1]
     if blend is not None:
         assert times[-1] - times[0] == pytest.approx(blend)
@@ -398,10 +398,10 @@ def test_joined_motions_have_no_jump_in_position_and_velocity(
         assert not joined.violations()
     # The slopes at both ends of the way are those of the motions.
     for slope, velocity in (
-        ((way[1] - way[0]) / (times[1] - times[0]), first.velocities[-1]),
-        ((way[-1] - way[-2]) / (times[-1] - times[-2]), second.velocities[0]),
+        ((trajectory[1] - trajectory[0]) / (times[1] - times[0]), first.velocities[-1]),
+        ((trajectory[-1] - trajectory[-2]) / (times[-1] - times[-2]), second.velocities[0]),
     ):
-        largest = np.abs(np.diff(way, 2, axis=0)).max() / np.diff(times).min()
+        largest = np.abs(np.diff(trajectory, 2, axis=0)).max() / np.diff(times).min()
         assert np.abs(slope - velocity).max() <= 2 * largest + 1e-6
 
 
@@ -490,7 +490,7 @@ REFUSED = {
             FACTS.robot,
         ),
         {},
-        "no way|beyond the limits",
+        "no trajectory|beyond the limits",
     ),
     "never": (finger_motion(1), {"times": 0}, "times is 0"),
     "with no speed": (finger_motion(1), {"speed": 0.0}, "speed is 0"),

@@ -24,8 +24,8 @@ from trifinger_view.teleoperation import (
     Command,
     Gamepad,
     Keyboard,
+    Request,
     Terminal,
-    Wish,
     gamepad,
     keyboard,
     load_device,
@@ -167,15 +167,15 @@ def test_a_finger_that_the_robot_lacks_cannot_be_chosen() -> None:
 
 @pytest.mark.parametrize("keys", list(itertools.permutations([b"x", b"f", b"h", b" ", b"q"], 3)))
 def test_of_several_keys_the_one_that_stops_most_counts(keys: tuple[bytes, ...]) -> None:
-    wish = Keyboard([b"".join(keys)].pop)().wish
+    asked = Keyboard([b"".join(keys)].pop)().request
     order = {b"x": "stop", b"q": "end", b" ": "hold"}
-    assert wish == next(order[key] for key in order if key in keys)
+    assert asked == next(order[key] for key in order if key in keys)
 
 
-@pytest.mark.parametrize(("key", "wish"), [(b"x", "stop"), (b"q", "end"), (b" ", "hold")])
-def test_escape_before_a_key_that_stops_does_not_hide_it(key: bytes, wish: Wish) -> None:
-    assert Keyboard([b"\x1b" + key].pop)().wish == wish
-    assert Keyboard([b"\x1b\x1b" + key].pop)().wish == wish
+@pytest.mark.parametrize(("key", "asked"), [(b"x", "stop"), (b"q", "end"), (b" ", "hold")])
+def test_escape_before_a_key_that_stops_does_not_hide_it(key: bytes, asked: Request) -> None:
+    assert Keyboard([b"\x1b" + key].pop)().request == asked
+    assert Keyboard([b"\x1b\x1b" + key].pop)().request == asked
 
 
 def test_the_speed_is_chosen_from_a_few() -> None:
@@ -186,7 +186,7 @@ def test_the_speed_is_chosen_from_a_few() -> None:
 
 
 def test_the_end_of_the_terminal_ends_the_teleoperation() -> None:
-    assert Keyboard([None].pop)().wish == "end"
+    assert Keyboard([None].pop)().request == "end"
 
 
 # ---- the terminal ----
@@ -352,15 +352,15 @@ def test_the_deflection_grows_from_the_dead_zone_to_the_end(one: int, other: int
 
 
 @pytest.mark.parametrize(
-    ("button", "wish"), [(A, "hold"), (B, "stop"), (START, "home"), (SELECT, "float")]
+    ("button", "asked"), [(A, "hold"), (B, "stop"), (START, "home"), (SELECT, "float")]
 )
 def test_after_a_button_the_sticks_count_when_they_have_been_let_go(
-    source: Recorded, pad: Gamepad, button: int, wish: Wish
+    source: Recorded, pad: Gamepad, button: int, asked: Request
 ) -> None:
     source.stick(X, 1)
     source.press(button)
     command = pad()
-    assert (command.wish, command.velocity) == (wish, STILL)
+    assert (command.request, command.velocity) == (asked, STILL)
     source.stick(X, 0.9)
     assert pad() == Command(finger=0)
     source.stick(X, 0)
@@ -372,7 +372,7 @@ def test_after_a_button_the_sticks_count_when_they_have_been_let_go(
 def test_of_several_buttons_the_one_that_stops_most_counts(source: Recorded, pad: Gamepad) -> None:
     for button in (START, B, A, SELECT):
         source.press(button)
-    assert pad().wish == "stop"
+    assert pad().request == "stop"
 
 
 def test_shoulder_buttons_choose_a_finger_and_end_its_motion(
@@ -406,7 +406,7 @@ def test_an_unplugged_gamepad_holds_the_robot_and_may_come_back(
     assert pad().velocity != STILL
     source.is_gone = True
     gone = pad()
-    assert (gone.velocity, gone.wish) == (STILL, "hold")
+    assert (gone.velocity, gone.request) == (STILL, "hold")
     assert "a pad is gone" in gone.message
     assert source.is_closed
     assert pad() == Command()
@@ -580,26 +580,26 @@ class FakeGuide:
         self.tips = np.zeros((num_fingers, 3))
         self.target = np.zeros(3)
         self.is_stuck = False
-        self.wishes: list[str] = []
+        self.requests: list[str] = []
         self.fault: Error | None = None
 
     def move_tip(self, finger: int, position: npt.ArrayLike) -> None:
-        self.wishes.append(f"tip {finger}")
+        self.requests.append(f"tip {finger}")
         self.target = np.array(position, float)
         if not self.is_stuck:
             self.tips[finger] = self.target
 
     def home(self) -> None:
-        self.wishes.append("home")
+        self.requests.append("home")
 
     def hold(self) -> None:
-        self.wishes.append("hold")
+        self.requests.append("hold")
 
     def float_freely(self) -> None:
-        self.wishes.append("float")
+        self.requests.append("float")
 
     def stop(self) -> None:
-        self.wishes.append("stop")
+        self.requests.append("stop")
 
     def check(self) -> None:
         if self.fault:
@@ -612,7 +612,7 @@ class FakeGuide:
 def run(guide: FakeGuide, commands: Sequence[object], clock: Clock | None = None) -> None:
     """Lets a device say these commands, and then "end"."""
     clock = clock or Clock()
-    left = [*commands, Command(wish="end")]
+    left = [*commands, Command(request="end")]
 
     def device() -> Command:
         command = left.pop(0)
@@ -643,32 +643,32 @@ def test_a_tip_that_is_stuck_is_not_led_far_away() -> None:
 def test_the_robot_holds_once_when_the_motion_ends() -> None:
     guide = FakeGuide()
     run(guide, [MOVE, MOVE, Command(), Command(), Command(), MOVE])
-    assert guide.wishes == ["tip 1", "tip 1", "hold", "tip 1", "hold"]
+    assert guide.requests == ["tip 1", "tip 1", "hold", "tip 1", "hold"]
 
 
 def test_a_finger_rests_before_another_one_moves() -> None:
     guide = FakeGuide()
     run(guide, [MOVE, Command(velocity=(0.1, 0, 0), finger=2)])
-    assert guide.wishes == ["tip 1", "hold", "tip 2", "hold"]
+    assert guide.requests == ["tip 1", "hold", "tip 2", "hold"]
 
 
 def test_the_finger_remains_chosen() -> None:
     guide = FakeGuide()
     run(guide, [Command(finger=2), Command(velocity=(0.1, 0, 0))])
-    assert guide.wishes == ["tip 2", "hold"]
+    assert guide.requests == ["tip 2", "hold"]
 
 
-@pytest.mark.parametrize("wish", ["home", "hold", "float"])
-def test_a_wish_is_passed_on_once_and_nothing_follows_it(wish: Wish) -> None:
+@pytest.mark.parametrize("asked", ["home", "hold", "float"])
+def test_a_request_is_passed_on_once_and_nothing_follows_it(asked: Request) -> None:
     guide = FakeGuide()
-    run(guide, [MOVE, Command(wish=wish), Command(), Command()])
-    assert guide.wishes == ["tip 1", wish, "hold"]
+    run(guide, [MOVE, Command(request=asked), Command(), Command()])
+    assert guide.requests == ["tip 1", asked, "hold"]
 
 
 def test_stop_ends_the_session_and_nothing_follows_it() -> None:
     guide = FakeGuide()
-    run(guide, [MOVE, Command(wish="stop", velocity=(1, 0, 0)), MOVE])
-    assert guide.wishes == ["tip 1", "stop"]
+    run(guide, [MOVE, Command(request="stop", velocity=(1, 0, 0)), MOVE])
+    assert guide.requests == ["tip 1", "stop"]
 
 
 @pytest.mark.parametrize(
@@ -680,7 +680,7 @@ def test_stop_ends_the_session_and_nothing_follows_it() -> None:
         (Command(velocity="fast"), "must be three numbers"),  # type: ignore[arg-type]
         (Command(finger=3), "finger 3, must be from 0 to 2"),
         (Command(finger=-1), "finger -1, must be from 0 to 2"),
-        (Command(wish="hom"), "did you mean 'home'"),  # type: ignore[arg-type]
+        (Command(request="hom"), "did you mean 'home'"),  # type: ignore[arg-type]
         ((0.1, 0, 0), "must be a trifinger_view.teleoperation.Command"),
         (None, "must be a trifinger_view.teleoperation.Command"),
     ],
@@ -689,7 +689,7 @@ def test_nonsense_is_refused_and_the_robot_holds(command: object, sentence: str)
     guide = FakeGuide()
     with pytest.raises(InvalidArgument, match=sentence):
         run(guide, [MOVE, command])
-    assert set(guide.wishes[1:]) == {"hold"}
+    assert set(guide.requests[1:]) == {"hold"}
 
 
 @pytest.mark.parametrize("error", [KeyError("mine"), KeyboardInterrupt(), SystemExit(3)])
@@ -698,7 +698,7 @@ def test_fault_63_a_device_that_fails_leaves_a_robot_that_holds(error: BaseExcep
     with pytest.raises(type(error)) as raised:
         run(guide, [MOVE, error])
     assert raised.value is error
-    assert guide.wishes == ["tip 1", "hold"]
+    assert guide.requests == ["tip 1", "hold"]
 
 
 def test_a_session_that_ends_ends_the_teleoperation_with_its_reason() -> None:
@@ -706,12 +706,12 @@ def test_a_session_that_ends_ends_the_teleoperation_with_its_reason() -> None:
     guide.fault = RobotStopped("the back-end died")
     with pytest.raises(RobotStopped, match="the back-end died"):
         run(guide, [MOVE] * 10)
-    assert "tip 1" not in guide.wishes
+    assert "tip 1" not in guide.requests
 
 
 def test_after_a_pause_of_the_device_a_tip_does_not_leap() -> None:
     guide, clock = FakeGuide(), Clock()
-    commands = iter([MOVE, MOVE, MOVE, Command(wish="end")])
+    commands = iter([MOVE, MOVE, MOVE, Command(request="end")])
 
     def device() -> Command:
         clock.time += 10.0  # such as a network that hangs

@@ -14,11 +14,11 @@ import trifinger
 from conftest import PATIENT, StartChild, StartProgram
 from hypothesis import given, strategies as st
 from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped, SessionNotFound
-from trifinger_view import pilot as pilots
+from trifinger_view import page_controller
+from trifinger_view.authentication import Authentication
 from trifinger_view.commands import view
 from trifinger_view.control_panel import short_names
-from trifinger_view.gate import Gate
-from trifinger_view.pilot import PATIENCE, WISH_PERIOD, Pilot
+from trifinger_view.page_controller import SETPOINT_PERIOD, TIMEOUT, PageController
 from trifinger_view.stop import Stop
 from viewing import StartView
 
@@ -91,13 +91,13 @@ class FakeHand:
 
 
 class Rig:
-    """A pilot of a robot that is not there."""
+    """A controller of a robot that is not there."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch | None = None, **options: Any) -> None:
         self.now = 100.0
         self.guides: list[FakeGuide] = []
         self.hands: list[FakeHand] = []
-        self.pilot = Pilot("sim", clock=lambda: self.now, **options)
+        self.controller = PageController("sim", clock=lambda: self.now, **options)
         self._patch = monkeypatch
 
     def guide(self, name: str, timeout: float) -> FakeGuide:
@@ -114,120 +114,122 @@ class Rig:
 
 def make_rig(monkeypatch: pytest.MonkeyPatch, **options: Any) -> Rig:
     rig = Rig(**options)
-    monkeypatch.setattr(pilots, "_trifinger", SimpleNamespace(guide=rig.guide, hand=rig.hand))
+    monkeypatch.setattr(
+        page_controller, "_trifinger", SimpleNamespace(guide=rig.guide, hand=rig.hand)
+    )
     return rig
 
 
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     rig = make_rig(monkeypatch)
-    rig.pilot.take(1)
+    rig.controller.take(1)
     return rig
 
 
 POINT = (0.0, 0.1, 0.05)
 
 
-def everything(pilot: Pilot, browser: int) -> list[Any]:
+def everything(controller: PageController, browser: int) -> list[Any]:
     """All that a browser can ask for."""
     return [
-        lambda: pilot.do(browser, "home"),
-        lambda: pilot.do(browser, "hold"),
-        lambda: pilot.do(browser, "float"),
-        lambda: pilot.move_joint(browser, 0, 0.1),
-        lambda: pilot.drag_tip(browser, 0, POINT),
-        lambda: pilot.drag_object(browser, "cube", POINT),
-        lambda: pilot.drop(browser),
+        lambda: controller.do(browser, "home"),
+        lambda: controller.do(browser, "hold"),
+        lambda: controller.do(browser, "float"),
+        lambda: controller.move_joint(browser, 0, 0.1),
+        lambda: controller.drag_tip(browser, 0, POINT),
+        lambda: controller.drag_object(browser, "cube", POINT),
+        lambda: controller.drop(browser),
     ]
 
 
 def test_only_the_driver_moves_anything(rig: Rig) -> None:
-    for ask in everything(rig.pilot, 2):
+    for ask in everything(rig.controller, 2):
         with pytest.raises(InvalidArgument, match="does not have control"):
             ask()
     with pytest.raises(InvalidArgument, match="another browser"):
-        rig.pilot.take(2)
-    rig.pilot.leave(2)
-    assert rig.pilot.driver == 1
+        rig.controller.take(2)
+    rig.controller.leave(2)
+    assert rig.controller.driver == 1
     assert rig.guides[0].asked == []
     assert rig.hands == []
 
 
 def test_when_the_driver_leaves_the_robot_holds_and_another_can_take_over(rig: Rig) -> None:
-    rig.pilot.do(1, "float")
-    rig.pilot.drag_tip(1, 0, POINT)
-    rig.pilot.leave(1, "it has gone")
+    rig.controller.do(1, "float")
+    rig.controller.drag_tip(1, 0, POINT)
+    rig.controller.leave(1, "it has gone")
     assert rig.guides[0].asked[-1] == ("hold",)
     assert rig.hands[0].is_closed
-    assert rig.pilot.words == "it has gone"
-    for ask in everything(rig.pilot, 1):
+    assert rig.controller.words == "it has gone"
+    for ask in everything(rig.controller, 1):
         with pytest.raises(InvalidArgument):
             ask()
-    rig.pilot.take(2)
-    assert rig.pilot.driver == 2
+    rig.controller.take(2)
+    assert rig.controller.driver == 2
     assert len(rig.guides) == 1  # the session goes on
 
 
 def test_a_driver_that_is_not_heard_loses_control_and_the_robot_holds(rig: Rig) -> None:
-    rig.pilot.do(1, "home")
-    rig.now += 0.9 * PATIENCE
-    rig.pilot.heard(2)  # somebody else
-    rig.pilot.tick()
-    assert rig.pilot.driver == 1
-    rig.pilot.heard(1)
-    rig.now += 0.9 * PATIENCE
-    rig.pilot.tick()
-    assert rig.pilot.driver == 1
-    rig.now += 0.2 * PATIENCE
-    rig.pilot.tick()
-    assert rig.pilot.driver is None
+    rig.controller.do(1, "home")
+    rig.now += 0.9 * TIMEOUT
+    rig.controller.heard(2)  # somebody else
+    rig.controller.tick()
+    assert rig.controller.driver == 1
+    rig.controller.heard(1)
+    rig.now += 0.9 * TIMEOUT
+    rig.controller.tick()
+    assert rig.controller.driver == 1
+    rig.now += 0.2 * TIMEOUT
+    rig.controller.tick()
+    assert rig.controller.driver is None
     assert rig.guides[0].asked[-1] == ("hold",)
-    assert "nothing was heard" in rig.pilot.line()
+    assert "nothing was heard" in rig.controller.line()
 
 
-def test_of_the_wishes_of_a_drag_the_newest_wins_and_few_are_sent(rig: Rig) -> None:
+def test_of_the_setpoints_of_a_drag_the_newest_wins_and_few_are_sent(rig: Rig) -> None:
     for number in range(1000):  # a second of a fast mouse
         rig.now += 1e-3
-        rig.pilot.drag_tip(1, number % 2, (0.0, 0.0, number * 1e-4))
+        rig.controller.drag_tip(1, number % 2, (0.0, 0.0, number * 1e-4))
         if number % 10 == 0:
-            rig.pilot.tick()
-    rig.pilot.drop(1)
+            rig.controller.tick()
+    rig.controller.drop(1)
     sent = rig.guides[0].asked
     for finger in (0, 1):
         own = [point for _, which, point in sent if which == finger]
-        assert 10 < len(own) <= 1.0 / WISH_PERIOD + 2
+        assert 10 < len(own) <= 1.0 / SETPOINT_PERIOD + 2
         assert own == sorted(own)
         assert own[-1] == (0.0, 0.0, (998 + finger) * 1e-4)
 
 
 def test_sliders_that_follow_fast_add_up(rig: Rig) -> None:
-    rig.pilot.move_joint(1, 0, 0.5)
-    rig.pilot.move_joint(1, 4, -0.25)  # before the robot has heard of the first
+    rig.controller.move_joint(1, 0, 0.5)
+    rig.controller.move_joint(1, 4, -0.25)  # before the robot has heard of the first
     assert rig.guides[0].asked[-1] == ("move_joints", (0.5, 0, 0, 0, -0.25, 0, 0, 0, 0))
 
 
 def test_while_the_robot_floats_a_drag_pulls_and_a_release_lets_go(rig: Rig) -> None:
-    rig.pilot.do(1, "float")
-    rig.pilot.drag_tip(1, 2, POINT)
+    rig.controller.do(1, "float")
+    rig.controller.drag_tip(1, 2, POINT)
     for _ in range(3):
-        rig.pilot.tick()  # a mouse that does not move pulls on
+        rig.controller.tick()  # a mouse that does not move pulls on
     assert rig.hands[0].pulls == [("tip_2", POINT)] * 4
-    rig.pilot.drop(1)
-    rig.pilot.tick()
+    rig.controller.drop(1)
+    rig.controller.tick()
     assert rig.hands[0].pulls[4:] == [None]
     assert rig.guides[0].mode == "float"
 
 
 def test_a_page_with_a_hand_alone_controls_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = make_rig(monkeypatch, with_guide=False)
-    rig.pilot.take(1)
-    rig.pilot.drag_tip(1, 0, POINT)
-    rig.pilot.drag_object(1, "cube", POINT)
+    rig.controller.take(1)
+    rig.controller.drag_tip(1, 0, POINT)
+    rig.controller.drag_object(1, "cube", POINT)
     assert rig.hands[0].pulls == [("tip_0", POINT), ("cube", POINT)]
     with pytest.raises(InvalidArgument):
-        rig.pilot.do(1, "home")
-    rig.now += 2 * PATIENCE
-    rig.pilot.tick()
+        rig.controller.do(1, "home")
+    rig.now += 2 * TIMEOUT
+    rig.controller.tick()
     assert rig.hands[0].is_closed
     assert rig.guides == []
 
@@ -235,14 +237,14 @@ def test_a_page_with_a_hand_alone_controls_nothing(monkeypatch: pytest.MonkeyPat
 def test_when_the_session_ends_nobody_drives_and_the_reason_is_said(rig: Rig) -> None:
     guide = rig.guides[0]
     guide.runs, guide.fault = False, RobotStopped("the motors are hot")
-    rig.pilot.tick()
-    assert rig.pilot.driver is None
-    assert rig.pilot.line() == "the motors are hot"
-    rig.pilot.take(2)  # of the next session
+    rig.controller.tick()
+    assert rig.controller.driver is None
+    assert rig.controller.line() == "the motors are hot"
+    rig.controller.take(2)  # of the next session
     assert len(rig.guides) == 2
-    rig.pilot.do(2, "home")
+    rig.controller.do(2, "home")
     assert rig.guides[1].asked == [("home",)]
-    rig.pilot.close()
+    rig.controller.close()
     assert rig.guides[1].asked[-1] == ("finish",)
 
 
@@ -255,25 +257,25 @@ def test_a_robot_recovers_when_nobody_drives(rig: Rig, monkeypatch: pytest.Monke
             raise SessionNotFound("no robot 'sim' runs")
         recovered.append(name)
 
-    monkeypatch.setattr(pilots._trifinger, "recover", recover, raising=False)
+    monkeypatch.setattr(page_controller._trifinger, "recover", recover, raising=False)
     with pytest.raises(InvalidArgument):
-        rig.pilot.recover()  # a browser drives
+        rig.controller.recover()  # a browser drives
     rig.guides[0].runs, rig.guides[0].fault = False, RobotStopped("the motors are hot")
-    rig.pilot.tick()
-    rig.pilot.recover()
+    rig.controller.tick()
+    rig.controller.recover()
     assert recovered == ["sim"]
-    assert "'Take control' does" in rig.pilot.line()
+    assert "'Take control' does" in rig.controller.line()
     with pytest.raises(SessionNotFound):
-        rig.pilot.recover()
+        rig.controller.recover()
 
 
 def test_why_a_session_has_ended_is_said_until_the_next_one(rig: Rig) -> None:
-    rig.pilot.begin_session()
+    rig.controller.begin_session()
     rig.guides[0].runs, rig.guides[0].fault = False, RobotStopped("the motors are hot")
-    rig.pilot.tick()
-    assert rig.pilot.line() == "the motors are hot"
-    rig.pilot.begin_session()
-    assert "'Take control' does" in rig.pilot.line()
+    rig.controller.tick()
+    assert rig.controller.line() == "the motors are hot"
+    rig.controller.begin_session()
+    assert "'Take control' does" in rig.controller.line()
 
 
 HOSTILE = st.one_of(
@@ -292,23 +294,23 @@ def test_hostile_numbers_are_refused_and_break_nothing(
 ) -> None:
     with pytest.MonkeyPatch.context() as monkeypatch:
         rig = make_rig(monkeypatch)
-        rig.pilot.take(1)
+        rig.controller.take(1)
         for number, value in asked:
             rig.now += 1.0 / 30
-            rig.pilot.heard(1)
+            rig.controller.heard(1)
             kind = chance.choice(["tip", "object", "joint", "mode"])
             try:
                 if kind == "tip":
-                    rig.pilot.drag_tip(1, number, value)
+                    rig.controller.drag_tip(1, number, value)
                 elif kind == "object":
-                    rig.pilot.drag_object(1, "cube", value)
+                    rig.controller.drag_object(1, "cube", value)
                 elif kind == "mode":
-                    rig.pilot.do(1, str(value))
+                    rig.controller.do(1, str(value))
                 elif isinstance(value, float):
-                    rig.pilot.move_joint(1, number, value)
+                    rig.controller.move_joint(1, number, value)
             except InvalidArgument:
                 pass
-            rig.pilot.tick()
+            rig.controller.tick()
         for ask in rig.guides[0].asked:
             if ask[0] == "move_tip":
                 assert 0 <= ask[1] < 3
@@ -317,7 +319,7 @@ def test_hostile_numbers_are_refused_and_break_nothing(
                 assert np.isfinite(ask[1]).all()
         for hand in rig.hands:
             assert all(pull is None or np.isfinite(pull[1]).all() for pull in hand.pulls)
-        assert rig.pilot.driver == 1
+        assert rig.controller.driver == 1
 
 
 def test_names_of_joints_are_short_if_they_stay_different() -> None:
@@ -331,7 +333,7 @@ def test_names_of_joints_are_short_if_they_stay_different() -> None:
 
 
 class Headers:
-    """Headers of a request as the gate reads them."""
+    """Headers of a request as `Authentication` reads them."""
 
     def __init__(self, **headers: str) -> None:
         self._headers = {name.replace("_", "-").lower(): one for name, one in headers.items()}
@@ -352,19 +354,19 @@ class Headers:
     ],
 )
 def test_only_a_script_of_the_page_can_do_an_action(headers: dict[str, str]) -> None:
-    gate = Gate(port=0)
+    authentication = Authentication(port=0)
     done: list[int] = []
-    gate.offer("/stop", lambda: (200, str(done.append(1))))
-    host = f"127.0.0.1:{gate.port}"
-    answer = gate.answer("/stop", Headers(Host=host, **headers))
+    authentication.offer("/stop", lambda: (200, str(done.append(1))))
+    host = f"127.0.0.1:{authentication.port}"
+    answer = authentication.answer("/stop", Headers(Host=host, **headers))
     assert answer is not None
     assert answer[0] == 403
     assert done == []
     own = {"X_TriFinger": "stop", "Origin": f"http://{host}", "Sec_Fetch_Site": "same-origin"}
-    assert gate.answer("/stop", Headers(Host=host, **own)) == (200, "None")
-    assert gate.answer("/stop", Headers(Host=host, X_TriFinger="stop")) == (200, "None")
-    assert gate.answer("/other", Headers(Host=host, **own)) is None
-    gate.close()
+    assert authentication.answer("/stop", Headers(Host=host, **own)) == (200, "None")
+    assert authentication.answer("/stop", Headers(Host=host, X_TriFinger="stop")) == (200, "None")
+    assert authentication.answer("/other", Headers(Host=host, **own)) is None
+    authentication.close()
 
 
 def test_the_stop_ends_a_back_end_whoever_controls_it(start_program: StartProgram) -> None:
@@ -434,7 +436,7 @@ def test_control_is_refused_with_the_name_of_the_holder(start_program: StartProg
         assert done.stderr.count("\n") == 1
         assert str(os.getpid()) in done.stderr
         with pytest.raises(ControlHeld):
-            Pilot("sim").take(1)
+            PageController("sim").take(1)
 
 
 @pytest.mark.parametrize("words", [["--control"], ["./log.mcap", "--control"], ["--hand"]])

@@ -93,7 +93,7 @@ def test_robots_of_other_kinds_have_curves_of_their_own_fields() -> None:
     assert texts["safety"].level == "warning"
 
 
-def test_a_back_end_that_was_asked_to_stop_is_no_trouble() -> None:
+def test_a_back_end_that_was_asked_to_stop_is_no_error() -> None:
     with trifinger.fake() as robot:
         info = robot.session_info()
     for code, level in (("stopped", ""), ("driver", "bad")):

@@ -128,7 +128,7 @@ def open_page(browser: Browser) -> Iterator[Open]:
         one = Opened(page, Complaints(page))
         page.goto(path.as_uri())
         page.wait_for_selector("body[data-is-ready]")
-        assert page.inner_text("#trouble") == ""
+        assert page.inner_text("#error") == ""
         opened.append(one)
         return one
 

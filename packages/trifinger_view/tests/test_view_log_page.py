@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import trifinger
+from trifinger_view.authentication import Authentication, page_server
 from trifinger_view.curves import TORQUE, TRACKING
-from trifinger_view.gate import Gate, page_server
 from trifinger_view.log_page import LogPage
 from trifinger_view.logged import LoggedRun
 from trifinger_view.page import Page
@@ -40,8 +40,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
 
 @pytest.fixture
 def page() -> Iterator[Page]:
-    with contextlib.closing(Gate(port=0)) as gate:
-        server = page_server(gate, "test")
+    with contextlib.closing(Authentication(port=0)) as authentication:
+        server = page_server(authentication, "test")
         yield Page(server, "test")
         server.stop()
 

@@ -15,8 +15,8 @@ from chromium import open_browser
 from conftest import PATIENT, StartChild, StartProgram
 from playwright.sync_api import Browser, Page, expect
 from trifinger_view import page as viewed
+from trifinger_view.authentication import Authentication, page_server
 from trifinger_view.commands import view
-from trifinger_view.gate import Gate, page_server
 from trifinger_view.words import Line
 from viewing import StartView
 
@@ -205,11 +205,11 @@ def test_fault_68_a_viewer_that_stands_still_does_not_hold_up_the_robot(
 
 
 def test_fault_68_texts_of_a_session_are_shown_as_texts(page: Page) -> None:
-    with contextlib.closing(Gate(port=0)) as gate:
-        server = page_server(gate, "test")
+    with contextlib.closing(Authentication(port=0)) as authentication:
+        server = page_server(authentication, "test")
         shown = viewed.Page(server, "test")
         shown.show_state([Line("state", "<img src=x onerror=alert(1)> & more", "bad")])
-        page.goto(gate.url)
+        page.goto(authentication.url)
         says(page, "state", "<img src=x onerror=alert(1)> & more")
         server.stop()
 

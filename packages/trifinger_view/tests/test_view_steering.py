@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import PATIENT, StartProgram
-from test_view_gate import browse, messages_of, send
-from trifinger_view.gate import LOOPBACK
+from test_view_authentication import browse, messages_of, send
+from trifinger_view.authentication import LOOPBACK
 from trifinger_view.scene import scene_of
 from viewing import StartView, Viewing
 from websockets.exceptions import ConnectionClosed
@@ -24,11 +24,11 @@ pytestmark = pytest.mark.slow
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def ask(gate: Viewing, path: str, **headers: str) -> tuple[int, str]:
+def ask(page: Viewing, path: str, **headers: str) -> tuple[int, str]:
     """Asks as a script of the page does."""
-    connection = http.client.HTTPConnection(LOOPBACK, gate.port)
+    connection = http.client.HTTPConnection(LOOPBACK, page.port)
     with contextlib.closing(connection):
-        cookie = {"Cookie": f"{gate.cookie}={gate.token}"}
+        cookie = {"Cookie": f"{page.cookie}={page.token}"}
         connection.request("GET", path, headers=cookie | headers)
         answer = connection.getresponse()
         return answer.status, answer.read().decode()
@@ -189,10 +189,10 @@ def is_near(place: Any, goal: Any, distance: float = 5e-3) -> bool:
 def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
     start_view: StartView, robot: Robot
 ) -> None:
-    gate = start_view("sim", "--control")
-    with browse(gate) as watching:
+    page = start_view("sim", "--control")
+    with browse(page) as watching:
         second = Steering(watching)
-        with browse(gate) as driving:
+        with browse(page) as driving:
             driver = Steering(driving)
             driver.take_control()
             start = robot.tips()
@@ -208,13 +208,13 @@ def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
             second.says("another browser has control")
             assert is_near(robot.tips()[0], goal)
         second.says("the browser that drove has gone")
-    with browse(gate) as connection:
+    with browse(page) as connection:
         Steering(connection).take_control()
-    assert ask(gate, "/stop")[0] == 403
+    assert ask(page, "/stop")[0] == 403
     assert robot.frontend.session_info().backend_is_alive
-    assert ask(gate, "/stop", **{"X-TriFinger": "stop"})[0] == 202
+    assert ask(page, "/stop", **{"X-TriFinger": "stop"})[0] == 202
     robot.program.process.wait()
-    assert ask(gate, "/stopped", **{"X-TriFinger": "stop"})[0] == 200
+    assert ask(page, "/stopped", **{"X-TriFinger": "stop"})[0] == 200
 
 
 # Points that are none: such a message is not obeyed.
@@ -239,8 +239,8 @@ NO_NUMBERS = (["up", "up", "up"], [None, None, None], "abc", None, 0.1, {"x": 1,
 def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
     start_view: StartView, robot: Robot
 ) -> None:
-    gate = start_view("sim", "--control")
-    with browse(gate) as connection:
+    page = start_view("sim", "--control")
+    with browse(page) as connection:
         driver = Steering(connection)
         driver.take_control()
         start = robot.tips()
@@ -250,8 +250,8 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
             driver.press("Robot", point)
             driver.press("upper middle 0", point)
             driver.watch()
-        for stranger in ("tip_7", "tip_-1", "../tip_0", "object_9", "", "x" * 2000):
-            driver.drag(stranger, [0.0, 0.0, 0.1])
+        for unknown in ("tip_7", "tip_-1", "../tip_0", "object_9", "", "x" * 2000):
+            driver.drag(unknown, [0.0, 0.0, 0.1])
         driver.drag("tip_0", [0.0, 0.0, 1e6])
         driver.says("at most 10 m from the origin")  # all before was read
         assert robot.tips() == pytest.approx(start, abs=3e-3)
@@ -267,12 +267,12 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
 def test_fault_68_a_driver_whose_messages_make_no_sense_loses_control(
     start_view: StartView, robot: Robot
 ) -> None:
-    gate = start_view("sim", "--control")
+    page = start_view("sim", "--control")
     start = robot.tips()
-    with browse(gate) as watching:
+    with browse(page) as watching:
         second = Steering(watching)
         for numbers in NO_NUMBERS:
-            with browse(gate) as connection:
+            with browse(page) as connection:
                 driver = Steering(connection)
                 driver.take_control()
                 second.says("a browser has control")
@@ -287,8 +287,8 @@ def test_fault_68_a_driver_whose_messages_make_no_sense_loses_control(
 
 
 def test_sliders_and_buttons_move_joints(start_view: StartView, robot: Robot) -> None:
-    gate = start_view("sim", "--control")
-    with browse(gate) as connection:
+    page = start_view("sim", "--control")
+    with browse(page) as connection:
         driver = Steering(connection)
         driver.take_control()
         start = robot.joints()
@@ -318,8 +318,8 @@ def test_sliders_and_buttons_move_joints(start_view: StartView, robot: Robot) ->
 
 
 def test_an_object_is_pushed_by_its_handle(start_view: StartView, robot: Robot) -> None:
-    gate = start_view("sim", "--control")
-    with browse(gate) as connection:
+    page = start_view("sim", "--control")
+    with browse(page) as connection:
         driver = Steering(connection)
         driver.take_control(handle="object_0")
         start, tips = robot.object(), robot.tips()
@@ -335,9 +335,9 @@ def test_an_object_is_pushed_by_its_handle(start_view: StartView, robot: Robot) 
 def test_a_hand_leads_a_robot_that_another_process_lets_float(
     start_view: StartView, robot: Robot
 ) -> None:
-    gate = start_view("sim", "--hand")
-    assert ask(gate, "/stop", **{"X-TriFinger": "stop"})[0] != 202  # this page ends nothing
-    with trifinger.guide("sim") as guide, browse(gate) as connection:
+    page = start_view("sim", "--hand")
+    assert ask(page, "/stop", **{"X-TriFinger": "stop"})[0] != 202  # this page ends nothing
+    with trifinger.guide("sim") as guide, browse(page) as connection:
         guide.float_freely()
         driver = Steering(connection)
         driver.take_control("Take the hand")
@@ -357,17 +357,17 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
     start_view: StartView, start_program: StartProgram
 ) -> None:
     robot = Robot(start_program, "--set", "backend.late_action.max_repeats=3000")
-    gate = start_view("sim", "--control")
-    with browse(gate) as connection:
+    page = start_view("sim", "--control")
+    with browse(page) as connection:
         driver = Steering(connection)
         driver.press("Recover")  # which is not shown: nothing happens
         # The page must have dealt with that before it is stopped, or it would recover afterwards.
         driver.take_control()
         driver.watch()
-        gate.process.send_signal(signal.SIGSTOP)
-        os.waitid(os.P_PID, gate.process.pid, os.WSTOPPED)
+        page.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, page.process.pid, os.WSTOPPED)
         robot.wait_for_end()
-        gate.process.send_signal(signal.SIGCONT)
+        page.process.send_signal(signal.SIGCONT)
         driver.wait_until(lambda: driver.is_visible("Recover"))
         driver.wait_until(lambda: not driver.is_visible("Take control"))
         driver.says("robot 'sim' has stopped: ")
@@ -387,20 +387,20 @@ HANG = """
 def hang(self, *_):
     with self._lock:
         time.sleep(1e6)
-pilot.Pilot.drag_tip = hang
+page_controller.PageController.drag_tip = hang
 """
 
 
 def test_the_stop_works_while_the_page_hangs_at_the_robot(
     start_view: StartView, robot: Robot
 ) -> None:
-    gate = start_view("sim", "--control", before=HANG)
-    with browse(gate) as connection:
+    page = start_view("sim", "--control", before=HANG)
+    with browse(page) as connection:
         driver = Steering(connection)
         driver.take_control()
         driver.drag("tip_0", [0.0, 0.0, 0.1])
         driver.watch(3)  # the page goes on, and asks for signs of life
-        assert "trifinger-stop" in ask(gate, "/")[1]
-        assert ask(gate, "/stop", **{"X-TriFinger": "stop"})[0] == 202
+        assert "trifinger-stop" in ask(page, "/")[1]
+        assert ask(page, "/stop", **{"X-TriFinger": "stop"})[0] == 202
         robot.program.process.wait()
-        assert ask(gate, "/stopped", **{"X-TriFinger": "stop"})[0] == 200
+        assert ask(page, "/stopped", **{"X-TriFinger": "stop"})[0] == 200

@@ -25,7 +25,7 @@ HANG = """
 def hang(self, *_):
     with self._lock:
         time.sleep(1e6)
-pilot.Pilot.do = hang
+page_controller.PageController.do = hang
 """
 OpenTab = Callable[[str], "Tab"]
 UP = np.array([0.0, 0.0, 1.0])
@@ -151,12 +151,12 @@ class Tab:
         forward = (middle - place) / np.linalg.norm(middle - place)
         right = np.cross(forward, up)
         right /= np.linalg.norm(right)
-        way = np.asarray(point) - place
-        scale = box["height"] / 2 / np.tan(self.camera["fov"] / 2) / (way @ forward)
+        offset = np.asarray(point) - place
+        scale = box["height"] / 2 / np.tan(self.camera["fov"] / 2) / (offset @ forward)
         self._mouse = np.array(
             [
-                box["x"] + box["width"] / 2 + scale * (way @ right),
-                box["y"] + box["height"] / 2 - scale * (way @ np.cross(right, forward)),
+                box["x"] + box["width"] / 2 + scale * (offset @ right),
+                box["y"] + box["height"] / 2 - scale * (offset @ np.cross(right, forward)),
             ]
         )
         return self._mouse

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What strangers can do at a server, and what they cannot: its users get in, and its stop works."""
+"""What unauthenticated clients can do at a server, and what they cannot: its users get in, and its
+stop works.
+"""
 
 import asyncio
 import contextlib
@@ -16,19 +18,19 @@ from typing import Any
 
 import pytest
 from conftest import PATIENT, StartProgram
-from test_view_gate import browse, wait_for
+from test_view_authentication import browse, wait_for
 from test_view_steering import ask
 from trifinger_view import web_server
-from trifinger_view.gate import Gate, page_server
+from trifinger_view.authentication import Authentication, page_server
 from viewing import StartView, Viewing
 from websockets.sync.client import ClientConnection, connect
 
-# A page with few files, so that a test needs few strangers.
+# A page with few files, so that a test needs few clients.
 FEW_FILES = """
 import resource
 resource.setrlimit(resource.RLIMIT_NOFILE, (200, 200))
 """
-STRANGERS = 400
+CLIENTS = 400
 STOP = {"X-TriFinger": "stop"}
 
 
@@ -42,8 +44,8 @@ def many_files() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def strangers(
-    port: int, count: int = STRANGERS, says: bytes = b""
+def other_clients(
+    port: int, count: int = CLIENTS, says: bytes = b""
 ) -> Iterator[list[socket.socket]]:
     """Connections of somebody who says this and then nothing."""
     with contextlib.ExitStack() as stack:
@@ -63,13 +65,13 @@ def wait_for_end(connection: socket.socket) -> None:
 
 
 @pytest.mark.usefixtures("many_files")
-def test_fault_76_silent_strangers_do_not_keep_the_stop_from_working(
+def test_fault_76_silent_clients_do_not_keep_the_stop_from_working(
     start_view: StartView, start_program: StartProgram
 ) -> None:
     robot = start_program("run", "sim", *PATIENT)
     robot.wait_for("waits for a user")
     page = start_view("sim", "--control", before=FEW_FILES)
-    with strangers(page.port):
+    with other_clients(page.port):
         status, text = ask(page, "/stop", **STOP)
         assert (status, "Stopping" in text) == (202, True), text
         robot.process.wait()
@@ -78,7 +80,7 @@ def test_fault_76_silent_strangers_do_not_keep_the_stop_from_working(
     assert page.end()[1] == ""  # neither tracebacks nor anything else
 
 
-def line_of(page: Viewing | Gate) -> ClientConnection:
+def line_of(page: Viewing | Authentication) -> ClientConnection:
     """The websocket that a page keeps open for its stop."""
     return connect(
         f"ws://127.0.0.1:{page.port}/actions",
@@ -94,7 +96,7 @@ def test_fault_76_the_stop_of_an_open_page_needs_no_new_connection(
     robot = start_program("run", "sim", *PATIENT)
     robot.wait_for("waits for a user")
     page = start_view("sim", "--control", before=FEW_FILES)
-    with line_of(page) as line, strangers(page.port):
+    with line_of(page) as line, other_clients(page.port):
         line.send("1 /stop")
         answer = json.loads(line.recv())
         assert (answer["number"], answer["status"]) == ("1", 202)
@@ -132,22 +134,24 @@ def test_fault_76_the_files_of_the_stop_are_reserved(start_program: StartProgram
 
 
 @pytest.fixture
-def gate() -> Iterator[Gate]:
-    gate = Gate(port=0)
-    server = page_server(gate, "test")
-    yield gate
+def authentication() -> Iterator[Authentication]:
+    authentication = Authentication(port=0)
+    server = page_server(authentication, "test")
+    yield authentication
     server.stop()
-    gate.close()
+    authentication.close()
 
 
 @pytest.mark.usefixtures("many_files")
-def test_fault_76_strangers_have_few_places_and_the_oldest_loses_its_own(gate: Gate) -> None:
-    with browse(gate) as browser, strangers(gate.port) as connections:
-        for one in connections[: STRANGERS - web_server.MOST_STRANGERS]:
+def test_fault_76_unauthenticated_clients_have_few_places_and_the_oldest_loses_its_own(
+    authentication: Authentication,
+) -> None:
+    with browse(authentication) as browser, other_clients(authentication.port) as connections:
+        for one in connections[: CLIENTS - web_server.MAX_UNAUTHENTICATED]:
             wait_for_end(one)
         # Who belongs here keeps the connection and gets in as always.
         wait_for(browser, "ReplayDoneMessage")
-        with browse(gate) as another:
+        with browse(authentication) as another:
             wait_for(another, "ReplayDoneMessage")
 
 
@@ -175,9 +179,9 @@ def bridging(*words: str, before: str = "") -> Iterator[tuple[subprocess.Popen[s
 @pytest.mark.parametrize(
     "says", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"], ids=["nothing", "a request"]
 )
-def test_fault_76_the_bridge_serves_its_clients_while_strangers_connect(says: bytes) -> None:
+def test_fault_76_the_bridge_serves_its_clients_while_others_connect(says: bytes) -> None:
     with bridging(before=FEW_FILES) as (bridge, port):
-        with strangers(port, says=says):
+        with other_clients(port, says=says):
             address = f"ws://127.0.0.1:{port}"
             with connect(address, subprotocols=["foxglove.sdk.v1"]) as viewer:  # type: ignore[list-item]
                 assert json.loads(viewer.recv())["op"] == "serverInfo"
@@ -214,7 +218,7 @@ def test_fault_76_a_server_says_once_that_files_are_missing_and_ends_in_order(
         listener = socket.create_server(("127.0.0.1", 0))
         loop = asyncio.get_running_loop()
         failed = asyncio.Event()
-        with socket.socket() as stranger:
+        with socket.socket() as other_client:
             async with web_server.serve(lambda _: None, listener, lambda *_: None):
                 handler = loop.get_exception_handler()
                 assert handler is not None
@@ -225,7 +229,7 @@ def test_fault_76_a_server_says_once_that_files_are_missing_and_ends_in_order(
 
                 loop.set_exception_handler(note)
                 with no_files():
-                    stranger.connect(listener.getsockname())
+                    other_client.connect(listener.getsockname())
                     for _ in range(2):
                         await failed.wait()
                         failed.clear()
@@ -301,10 +305,10 @@ def test_fault_81_scans_of_the_bridge_print_no_traceback_and_no_escape_sequence(
 
 @pytest.mark.parametrize("path", ["/?" + "a=1&" * 9, "//[", "/?token=x&" + "b=&c" * 20])
 def test_fault_81_a_query_with_too_many_fields_is_refused_with_a_sentence(
-    gate: Gate, path: str
+    authentication: Authentication, path: str
 ) -> None:
-    for cookie in ("", f"{gate.cookie}={gate.token}"):
-        connection = http.client.HTTPConnection("127.0.0.1", gate.port)
+    for cookie in ("", f"{authentication.cookie}={authentication.token}"):
+        connection = http.client.HTTPConnection("127.0.0.1", authentication.port)
         with contextlib.closing(connection):
             connection.request("GET", path, headers={"Cookie": cookie})
             answer = connection.getresponse()

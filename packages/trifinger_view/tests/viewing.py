@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 # A busy machine, or a browser without a graphics card, can be silent for seconds.
-PATIENTLY = "pilot.PATIENCE = 60.0"
+PATIENTLY = "page_controller.TIMEOUT = 60.0"
 VIEW = """
 import sys, threading, time
-from trifinger_view import pilot
+from trifinger_view import page_controller
 {before}
 from trifinger_view.commands.view import main
 sys.exit(main())

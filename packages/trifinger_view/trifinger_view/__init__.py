@@ -4,8 +4,8 @@
 `trifinger view` is a page that shows a running robot or a log. `scene` makes plain data of the
 model in a session and `frame` of its elements; neither knows where a frame comes from or who draws
 it. `live` observes a running robot, `logged` reads a log. `page` shows frames in a browser, behind
-`gate`. `html_file` writes one file that needs no server. `bridges`, `teaching`, `teleoperation` and
-`motion` have a module each.
+`authentication`. `html_file` writes one file that needs no server. `bridges`, `teaching`,
+`teleoperation` and `motion` have a module each.
 """
 
 from importlib.util import find_spec

@@ -22,11 +22,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from trifinger.errors import Error
 
-from trifinger_view.pilot import MODES, WISH_PERIOD, Pilot, pullable, soft_limits
+from trifinger_view.page_controller import (
+    MODES,
+    SETPOINT_PERIOD,
+    PageController,
+    pullable,
+    soft_limits,
+)
 from trifinger_view.stop import Stop
 
 if TYPE_CHECKING:
-    from trifinger_view.gate import Gate
+    from trifinger_view.authentication import Authentication
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
 
@@ -34,36 +40,38 @@ ASK_PERIOD = 0.25  # between two questions for a sign of life [s]
 TOUCHED = 1.0  # for so long after a touch a slider does not follow the robot [s]
 SLIDER_PERIOD = 0.1  # between two steps of a slider that follows [s]
 HANDLE_SIZE = 0.05  # [m]
-MOST_WAITING = 1000  # things that a browser has asked for; more are not done
+MAX_WAITING = 1000  # things that a browser has asked for; more are not done
 WARNING_COLOUR = (179, 107, 0)
 GUIDE_WORDS = "Drag a tip by its handle: it follows. An object of a simulation is pulled."
 HAND_WORDS = "Drag a tip or an object by its handle: it is pulled until you let go."
 NO_LIMIT = 3.14  # end of a slider of a joint without limits [rad]
 
 
-def add_stop(gate: Gate, name: str) -> None:
+def add_stop(authentication: Authentication, name: str) -> None:
     """Adds a button to the page that stops the robot whatever else the page does."""
     stop = Stop(name)
-    gate.offer("/stop", stop.order)
-    gate.offer("/stopped", stop.outcome)
+    authentication.offer("/stop", stop.order)
+    authentication.offer("/stopped", stop.outcome)
     part = (Path(__file__).parent / "stop_button.html").read_text(encoding="utf-8")
-    gate.add_to_page(part.replace("@ROBOT@", _text(name)))
+    authentication.add_to_page(part.replace("@ROBOT@", _text(name)))
 
 
 class ControlPanel:
-    """The panel of a page, for all browsers. Its thread ends when the pilot is closed."""
+    """The panel of a page, for all browsers. Its thread ends when the controller is closed."""
 
-    def __init__(self, page: Page, pilot: Pilot) -> None:
-        self._server, self._pilot = page.server, pilot
+    def __init__(self, page: Page, controller: PageController) -> None:
+        self._server, self._controller = page.server, controller
         self._lock = threading.Lock()  # of the seat
         self._recovering = threading.Lock()
         self._seat: _Seat | None = None
         self._robot: _Robot | None = None
         self._shown: tuple[str, bool] | None = None
         gui = self._server.gui
-        with gui.add_folder("Control" if pilot.with_guide else "Hand", order=0.5):
+        with gui.add_folder("Control" if controller.with_guide else "Hand", order=0.5):
             self._words = gui.add_html("")
-            self._take = gui.add_button("Take control" if pilot.with_guide else "Take the hand")
+            self._take = gui.add_button(
+                "Take control" if controller.with_guide else "Take the hand"
+            )
             self._recover = gui.add_button(
                 "Recover",
                 hint="Clears the fault that has stopped the robot. Look at the robot first.",
@@ -80,14 +88,14 @@ class ControlPanel:
     def begin(self, live: LiveRun) -> None:
         """Notes the robot of another session."""
         self._robot = _Robot(live) if live.robot is not None else None
-        self._pilot.begin_session()
+        self._controller.begin_session()
         with self._lock:
             if self._seat is not None:
                 self._seat.begin(self._robot)
 
     def renew(self, live: LiveRun) -> None:
         """Shows who drives and what the robot does, and moves sliders and handles with it."""
-        driver = self._pilot.driver
+        driver = self._controller.driver
         self._show_recovery(live)
         with self._lock:
             if self._seat is not None and self._seat.browser != driver:
@@ -95,9 +103,9 @@ class ControlPanel:
                 self._seat = None
             if self._seat is not None:
                 self._seat.renew(live)
-        what = "control" if self._pilot.with_guide else "the hand"
+        what = "control" if self._controller.with_guide else "the hand"
         who = "" if driver is None else f"a browser has {what}; the others look"
-        lines = [line for line in (self._pilot.line(), who) if line]
+        lines = [line for line in (self._controller.line(), who) if line]
         shown = (
             "".join(map(_note, lines)),
             driver is not None,
@@ -110,7 +118,7 @@ class ControlPanel:
         """Offers to recover exactly while a fault has stopped a robot that could go on."""
         info = live.info
         fault = info.fault if info is not None and info.backend_is_alive else None
-        is_needed = self._pilot.with_guide and fault is not None and fault.needs_recovery
+        is_needed = self._controller.with_guide and fault is not None and fault.needs_recovery
         if self._recover.visible != is_needed:
             self._recover.visible, self._take.visible = is_needed, not is_needed
 
@@ -119,37 +127,37 @@ class ControlPanel:
             if not self._recover.visible:
                 return  # a second press
             try:
-                self._pilot.recover()
+                self._controller.recover()
             except Error as error:
-                self._pilot.complain(str(error))
+                self._controller.complain(str(error))
 
     def _on_take(self, event: Any) -> None:
         client = event.client
         if client is None:
             return
         try:
-            self._pilot.take(client.client_id)
+            self._controller.take(client.client_id)
         except Error as error:
-            self._pilot.complain(str(error))
+            self._controller.complain(str(error))
             return
         with self._lock:
             if self._seat is not None:
                 if self._seat.browser == client.client_id:
                     return  # a second press
                 self._seat.remove()
-            self._seat = _Seat(client, self._pilot, self._robot, self._ask_for)
+            self._seat = _Seat(client, self._controller, self._robot, self._ask_for)
         asyncio.run_coroutine_threadsafe(self._ask(client.client_id), self._server._event_loop)
 
     def _on_gone(self, client: Any) -> None:
-        self._pilot.leave(
+        self._controller.leave(
             client.client_id,
             "the browser that drove has gone, so "
-            + ("the robot holds its pose" if self._pilot.with_guide else "the hand let go"),
+            + ("the robot holds its pose" if self._controller.with_guide else "the hand let go"),
         )
 
     async def _ask(self, browser: int) -> None:
         """Asks the connection of the driver for signs of life while it drives."""
-        while self._pilot.driver == browser:
+        while self._controller.driver == browser:
             connection = self._server._websock_server._live_connections.get(browser)
             if connection is None:
                 return
@@ -157,15 +165,15 @@ class ControlPanel:
                 await (await connection.ping())
             except Exception:  # however the connection ends, nobody is heard
                 return
-            self._pilot.heard(browser)
+            self._controller.heard(browser)
             await asyncio.sleep(ASK_PERIOD)
 
     def _ask_for(self, browser: int, act: Callable[[], None]) -> None:
-        if self._work.qsize() < MOST_WAITING:
+        if self._work.qsize() < MAX_WAITING:
             self._work.put((browser, act))
 
     def _do_work(self) -> None:
-        while not self._pilot.closed.is_set():
+        while not self._controller.closed.is_set():
             try:
                 browser, act = self._work.get(timeout=ASK_PERIOD)
             except queue.Empty:
@@ -173,15 +181,15 @@ class ControlPanel:
             try:
                 act()
             except Exception as error:  # whatever was asked for, what comes next is done
-                if self._pilot.driver == browser:  # else it has lost control, which was said
-                    self._pilot.complain(str(error))
+                if self._controller.driver == browser:  # else it has lost control, which was said
+                    self._controller.complain(str(error))
 
     def _tick(self) -> None:
-        while not self._pilot.closed.wait(WISH_PERIOD):
+        while not self._controller.closed.wait(SETPOINT_PERIOD):
             try:
-                self._pilot.tick()
+                self._controller.tick()
             except Exception as error:  # a driver that is not heard must lose control in any case
-                self._pilot.complain(str(error))
+                self._controller.complain(str(error))
 
 
 class _Robot:
@@ -212,24 +220,24 @@ class _Seat:
     def __init__(
         self,
         client: Any,
-        pilot: Pilot,
+        controller: PageController,
         robot: _Robot | None,
         ask_for: Callable[[int, Callable[[], None]], None],
     ) -> None:
         self.browser: int = client.client_id
-        self._client, self._pilot, self._ask_for = client, pilot, ask_for
+        self._client, self._controller, self._ask_for = client, controller, ask_for
         self._parts: list[Any] = []
         self._sliders: list[Any] = []
         self._touched: list[float] = []
         self._followed = 0.0
         self._tips: list[_Handle] = []
         self._objects: dict[str, _Handle] = {}
-        what = "control" if pilot.with_guide else "the hand"
+        what = "control" if controller.with_guide else "the hand"
         with client.gui.add_folder(f"You have {what}", order=0.6) as folder:
-            client.gui.add_html(_note(GUIDE_WORDS if pilot.with_guide else HAND_WORDS))
+            client.gui.add_html(_note(GUIDE_WORDS if controller.with_guide else HAND_WORDS))
             release = client.gui.add_button(f"Release {what}")
         self._folder = folder
-        release.on_click(self._ordered(lambda *_: pilot.leave(self.browser)))
+        release.on_click(self._ordered(lambda *_: controller.leave(self.browser)))
         self.begin(robot)
 
     def begin(self, robot: _Robot | None) -> None:
@@ -238,18 +246,20 @@ class _Seat:
         if robot is None:
             return
         gui = self._client.gui
-        if self._pilot.with_guide:
+        if self._controller.with_guide:
             with self._folder:
                 modes = gui.add_button_group("Robot", [mode.capitalize() for mode in MODES])
                 modes.on_click(
-                    self._ordered(lambda _, mode: self._pilot.do(self.browser, str(mode).lower()))
+                    self._ordered(
+                        lambda _, mode: self._controller.do(self.browser, str(mode).lower())
+                    )
                 )
                 joints = gui.add_folder("Joints [rad]", expand_by_default=False)
             self._parts += [modes, joints]
             with joints:
                 for number, name in enumerate(short_names(robot.joints)):
                     self._add_slider(number, name, robot)
-        if self._pilot.with_guide or robot.can_be_pulled:
+        if self._controller.with_guide or robot.can_be_pulled:
             self._tips = [self._handle_of_tip(number) for number in range(robot.tips)]
         self._objects = {
             name: self._handle_of_object(number, name) for number, name in enumerate(robot.objects)
@@ -257,7 +267,7 @@ class _Seat:
 
     def renew(self, live: LiveRun) -> None:
         """Moves sliders and handles that nobody holds to where the robot is."""
-        frame, state = live.frame, self._pilot.state()
+        frame, state = live.frame, self._controller.state()
         now = time.monotonic()
         if state is not None and now - self._followed > SLIDER_PERIOD:
             self._followed = now
@@ -292,7 +302,7 @@ class _Seat:
             float(np.nan_to_num(limit[number], posinf=NO_LIMIT, neginf=-NO_LIMIT))
             for limit in (robot.lower, robot.upper)
         )
-        state = self._pilot.state()
+        state = self._controller.state()
         start = state.joints[number] if state is not None else (low + high) / 2
         slider = self._client.gui.add_slider(
             name, low, high, 0.005, float(np.clip(start, low, high))
@@ -302,20 +312,20 @@ class _Seat:
 
         def move(_: str, position: Any) -> None:
             self._touched[number] = time.monotonic()
-            self._pilot.move_joint(self.browser, number, float(position))
+            self._controller.move_joint(self.browser, number, float(position))
 
         slider.on_update(self._ordered(move))
 
     def _handle_of_tip(self, number: int) -> _Handle:
         return self._handle(
             f"/handles/tip_{number}",
-            lambda point: self._pilot.drag_tip(self.browser, number, point),
+            lambda point: self._controller.drag_tip(self.browser, number, point),
         )
 
     def _handle_of_object(self, number: int, name: str) -> _Handle:
         return self._handle(
             f"/handles/object_{number}",
-            lambda point: self._pilot.drag_object(self.browser, name, point),
+            lambda point: self._controller.drag_object(self.browser, name, point),
         )
 
     def _handle(self, name: str, drag: Callable[[object], None]) -> _Handle:
@@ -330,7 +340,7 @@ class _Seat:
                 drag(point)
             elif phase == "end":
                 handle.forget()
-                self._pilot.drop(self.browser)
+                self._controller.drop(self.browser)
 
         gizmo.on_update(self._ordered(act))
         return handle

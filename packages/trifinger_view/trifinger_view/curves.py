@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 SECONDS = 10.0  # that a plot shows
 POINTS_PER_SECOND = 30
-MOST_COLUMNS = 12  # of a field of a robot's own
-MOST_FIELDS = 6
+MAX_COLUMNS = 12  # of a field of a robot's own
+MAX_FIELDS = 6
 
 TORQUE = "torque [Nm]"
 TRACKING = "desired - measured position [rad]"
@@ -51,12 +51,12 @@ def series_of(
         if "tip_force" in names:
             series[TIP_FORCE] = _rows(observations["tip_force"])
     else:
-        fields = list(values_of(observations[0]))[:MOST_FIELDS]
+        fields = list(values_of(observations[0]))[:MAX_FIELDS]
         for name in fields:
             column = observations
             for part in name.split("."):
                 column = column[part]
-            series[name] = np.nan_to_num(_rows(column)[:, :MOST_COLUMNS])
+            series[name] = np.nan_to_num(_rows(column)[:, :MAX_COLUMNS])
     if statuses is not None and is_real_time:
         series[LATENESS] = 1e3 * _rows(lateness_of(statuses, period))
         series[EVENTS] = _rows((statuses["flags"] & _EVENT_FLAGS.value) != 0)

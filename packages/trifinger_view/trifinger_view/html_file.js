@@ -374,6 +374,6 @@ async function main() {
 }
 
 main().catch((error) => {
-  find("trouble").textContent = `This page could not be shown: ${error.message ?? error}. A newer browser can.`;
+  find("error").textContent = `This page could not be shown: ${error.message ?? error}. A newer browser can.`;
   document.body.dataset.isReady = "false";
 });

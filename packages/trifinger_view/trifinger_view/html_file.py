@@ -32,13 +32,13 @@ from trifinger_view.page import (
     ELEVATION,
     FIELD_OF_VIEW,
     GHOST_ANGLE,
-    LEAST_FORCE,
     METRES_PER_NEWTON,
+    MIN_FORCE,
     smaller,
 )
 from trifinger_view.scene import Mesh, Scene
 
-MOST_BYTES = 100_000_000
+MAX_BYTES = 100_000_000
 """Limit for the size of a page [bytes]."""
 RATE = 30.0
 """Frames per second, unless the page would be too large."""
@@ -80,7 +80,7 @@ def write_html(
     begin: float | None = None,
     end: float | None = None,
     rate: float | None = None,
-    most_bytes: int = MOST_BYTES,
+    most_bytes: int = MAX_BYTES,
 ) -> Written:
     """Writes the part of a log from `begin` to `end` [s] as a page.
 
@@ -250,7 +250,7 @@ class _Page:
             poses[frame] = _rows(scene, joints, objects)
             if has_forces and measured is not None:
                 places, along = scene.tips(joints)
-                force = np.where(measured[frame] > LEAST_FORCE, measured[frame], 0.0)
+                force = np.where(measured[frame] > MIN_FORCE, measured[frame], 0.0)
                 tips[frame] = np.concatenate([places, along * force[:, None]], axis=1)
             if is_ghostly[frame]:
                 ghosts[frame] = _rows(scene, wanted[frame], objects)

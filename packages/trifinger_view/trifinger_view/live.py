@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 INFO_PERIOD = 0.2  # between two looks at what takes longer, such as whether the back-end lives [s]
-MOST_STEPS = 2000  # that are read for plots at once
+MAX_STEPS = 2000  # that are read for plots at once
 NICENESS = 10
 
 
@@ -44,7 +44,7 @@ class LiveRun:
         """Facts about the session; None while there is none."""
         self.scene: Scene | None = None
         """Robot and objects; None if the robot has no model."""
-        self.scene_trouble = ""
+        self.scene_error = ""
         """Why a model is not shown, in a sentence."""
         self.frame: Frame | None = None
         """The newest step; None while there is none."""
@@ -86,8 +86,8 @@ class LiveRun:
             self.lines = lines_of(self.info, frame, robot.timing(), self._reasons(robot))
             if self._before:
                 self.lines.append(Line("before", self._before))
-            if self.scene_trouble:
-                self.lines.append(Line("model", self.scene_trouble, "warning"))
+            if self.scene_error:
+                self.lines.append(Line("model", self.scene_error, "warning"))
 
     def _follow(self) -> None:
         """Finds the session to look at."""
@@ -120,11 +120,11 @@ class LiveRun:
         documents = robot.documents()
         self._before = self.info.fault_text if self.info is not None else ""
         self.info = info
-        self.scene, self.scene_trouble = None, ""
+        self.scene, self.scene_error = None, ""
         try:
             self.scene = scene_of(documents)
         except InvalidArgument as error:
-            self.scene_trouble = str(error)
+            self.scene_error = str(error)
         self._robot, self.session_id, self.frame = robot, info.session_id, None
         self._objects = _companion(robot, "object")
         self._cameras = None
@@ -164,7 +164,7 @@ class LiveRun:
         if self.scene is not None and (
             frame.position is None or len(frame.position) != len(self.scene.joint_names)
         ):
-            self.scene, self.scene_trouble = None, "the model has other joints than the robot"
+            self.scene, self.scene_error = None, "the model has other joints than the robot"
         return frame
 
     def _images(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:
@@ -180,7 +180,7 @@ class LiveRun:
         begin, end = robot.range("status")
         # The last status has no action, and other series may be a step behind.
         end = min(end, robot.range("observation")[1], robot.range("applied_action")[1])
-        first = max(self._next_step, begin, end - MOST_STEPS)
+        first = max(self._next_step, begin, end - MAX_STEPS)
         if first >= end:
             return
         self._next_step = end

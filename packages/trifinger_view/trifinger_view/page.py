@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from trifinger.arrays import Array
 
-    from trifinger_view.gate import Gate
+    from trifinger_view.authentication import Authentication
 
 GHOST_ANGLE = 0.03  # difference from which the desired pose is shown [rad]
 METRES_PER_NEWTON = 0.03  # length of the arrow of a force
-LEAST_FORCE = 0.05  # that is shown [N]
+MIN_FORCE = 0.05  # that is shown [N]
 ARROW_COLOUR = (230, 60, 20)
 AZIMUTH, ELEVATION = np.radians([115.0, 24.0])  # in which the camera looks at first, and down
 FIELD_OF_VIEW = 0.66  # [rad]
@@ -40,17 +40,17 @@ LEVELS = {"good": "#1a8f4c", "warning": "#b36b00", "bad": "#d02030"}
 ENVIRONMENT = 0.35  # brightness of light from everywhere
 
 
-def help_slow_browsers(gate: Gate, *, is_plain: bool) -> None:
+def help_slow_browsers(authentication: Authentication, *, is_plain: bool) -> None:
     """Makes the page quicker in browsers without a graphics card; before the server starts.
 
     Unless the page is plain, they tell who looks at it how to make it so.
     """
     part = (Path(__file__).parent / "slow_browser.html").read_text(encoding="utf-8")
-    gate.add_to_page(part.replace("@IS_PLAIN@", str(is_plain).lower()))
+    authentication.add_to_page(part.replace("@IS_PLAIN@", str(is_plain).lower()))
 
 
 class Page:
-    """What a browser shows. `server` is a viser.ViserServer; see gate.page_server."""
+    """What a browser shows. `server` is a viser.ViserServer; see authentication.page_server."""
 
     def __init__(self, server: Any, title: str, *, is_plain: bool = False) -> None:
         """A plain page is drawn without lights and shadows, for browsers without a graphics card.
@@ -296,10 +296,10 @@ class SceneView:
         if force is None or len(force) != len(scene.tip_names) or not self._with_forces.value:
             is_shown = False
         else:
-            is_shown = bool(np.any(force > LEAST_FORCE))
+            is_shown = bool(np.any(force > MIN_FORCE))
         if is_shown and force is not None:
             tips, directions = scene.tips(frame.position)
-            lengths = METRES_PER_NEWTON * np.where(force > LEAST_FORCE, force, 0.0)
+            lengths = METRES_PER_NEWTON * np.where(force > MIN_FORCE, force, 0.0)
             # An arrow of no length has no direction.
             ends = tips + np.maximum(lengths, 1e-6)[:, None] * directions
             self._forces.points = np.stack([tips, ends], axis=1).astype(np.float32)

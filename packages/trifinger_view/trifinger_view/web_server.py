@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serves websockets and pages so that strangers cannot use up what their users need.
+"""Serves websockets and pages so that other clients cannot use up what their users need.
 
 Whoever reaches the address of a server can open connections, and need not say a word. Here all of
 them together take few files. One that came later takes the place of the oldest that has not yet
-shown that it may be here. So strangers keep nobody out: a request that has arrived is read before
-its connection can be the oldest.
+shown that it may be here. So other clients keep nobody out: a request that has arrived is read
+before its connection can be the oldest.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import Server, ServerConnection
     from websockets.http11 import Request, Response
 
-MOST_STRANGERS = 64
+MAX_UNAUTHENTICATED = 64
 """Connections whose requests were not yet accepted."""
 BATCH = 8
 """Connections that are taken at once. It takes a few batches to read a request."""
@@ -33,7 +33,7 @@ QUEUE = 1024
 """Connections that the kernel keeps until they are taken."""
 HANDSHAKE_TIMEOUT = 10.0
 """Time that a connection has for its request [s]."""
-MOST_FIELDS = 8
+MAX_FIELDS = 8
 """Fields in the query of an address."""
 
 Check = Callable[["ServerConnection", "Request"], "Response | None"]
@@ -50,25 +50,25 @@ async def serve(
 ) -> AsyncIterator[Server]:
     """Runs a server of the package websockets at `listener` as long as the context lasts.
 
-    Who gets a websocket, or an answer with a status below 400, is no stranger.
+    Who gets a websocket, or an answer with a status below 400, is authenticated.
     `options` are those of websockets, and `listen` is its function if its name is another one's
-    now. What strangers send, however malformed, is answered and never printed.
+    now. What other clients send, however malformed, is answered and never printed.
     """
     import websockets.asyncio.server
 
-    strangers: dict[ServerConnection, None] = {}  # the oldest one first
+    unauthenticated: dict[ServerConnection, None] = {}  # the oldest one first
 
     class Connection(websockets.asyncio.server.ServerConnection):
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
             super().connection_made(transport)
-            if len(strangers) >= MOST_STRANGERS:
-                oldest = next(iter(strangers))
-                del strangers[oldest]
+            if len(unauthenticated) >= MAX_UNAUTHENTICATED:
+                oldest = next(iter(unauthenticated))
+                del unauthenticated[oldest]
                 oldest.transport.abort()
-            strangers[self] = None
+            unauthenticated[self] = None
 
         def connection_lost(self, exc: Exception | None) -> None:
-            strangers.pop(self, None)
+            unauthenticated.pop(self, None)
             super().connection_lost(exc)
 
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
@@ -83,7 +83,7 @@ async def serve(
         response: Response,
     ) -> None:
         if response.status_code < HTTPStatus.BAD_REQUEST:
-            strangers.pop(connection, None)
+            unauthenticated.pop(connection, None)
 
     asyncio.get_running_loop().set_exception_handler(_Unhandled(listener))
     async with (listen or websockets.asyncio.server.serve)(
@@ -106,10 +106,10 @@ async def serve(
 def query_of(path: str) -> dict[str, list[str]]:
     """The fields in the query of a request's address; raises InvalidArgument."""
     try:
-        return parse_qs(urlsplit(path).query, max_num_fields=MOST_FIELDS)
+        return parse_qs(urlsplit(path).query, max_num_fields=MAX_FIELDS)
     except ValueError:
         raise InvalidArgument(
-            f"the address of a request must be valid, with at most {MOST_FIELDS} fields"
+            f"the address of a request must be valid, with at most {MAX_FIELDS} fields"
         ) from None
 
 
@@ -133,7 +133,7 @@ class _Unhandled:
 
 
 def _quiet_logger() -> logging.Logger:
-    """A logger for what strangers do, which is nothing for a terminal."""
+    """A logger for what other clients do, which is nothing for a terminal."""
     logger = logging.getLogger("trifinger_view.web_server")
     logger.propagate = False
     logger.setLevel(logging.CRITICAL + 1)

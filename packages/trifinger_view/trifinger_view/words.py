@@ -77,7 +77,7 @@ def lines_of(
         lines.append(Line("controller", f"process {info.controller_pid}"))
     if timing is not None:
         lines.append(Line("timing", str(timing), "warning" if timing.late_steps() else ""))
-    lines += [Line("real time", lack, "warning") for lack in info.realtime_lacks]
+    lines += [Line("real time", warning, "warning") for warning in info.realtime_warnings]
     for reason, joints in reasons.items():
         which = ", ".join(map(str, joints))
         lines.append(Line("safety", f"joint{'s' * (len(joints) > 1)} {which}: {reason}", "warning"))

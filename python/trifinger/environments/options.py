@@ -142,7 +142,7 @@ def _known(task: AnyTask) -> AnyTask | type[Task]:
     return known
 
 
-MOST_FINGERS = 3  # of a TriFinger
+MAX_FINGERS = 3  # of a TriFinger
 _KINDS: dict[str, tuple[type, str]] = {
     "name": (str, "a text"),
     "options": (OptionFields, "Options"),
@@ -166,8 +166,8 @@ def _check(task: Task | type[Task]) -> None:
             require(isinstance(value, kind), f"{one.__name__}.{name}", value, allowed)
     if isinstance(task, type):
         return
-    is_number = not isinstance(task.num_fingers, bool) and 0 <= task.num_fingers <= MOST_FINGERS
-    allowed = f"0 to {MOST_FINGERS}"
+    is_number = not isinstance(task.num_fingers, bool) and 0 <= task.num_fingers <= MAX_FINGERS
+    allowed = f"0 to {MAX_FINGERS}"
     require(is_number, f"{one.__name__}.num_fingers", task.num_fingers, allowed)
     for name in ("goal_low", "goal_high"):
         _require_numbers(f"{one.__name__}.{name}", getattr(task, name))

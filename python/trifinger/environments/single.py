@@ -345,7 +345,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._oldest_sure_age = self._core.oldest_sure_age
         if self._object:
             self._process.robot.companion(OBJECT)  # raises if there is none
-        for point in self._core.way(_observed(state).position):
+        for point in self._core.approach(_observed(state).position):
             self._process.step(self._process.robot.new_action(position=point))
 
     # The centres of the balls that show goals: none if goals are no places.

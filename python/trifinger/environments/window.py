@@ -10,7 +10,7 @@ from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.extras import sentence
 from trifinger.foreign_models import model_of
-from trifinger.picture import Sight, View, draw_marks
+from trifinger.picture import SceneCamera, View, draw_marks
 
 
 class Window:
@@ -33,13 +33,13 @@ class Window:
         self._mujoco = mujoco
         self._model = model_of(mjcf)
         self._data = mujoco.MjData(self._model)
-        self._sight = Sight(self._model, view)
+        self._scene_camera = SceneCamera(self._model, view)
         others = threading.enumerate()
         self._viewer = mujoco.viewer.launch_passive(
             self._model, self._data, show_left_ui=False, show_right_ui=False
         )
         with self._viewer.lock():
-            begin, camera = self._sight.camera, self._viewer.cam
+            begin, camera = self._scene_camera.camera, self._viewer.cam
             camera.type, camera.fixedcamid = begin.type, begin.fixedcamid
             camera.azimuth, camera.elevation = begin.azimuth, begin.elevation
             camera.lookat[:], camera.distance = begin.lookat, begin.distance
@@ -52,7 +52,7 @@ class Window:
         with self._viewer.lock():
             self._data.qpos[:] = configuration[: self._model.nq]
             self._mujoco.mj_forward(self._model, self._data)
-            self._sight.clear(self._data, self._viewer.cam)
+            self._scene_camera.clear(self._data, self._viewer.cam)
             draw_marks(self._viewer.user_scn, marks)
         self._viewer.sync()
         time.sleep(max(0.0, self._next - time.monotonic()))

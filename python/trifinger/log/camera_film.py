@@ -74,7 +74,7 @@ class Plot:
         return pixels
 
 
-class Sights:
+class CameraStrip:
     """The newest image of each camera at any time."""
 
     def __init__(self, cameras: LoggedCameras, begin: np.datetime64) -> None:
@@ -147,11 +147,11 @@ def frames(session: LoggedSession) -> Iterator[Array]:
     if not len(session.time_index):
         raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
     cameras = LoggedCameras(session)
-    sights = Sights(cameras, session.times[0])
+    strip = CameraStrip(cameras, session.times[0])
     plot = Plot(session, SIZE * len(cameras.names), PLOT_HEIGHT)
     times = film_times(session)
     for time in shown(times, "cameras.mp4", len(times)):
-        yield np.concatenate([_of_height(sights.at(time)), plot.at(time)], axis=0)
+        yield np.concatenate([_of_height(strip.at(time)), plot.at(time)], axis=0)
 
 
 def _of_height(image: Array) -> Array:

@@ -92,7 +92,10 @@ def save_report(trace: Trace, path: Path) -> None:
         lambda axes: draw_position(axes, trace, known),
         lambda axes: draw_error(axes, trace),
     ]
-    for field, title in (("normal", "what the tips press with"), ("tangential", "what they rub")):
+    for field, title in (
+        ("normal", "normal force of the tips"),
+        ("tangential", "tangential force of the tips"),
+    ):
         if f"{field}_0" in trace.columns:
             draws.append(partial(draw_forces, trace=trace, known=known, field=field, title=title))
     draws.append(lambda axes: draw_torque(axes, trace))
@@ -145,13 +148,13 @@ def draw_position(axes: Axes, trace: Trace, known: Array) -> None:
 def draw_error(axes: Axes, trace: Trace) -> None:
     """Draws the errors of position and angle while the object is led."""
     led = ~np.isin(trace.phases, (*IDLE, "grasp", "release"))
-    way = trace.group("estimated", "xyz") - trace.group("desired", "xyz")
+    error = trace.group("estimated", "xyz") - trace.group("desired", "xyz")
     quaternions = ("qw", "qx", "qy", "qz")
     angle = rotation_errors(
         trace.group("desired", quaternions), trace.group("estimated", quaternions)
     )
     for values, label, colour in (
-        (1e3 * np.linalg.norm(way, axis=1), "position [mm]", COLOURS[0]),
+        (1e3 * np.linalg.norm(error, axis=1), "position [mm]", COLOURS[0]),
         (angle, "angle [°]", COLOURS[1]),
     ):
         shown = np.where(led, values, np.nan)

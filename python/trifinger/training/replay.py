@@ -85,8 +85,8 @@ class FingerReplayBuffer(ReplayBuffer):
         chosen = np.random.random(size) < self._relabelled  # noqa: NPY002
         goal = np.where(chosen[..., None], self._achieved[later, row, finger], seen[..., GOAL])
         seen[..., GOAL] = next_seen[..., GOAL] = goal
-        way = (goal - self._achieved[place, row, finger]) * self._half
-        rewards = -self._reward_scale * np.linalg.norm(way, axis=-1).mean(axis=1, keepdims=True)
+        offset = (goal - self._achieved[place, row, finger]) * self._half
+        rewards = -self._reward_scale * np.linalg.norm(offset, axis=-1).mean(axis=1, keepdims=True)
         # Time or a fault truncates a reach, which never terminates: so no transition is the last.
         arrays = (seen, actions, next_seen, np.zeros_like(rewards), rewards)
         return ReplayBufferSamples(

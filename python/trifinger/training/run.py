@@ -32,8 +32,8 @@ from trifinger.evaluation import (
     Evaluator,
     Summary,
     save_curve,
+    save_paths,
     save_policy_film,
-    save_ways,
 )
 from trifinger.picture import View
 from trifinger.training import checkpoint
@@ -44,7 +44,7 @@ from trifinger.whole_file import whole_file
 CHECKPOINT = "checkpoint"
 CURVE = "curve.csv"
 # Name of the figure of paths to the goals as seen from above, by task.
-WAYS = {"reach": "tips.png", "finger_reach": "tips.png", "push": "object.png"}
+PATH_FIGURES = {"reach": "tips.png", "finger_reach": "tips.png", "push": "object.png"}
 FIGURE_AFTER = 200  # the paper's figure shows this episode between the first and the last
 
 
@@ -69,7 +69,7 @@ class Training:
         if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
             raise InvalidArgument(f"{folder} has a training by another plan")
         self.curve: list[tuple[int, Summary]] = []
-        self._ways: dict[str, Array] = {}
+        self._paths: dict[str, Array] = {}
         self._next_checkpoint = 0
         recipe = plan.recipe
         # A set number keeps sums the same. One thread is enough for the batches of a single robot.
@@ -138,8 +138,8 @@ class Training:
         """Draws the learning curve, paths to the goals and a film of the policy into the folder."""
         task = self.plan.task
         self.save_curve()
-        if task in WAYS:
-            save_ways(self._ways, self.folder / WAYS[task])
+        if task in PATH_FIGURES:
+            save_paths(self._paths, self.folder / PATH_FIGURES[task])
         film = self.folder / "film.mp4"
         save_policy_film(self.act, task, self.plan.options, film, self._rows.rows, view)
 
@@ -188,7 +188,7 @@ class Training:
         interval = self.plan.evaluation_interval
         if not self.curve or episodes // interval > self.curve[-1][0] // interval:
             name = "begin" if not self.curve else None
-            if len(self._ways) == 1 and episodes >= FIGURE_AFTER:
+            if len(self._paths) == 1 and episodes >= FIGURE_AFTER:
                 name = f"after {episodes} episodes"
             self._evaluate(name)
         if episodes >= self._next_checkpoint:
@@ -200,7 +200,7 @@ class Training:
         summary = evaluation.summary()
         self.curve.append((self.episodes, summary))
         if name:
-            self._ways[name] = evaluation.ways[:SHOWN_EPISODES].astype(np.float32)
+            self._paths[name] = evaluation.paths[:SHOWN_EPISODES].astype(np.float32)
         for field in ("median", "success"):
             self._model.logger.record(f"evaluation/{field}", getattr(summary, field))
         self._model.logger.dump(self._model.num_timesteps)
@@ -227,7 +227,7 @@ class Training:
             "normalizer": None if self._normalizer is None else _means_of(self._normalizer),
             "episodes": self._rows.episodes,
             "curve": [(episode, dataclasses.asdict(one)) for episode, one in self.curve],
-            "ways": self._ways,
+            "ways": self._paths,
             "next_checkpoint": self._next_checkpoint,
             "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
             "random_actions": model.action_space.np_random.bit_generator.state,
@@ -259,7 +259,7 @@ class Training:
             _set_means(self._normalizer, state["normalizer"])
         self._begin(state["episodes"])
         self.curve = [(episode, Summary(**one)) for episode, one in state["curve"]]
-        self._ways = state["ways"]
+        self._paths = state["ways"]
         self._next_checkpoint = state["next_checkpoint"]
         python, numpy, pytorch = state["random"]
         random.setstate(python)

@@ -26,7 +26,7 @@ EnvironmentOptions move_cube_defaults(double duration) {
 constexpr double kCubeSize = 0.065;  // [m]
 constexpr double kHalfCube = kCubeSize / 2;
 const double kCubeRadius = kHalfCube * std::numbers::sqrt3;  // Sphere around the cube.
-constexpr double kMostFar = 0.138708;                        // From the arena's centre [m].
+constexpr double kMaxDistance = 0.138708;                    // From the arena's centre [m].
 constexpr double kHighest = 0.1;
 // The cost divides distances by the width of the arena and by the range of heights of goals.
 constexpr double kArenaWidth = 0.39;
@@ -76,7 +76,7 @@ class MoveCube : public Task {
     auto& position = start.object.position;
     position[2] = kHalfCube;
     for (int draw = 0; draw < kDraws; ++draw) {
-      draw_in_disc(random, kMostFar, position.data());
+      draw_in_disc(random, kMaxDistance, position.data());
       if (is_clear(tips, position)) break;
     }
     Eigen::Quaterniond rotation(Eigen::AngleAxisd(
@@ -88,7 +88,7 @@ class MoveCube : public Task {
 
   void draw_goal(const Workspace& /*workspace*/, Random& random,
                  std::span<double> goal) const noexcept override {
-    draw_in_disc(random, kMostFar, goal.data());
+    draw_in_disc(random, kMaxDistance, goal.data());
     switch (goal_) {
       case Goal::kOnTable:
         goal[2] = kHalfCube;

@@ -28,9 +28,9 @@ mcap::Metadata session_record(const SessionHeader& header) {
                          {"companions", companions},
                          {"companion_first_indices", first_indices},
                          {"first_index", std::to_string(header.first_index)}}};
-  if (header.realtime_lacks) {
-    std::string& lacks = record.entries["realtime_lacks"];
-    for (const std::string& sentence : *header.realtime_lacks) lacks += sentence + "\n";
+  if (header.realtime_warnings) {
+    std::string& warnings = record.entries["realtime_lacks"];
+    for (const std::string& sentence : *header.realtime_warnings) warnings += sentence + "\n";
   }
   return record;
 }
@@ -116,10 +116,10 @@ SessionHeader RecordEntries::session_header() const {
   header.session_id = session_id();
   header.is_real_time = integer("is_real_time") != 0;
   if (record_.entries.contains("realtime_lacks")) {
-    std::istringstream lacks(text("realtime_lacks"));
-    header.realtime_lacks.emplace();
-    for (std::string sentence; std::getline(lacks, sentence);) {
-      header.realtime_lacks->push_back(sentence);
+    std::istringstream warnings(text("realtime_lacks"));
+    header.realtime_warnings.emplace();
+    for (std::string sentence; std::getline(warnings, sentence);) {
+      header.realtime_warnings->push_back(sentence);
     }
   }
   header.period = Nanoseconds(integer("period"));

@@ -15,7 +15,7 @@ SessionHeader SessionHeader::of(const Session& robot, const std::vector<Session>
   header.name = info.name;
   header.session_id = info.session_id;
   header.is_real_time = info.is_real_time;
-  if (info.is_real_time) header.realtime_lacks = info.realtime_lacks;
+  if (info.is_real_time) header.realtime_warnings = info.realtime_warnings;
   header.period = info.period;
   header.created = std::chrono::duration_cast<Nanoseconds>(info.created.time_since_epoch()).count();
   header.time_offset = header.created;

@@ -181,21 +181,21 @@ class LiveMessages::Implementation {
       shown_id_ = header.session_id;
       shown_ = std::make_unique<ShownSession>(session, std::move(header), companions, options_);
       declare(*shown_);
-      trouble_.clear();
-      tell(Level::kInfo, "session " + std::to_string(shown_id_) + " is shown");
+      error_.clear();
+      report(Level::kInfo, "session " + std::to_string(shown_id_) + " is shown");
     } catch (const SessionNotFound&) {
-      tell_trouble(Level::kInfo, "is not running; waits for it");
+      report_error(Level::kInfo, "is not running; waits for it");
     } catch (const RobotStopped&) {
       // The next session began during the look.
     } catch (const IncompatibleSession& error) {
-      tell_trouble(Level::kError, error.what());
+      report_error(Level::kError, error.what());
     } catch (const SystemError& error) {
-      tell_trouble(Level::kError, error.what());
+      report_error(Level::kError, error.what());
     }
   }
 
   void give_up(const Error& error) {
-    tell(Level::kError, std::string("is no longer shown: ") + error.what());
+    report(Level::kError, std::string("is no longer shown: ") + error.what());
     shown_.reset();
   }
 
@@ -246,7 +246,7 @@ class LiveMessages::Implementation {
       camera::require_jpeg();
     } catch (const Error& error) {
       image_type_ = &raw_image_type();
-      tell(Level::kWarning, std::string("images are shown raw: ") + error.what());
+      report(Level::kWarning, std::string("images are shown raw: ") + error.what());
     }
     for (std::size_t i = 0; i < messages.cameras()->cameras.size(); ++i) {
       channels_[channel(messages.image_topic(i), *image_type_)].is_image = true;
@@ -277,14 +277,14 @@ class LiveMessages::Implementation {
     }
   }
 
-  void tell(Level level, const std::string& text) {
+  void report(Level level, const std::string& text) {
     const std::int64_t time = wall_time();
     add(event_channel_, log_time(time), event_message(level, name_, text, time), 0);
     batch_->events.push_back({.time = time, .level = level, .source = name_, .text = text});
   }
-  // Tells of a trouble that lasts, once.
-  void tell_trouble(Level level, const std::string& text) {
-    if (std::exchange(trouble_, text) != text) tell(level, text);
+  // Reports an error that lasts, once.
+  void report_error(Level level, const std::string& text) {
+    if (std::exchange(error_, text) != text) report(level, text);
   }
 
   void show(ShownSession& shown) {
@@ -321,7 +321,7 @@ class LiveMessages::Implementation {
           kCameraPart);
     }
     for (const std::string& mistake : shown.messages.viewer().mistakes()) {
-      tell(Level::kWarning, mistake);
+      report(Level::kWarning, mistake);
     }
   }
 
@@ -443,7 +443,7 @@ class LiveMessages::Implementation {
         // Nobody writes after the end, so the file of the session is damaged.
       }
     }
-    tell(fault.needs_recovery() ? Level::kError : Level::kInfo, text);
+    report(fault.needs_recovery() ? Level::kError : Level::kInfo, text);
   }
 
   void show_images(ShownSession& shown) {
@@ -465,7 +465,7 @@ class LiveMessages::Implementation {
     const bool is_over = shown.images->has_ended();
     ImageThread::Taken taken = shown.images->take(kEverything);
     batch_->lost += taken.left_out;
-    if (!taken.trouble.empty()) tell_trouble(Level::kError, "images are missing: " + taken.trouble);
+    if (!taken.error.empty()) report_error(Level::kError, "images are missing: " + taken.error);
     for (LogWriter::Image& image : taken.images) {
       const std::int64_t time = image.time + shown.messages.header().time_offset;
       set_time(image.message, time);
@@ -488,7 +488,7 @@ class LiveMessages::Implementation {
   std::uint64_t shown_id_{0};
   std::vector<Document> shown_documents_;
   std::int64_t last_time_{0};  // of the session before, outside real-time mode
-  std::string trouble_;
+  std::string error_;
   Instant next_look_{};
 };
 

@@ -54,7 +54,7 @@ ImageSource::~ImageSource() = default;
 
 bool ImageSource::has_ended() const noexcept { return !options_.repeats && rounds_ > 0; }
 
-std::vector<std::string> ImageSource::take_news() { return std::exchange(news_, {}); }
+std::vector<std::string> ImageSource::take_messages() { return std::exchange(messages_, {}); }
 
 void ImageSource::go_on() noexcept {
   if (++next_ < sets_.size()) return;
@@ -102,10 +102,10 @@ bool ImageSource::grab(std::span<const std::span<std::byte>> images, std::span<F
       std::memcpy(images[i].data(), pixels.data(), pixels.size());
     } catch (const NotInLog& error) {
       frame.state = Frame::State::kNone;
-      if (rounds_ == 0) news_.emplace_back(error.what());
+      if (rounds_ == 0) messages_.emplace_back(error.what());
     } catch (const InvalidArgument& error) {
       frame.state = Frame::State::kDamaged;
-      if (rounds_ == 0) news_.emplace_back(error.what());
+      if (rounds_ == 0) messages_.emplace_back(error.what());
     }
   }
   go_on();

@@ -382,7 +382,7 @@ std::vector<FlightRecorder::Left> FlightRecorder::write() {
                  "left by the flight recorder");
       remove_oldest();
     } catch (const std::exception& error) {
-      left.trouble = error.what();
+      left.error = error.what();
     }
     all.push_back(std::move(left));
   }

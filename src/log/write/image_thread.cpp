@@ -16,7 +16,7 @@ namespace {
 // Pixels can be read for some 16 images, so this is soon enough for 1000 images per second.
 constexpr Nanoseconds kImagePollPeriod = std::chrono::milliseconds(5);
 // How long a back-end that waits for its recorder waits for room, like for anything else.
-constexpr Nanoseconds kPatience = std::chrono::seconds(1);
+constexpr Nanoseconds kTimeout = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -50,7 +50,7 @@ ImageThread::Taken ImageThread::take(std::size_t max_size) {
   }
   size_ -= size;
   taken.left_out = std::exchange(left_out_, 0);
-  taken.trouble = std::exchange(trouble_, {});
+  taken.error = std::exchange(error_, {});
   return taken;
 }
 
@@ -176,7 +176,7 @@ void ImageThread::compress(LogWriter::Image& image) const {
 
 // Returns false if there is no room.
 bool ImageThread::put(LogWriter::Image& image) {
-  const Deadline deadline(is_patient_ ? kPatience : Nanoseconds::zero());
+  const Deadline deadline(is_patient_ ? kTimeout : Nanoseconds::zero());
   while (true) {
     {
       const std::lock_guard lock(mutex_);
@@ -192,10 +192,10 @@ bool ImageThread::put(LogWriter::Image& image) {
   }
 }
 
-void ImageThread::leave_out(std::int64_t count, const std::string& trouble) {
+void ImageThread::leave_out(std::int64_t count, const std::string& error) {
   const std::lock_guard lock(mutex_);
   left_out_ += count;
-  if (!trouble.empty()) trouble_ = trouble;
+  if (!error.empty()) error_ = error;
 }
 
 }  // namespace trifinger::log::detail

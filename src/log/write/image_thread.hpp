@@ -38,7 +38,7 @@ class ImageThread {
   struct Taken {
     std::vector<LogWriter::Image> images;  // without their time
     std::int64_t left_out{0};
-    std::string trouble;  // a sentence; empty if there is none
+    std::string error;  // a sentence; empty if there is none
   };
 
   // Begins with element `first` of `companion`, which has the images of `cameras`.
@@ -68,7 +68,7 @@ class ImageThread {
   void compress(LogWriter::Image& image) const;
   [[nodiscard]] std::optional<LogWriter::Image> next_to_compress();
   [[nodiscard]] bool put(LogWriter::Image& image);
-  void leave_out(std::int64_t count, const std::string& trouble = {});
+  void leave_out(std::int64_t count, const std::string& error = {});
 
   UntypedFrontend companion_;
   SessionHeader header_;  // its time offset is 0
@@ -89,7 +89,7 @@ class ImageThread {
   std::deque<LogWriter::Image> images_;
   std::size_t size_{0};  // of both
   std::int64_t left_out_{0};
-  std::string trouble_;
+  std::string error_;
 
   ipc::ForkGuard fork_;
   std::thread grabber_;

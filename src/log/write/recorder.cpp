@@ -54,7 +54,7 @@ struct RecordedRobot {
   std::uint64_t newest_id{0};
   bool is_known{false};       // earlier recordings were looked up
   std::int64_t last_time{0};  // time at which the previous session ends
-  bool is_behind{false};      // and a warning said so
+  bool is_behind{false};      // a warning has said that it lags behind
 
   // Number of sessions that have appeared, including ours. `missed`: reported as missed.
   int appeared{-1};
@@ -78,7 +78,7 @@ class Recorder::Implementation {
         counter_(options_.is_follower ? std::vector<std::string>() : robots),
         recording_(robots, options_,
                    [this](Level level, std::string_view source, const std::string& text) {
-                     tell(level, source, text);
+                     report(level, source, text);
                    }) {
     if (!wake_) throw SystemError("make an event", errno);
     for (const std::string& name : robots) robots_.emplace_back().name = name;
@@ -151,10 +151,10 @@ class Recorder::Implementation {
       const int missed = count + robot.before_counter - robot.found - robot.missed;
       if (missed > 0 && robot.appeared == count) {
         robot.missed += missed;
-        tell(Level::kError, kRecorder,
-             (missed == 1 ? "a session of " + robot.name + " was"
-                          : std::to_string(missed) + " sessions of " + robot.name + " were") +
-                 " over before the recorder looked");
+        report(Level::kError, kRecorder,
+               (missed == 1 ? "a session of " + robot.name + " was"
+                            : std::to_string(missed) + " sessions of " + robot.name + " were") +
+                   " over before the recorder looked");
       }
     }
   }
@@ -177,17 +177,17 @@ class Recorder::Implementation {
       add(robot, session, companions, std::make_shared<std::atomic<TimeIndex>>(0));
       return true;
     } catch (const SessionNotFound&) {
-      if (robot.appeared < 0) tell(Level::kInfo, kRecorder, "waits for " + robot.name);
+      if (robot.appeared < 0) report(Level::kInfo, kRecorder, "waits for " + robot.name);
       return true;  // the session does not exist yet, or no longer
     } catch (const RobotStopped&) {
       return false;  // the next session began during the look
     } catch (const IncompatibleSession& error) {
       ++robot.found;
-      tell(Level::kError, kRecorder, error.what());
+      report(Level::kError, kRecorder, error.what());
       return true;
     } catch (const SystemError& error) {
       const bool is_new = robot.newest_id != 0 || robot.appeared < 0;
-      if (is_new) tell(Level::kError, kRecorder, error.what());
+      if (is_new) report(Level::kError, kRecorder, error.what());
       robot.newest_id = 0;
       return true;
     }
@@ -201,9 +201,9 @@ class Recorder::Implementation {
       add(robot, session.robot, session.companions, session.next_step);
     }
     if (taken.dropped > 0) {
-      tell(Level::kError, kRecorder,
-           std::to_string(taken.dropped) + " sessions of " + robot.name +
-               " are not in the log: the disk is too slow");
+      report(Level::kError, kRecorder,
+             std::to_string(taken.dropped) + " sessions of " + robot.name +
+                 " are not in the log: the disk is too slow");
     }
   }
 
@@ -213,13 +213,13 @@ class Recorder::Implementation {
         session, companions, std::move(next_step),
         ImageOptions{.storage = options_.images, .quality = options_.jpeg_quality},
         [this](Level level, std::string_view source, const std::string& text) {
-          tell(level, source, text);
+          report(level, source, text);
         });
     robot.newest = session;
     // Files of other recorders can only contain sessions that began before this recorder.
     if (!std::exchange(robot.is_known, true)) {
       robot.last_time = recording_.last_time();
-      tell_of_lost_ends(robot, recorder->header().session_id);
+      report_lost_ends(robot, recorder->header().session_id);
       if (const auto position = recording_.find(robot.name, recorder->header().session_id)) {
         // After a clean end, the recording continues only if no step is missing. Otherwise a new
         // one begins.
@@ -233,14 +233,14 @@ class Recorder::Implementation {
     if (recorder->is_done()) return;
     if (robot.sessions.size() >= SessionInbox::kMaxWaiting) {
       robot.sessions.pop_front();
-      tell(Level::kError, kRecorder,
-           "a session of " + robot.name + " is not in the log: too many wait to be written");
+      report(Level::kError, kRecorder,
+             "a session of " + robot.name + " is not in the log: too many wait to be written");
     }
     robot.sessions.push_back(std::move(recorder));
   }
 
   // Reports sessions that ended and were replaced while no recorder was running.
-  void tell_of_lost_ends(const RecordedRobot& robot, std::uint64_t session_id) {
+  void report_lost_ends(const RecordedRobot& robot, std::uint64_t session_id) {
     for (const std::uint64_t id : recording_.open_sessions(robot.name)) {
       if (id == session_id) continue;
       const auto position = recording_.find(robot.name, id);
@@ -249,9 +249,9 @@ class Recorder::Implementation {
           position->next_step == 0
               ? "no step"
               : "nothing after step " + std::to_string(position->next_step - 1);
-      tell(Level::kError, kRecorder,
-           since + " of the previous session of " + robot.name +
-               " was recorded: that session ended without a recorder");
+      report(Level::kError, kRecorder,
+             since + " of the previous session of " + robot.name +
+                 " was recorded: that session ended without a recorder");
     }
   }
 
@@ -261,12 +261,12 @@ class Recorder::Implementation {
   void work() {
     hurry_ = false;
     for (RecordedRobot& robot : robots_) watch_lag(robot);
-    if (trouble_since_ && now() < next_attempt_) return;
+    if (error_since_ && now() < next_attempt_) return;
     try {
       write();
-      end_trouble();
+      end_error();
     } catch (const SystemError& error) {
-      begin_trouble(error);
+      begin_error(error);
     }
   }
 
@@ -285,7 +285,7 @@ class Recorder::Implementation {
       }
     }
     if (recording_.is_open()) write_events();
-    recording_.flush(trouble_since_.has_value());
+    recording_.flush(error_since_.has_value());
   }
 
   void pump(RecordedRobot& robot, SessionCopier& session) {
@@ -300,7 +300,7 @@ class Recorder::Implementation {
     } catch (const SystemError&) {
       throw;
     } catch (const Error& error) {
-      tell(Level::kError, kRecorder, robot.name + " cannot be recorded: " + error.what());
+      report(Level::kError, kRecorder, robot.name + " cannot be recorded: " + error.what());
       session.give_up();
     }
   }
@@ -315,27 +315,28 @@ class Recorder::Implementation {
     }
   }
 
-  void begin_trouble(const SystemError& error) {
+  void begin_error(const SystemError& error) {
     next_attempt_ = now() + kSlowPeriod;
-    if (trouble_since_ && trouble_ == error.what()) return;
-    trouble_ = error.what();
-    if (!trouble_since_) {
-      trouble_since_ = now();
-      lost_before_trouble_ = lost_steps();
+    if (error_since_ && error_ == error.what()) return;
+    error_ = error.what();
+    if (!error_since_) {
+      error_since_ = now();
+      lost_before_error_ = lost_steps();
     }
-    tell(
+    report(
         Level::kError, "recorder",
-        "cannot write: " + trouble_ + "; tries again as long as the history holds what is missing");
+        "cannot write: " + error_ + "; tries again as long as the history holds what is missing");
   }
 
-  void end_trouble() {
-    if (!trouble_since_) return;
-    const std::int64_t lost = lost_steps() - lost_before_trouble_;
-    tell(Level::kWarning, kRecorder,
-         "writes again after " + seconds_text(now() - *trouble_since_) +
-             (lost == 0 ? "; nothing was lost" : "; " + std::to_string(lost) + " steps were lost"));
-    trouble_since_.reset();
-    trouble_.clear();
+  void end_error() {
+    if (!error_since_) return;
+    const std::int64_t lost = lost_steps() - lost_before_error_;
+    report(
+        Level::kWarning, kRecorder,
+        "writes again after " + seconds_text(now() - *error_since_) +
+            (lost == 0 ? "; nothing was lost" : "; " + std::to_string(lost) + " steps were lost"));
+    error_since_.reset();
+    error_.clear();
   }
 
   // Writes everything that is left and closes the file: after a stop, or when nothing more can
@@ -347,7 +348,7 @@ class Recorder::Implementation {
       look_for_sessions();
       write_all();
     }
-    end_trouble();
+    end_error();
     if (recording_.is_open()) write_events();
     recording_.finish();
     update_state();
@@ -375,14 +376,14 @@ class Recorder::Implementation {
     if (lag < kHarmlessLag) robot.is_behind = false;
     if (lag < kWorryingLag || robot.is_behind || !session.header().is_real_time) return;
     robot.is_behind = true;
-    tell(Level::kWarning, kRecorder,
-         "far behind " + robot.name + ": at step " + std::to_string(session.next_step()) +
-             ", and half of its history is used up");
+    report(Level::kWarning, kRecorder,
+           "far behind " + robot.name + ": at step " + std::to_string(session.next_step()) +
+               ", and half of its history is used up");
   }
 
   // --- other functions ---
 
-  void tell(Level level, std::string_view source, const std::string& text) {
+  void report(Level level, std::string_view source, const std::string& text) {
     Event event{.time = wall_time(), .level = level, .source = std::string(source), .text = text};
     if (options_.on_event) options_.on_event(event);
     if (events_.size() >= kMaxEvents) events_.pop_front();
@@ -403,9 +404,9 @@ class Recorder::Implementation {
     if (std::chrono::abs(change) < kWallClockChange) return;
     wall_clock_offset_ = offset;
     const auto seconds = static_cast<double>(change.count()) / 1e9;
-    tell(Level::kWarning, kRecorder,
-         "the wall clock has moved by " + std::to_string(seconds) +
-             " s; minus the monotonic clock it is now " + std::to_string(offset.count()) + " ns");
+    report(Level::kWarning, kRecorder,
+           "the wall clock has moved by " + std::to_string(seconds) +
+               " s; minus the monotonic clock it is now " + std::to_string(offset.count()) + " ns");
   }
 
   // True if nothing more can come.
@@ -465,7 +466,7 @@ class Recorder::Implementation {
     state.file = recording_.path();
     state.bytes = recording_.bytes();
     state.lost_steps = lost_steps();
-    state.trouble = trouble_;
+    state.error = error_;
     const std::lock_guard lock(mutex_);
     state_ = std::move(state);
   }
@@ -493,10 +494,10 @@ class Recorder::Implementation {
   Instant next_slow_look_;
   Instant next_look_at_ends_;
 
-  std::optional<Instant> trouble_since_;
-  std::string trouble_;
+  std::optional<Instant> error_since_;
+  std::string error_;
   Instant next_attempt_;
-  std::int64_t lost_before_trouble_{0};
+  std::int64_t lost_before_error_{0};
   std::int64_t images_{0};           // sum over finished sessions
   std::int64_t left_out_images_{0};  // sum over finished sessions
   std::int64_t steps_{0};            // sum over finished sessions

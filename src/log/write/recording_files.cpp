@@ -84,8 +84,8 @@ std::string log_entry(const mcap::Contents& contents, const std::string& key) {
 }  // namespace
 
 RecordingFiles::RecordingFiles(const std::vector<std::string>& robots,
-                               const RecorderOptions& options, Tell tell)
-    : options_(options), tell_(std::move(tell)), name_(joined(robots)) {
+                               const RecorderOptions& options, Report report)
+    : options_(options), report_(std::move(report)), name_(joined(robots)) {
   std::error_code error;
   std::filesystem::create_directories(options_.folder, error);
   if (error) throw SystemError("make the folder " + options_.folder.string(), error.value());
@@ -151,7 +151,7 @@ void RecordingFiles::find_unfinished(std::vector<File> files) {
       }
       break;
     } catch (const Error& error) {
-      tell_(Level::kWarning, kRecorder, file.path.string() + " cannot be read: " + error.what());
+      report_(Level::kWarning, kRecorder, file.path.string() + " cannot be read: " + error.what());
     }
   }
   id_ = random_id();
@@ -250,9 +250,9 @@ void RecordingFiles::open() {
                      .reader = std::make_unique<mcap::Reader>(unfinished.file.path)};
       throw;
     } catch (const InvalidArgument& error) {
-      tell_(Level::kWarning, kRecorder,
-            "cannot go on with " + unfinished.file.path.string() + ": " + error.what() +
-                "; begins another file");
+      report_(Level::kWarning, kRecorder,
+              "cannot go on with " + unfinished.file.path.string() + ": " + error.what() +
+                  "; begins another file");
       ++part_;
     }
   }
@@ -281,7 +281,7 @@ void RecordingFiles::open_new() {
     throw;
   }
   begin_file(std::move(sink), path, 0);
-  tell_(Level::kInfo, kRecorder, "records into " + path_.string());
+  report_(Level::kInfo, kRecorder, "records into " + path_.string());
 }
 
 void RecordingFiles::go_on(const Unfinished& unfinished) {
@@ -294,7 +294,7 @@ void RecordingFiles::go_on(const Unfinished& unfinished) {
     text += "; " + std::to_string(unfinished.file.size - contents.complete_size) +
             " bytes at its end were half written";
   }
-  tell_(Level::kWarning, kRecorder, text);
+  report_(Level::kWarning, kRecorder, text);
 }
 
 std::unique_ptr<mcap::Sink> RecordingFiles::open_file(const std::filesystem::path& path,
@@ -338,8 +338,8 @@ void RecordingFiles::flush(bool is_wanted) {
     sync();
     std::error_code ignored;
     if (!std::filesystem::exists(path_, ignored)) {
-      tell_(Level::kWarning, kRecorder,
-            path_.string() + " was removed or renamed; begins another file");
+      report_(Level::kWarning, kRecorder,
+              path_.string() + " was removed or renamed; begins another file");
       finish_file();
       return;
     }
@@ -376,7 +376,7 @@ void RecordingFiles::sync() {
     synced_size_ = sink_->size();
   } catch (const SystemError& error) {
     // The data is safe as long as the machine runs. The next sync may succeed.
-    tell_(Level::kError, kRecorder, error.what());
+    report_(Level::kError, kRecorder, error.what());
   }
 }
 
@@ -404,10 +404,10 @@ void RecordingFiles::remove_oldest() {
     const File& oldest = finished_.front();
     std::error_code error;
     std::filesystem::remove(oldest.path, error);
-    tell_(error ? Level::kError : Level::kInfo, kRecorder,
-          error ? "cannot remove " + oldest.path.string() + ": " + error.message()
-                : "removed " + oldest.path.string() + " to stay below " +
-                      size_text(options_.max_total));
+    report_(error ? Level::kError : Level::kInfo, kRecorder,
+            error ? "cannot remove " + oldest.path.string() + ": " + error.message()
+                  : "removed " + oldest.path.string() + " to stay below " +
+                        size_text(options_.max_total));
     total -= std::min(total, oldest.size);
     finished_.pop_front();
   }

@@ -25,10 +25,11 @@ namespace trifinger::log::detail {
 // throw SystemError; the next call tries again.
 class RecordingFiles {
  public:
-  using Tell = SessionCopier::Tell;
+  using Report = SessionCopier::Report;
 
   // Reads the folder. Throws AlreadyRecorded, InvalidArgument, SystemError.
-  RecordingFiles(const std::vector<std::string>& robots, const RecorderOptions& options, Tell tell);
+  RecordingFiles(const std::vector<std::string>& robots, const RecorderOptions& options,
+                 Report report);
 
   // Returns how far earlier recorders have recorded this session; nothing if they do not know it.
   [[nodiscard]] std::optional<RecordedPosition> find(const std::string& robot,
@@ -93,7 +94,7 @@ class RecordingFiles {
   [[nodiscard]] std::uint64_t rotate_size() const noexcept;
 
   const RecorderOptions& options_;
-  Tell tell_;
+  Report report_;
   std::vector<RecordingLock> locks_;
   std::string name_;  // names of the robots, as in the names of files
   std::string stem_;

@@ -55,13 +55,13 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
                              const std::optional<ipc::ProcessIdentity>& robot_process)
     : path_(folder / ("." + robot + ".recorder")) {
   constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH;
-  const ipc::LockPatience patience;
+  const ipc::LockTimeout timeout;
   while (true) {
     file_ = ipc::FileDescriptor(
         [this] { return open_regular_file(path_, O_RDWR | O_CREAT, NamedBy::kProgram, kMode); });
     if (!ipc::try_lock(file_)) {
       const LockOwner owner = LockOwner::read(file_);
-      if (patience.wait(owner.is_finishing())) continue;
+      if (timeout.wait(owner.is_finishing())) continue;
       if (owner.is_finishing()) throw_unfinished(folder, robot, owner);
       throw_recorded(folder, robot, owner);
     }

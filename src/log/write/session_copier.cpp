@@ -50,10 +50,10 @@ constexpr std::string_view kOverwritten = "overwritten before it was recorded";
 
 SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& companions,
                              std::shared_ptr<std::atomic<TimeIndex>> next_step,
-                             const ImageOptions& images, Tell tell)
+                             const ImageOptions& images, Report report)
     : session_(robot),
       companion_sessions_(companions),
-      tell_(std::move(tell)),
+      report_(std::move(report)),
       robot_(robot),
       header_(SessionHeader::of(robot, companions)),
       next_step_(std::move(next_step)),
@@ -188,8 +188,8 @@ void SessionCopier::pump(LogWriter& log, int file) {
     }
     number_ = log.begin_session(header_);
     if (file_ < 0) {
-      tell_(Level::kInfo, header_.name,
-            "is recorded from step " + std::to_string(next_step()) + " on");
+      report_(Level::kInfo, header_.name,
+              "is recorded from step " + std::to_string(next_step()) + " on");
     }
     file_ = file;
   }
@@ -210,8 +210,8 @@ void SessionCopier::begin_images() {
     try {
       camera::require_jpeg();
     } catch (const Error& error) {
-      tell_(Level::kWarning, kRecorder,
-            "images of " + header_.name + " are recorded raw: " + error.what());
+      report_(Level::kWarning, kRecorder,
+              "images of " + header_.name + " are recorded raw: " + error.what());
       image_options_.storage = ImageStorage::kRaw;
     }
   }
@@ -234,26 +234,25 @@ void SessionCopier::pump_images(LogWriter& log) {
       ++num_images_;
     }
     left_out_images_ += taken.left_out;
-    if (!taken.trouble.empty()) image_trouble_ = taken.trouble;
+    if (!taken.error.empty()) image_error_ = taken.error;
   }
   has_all_images_ = is_over;
   publish_next();
-  tell_of_images(is_over);
+  report_images(is_over);
 }
 
 // At most once per second.
-void SessionCopier::tell_of_images(bool is_end) {
+void SessionCopier::report_images(bool is_end) {
   const Instant now = std::chrono::steady_clock::now();
-  const std::int64_t count = left_out_images_ - told_left_out_;
+  const std::int64_t count = left_out_images_ - reported_left_out_;
   if (count == 0 || (now < next_sentence_ && !is_end)) return;
-  told_left_out_ = left_out_images_;
+  reported_left_out_ = left_out_images_;
   next_sentence_ = now + std::chrono::seconds(1);
-  const std::string why =
-      image_trouble_.empty() ? "processors or disk were too slow" : image_trouble_;
-  tell_(image_trouble_.empty() ? Level::kWarning : Level::kError, kRecorder,
-        std::to_string(count) + (count == 1 ? " image of " : " images of ") + header_.name +
-            (count == 1 ? " is" : " are") + " not in the log: " + why);
-  image_trouble_.clear();
+  const std::string why = image_error_.empty() ? "processors or disk were too slow" : image_error_;
+  report_(image_error_.empty() ? Level::kWarning : Level::kError, kRecorder,
+          std::to_string(count) + (count == 1 ? " image of " : " images of ") + header_.name +
+              (count == 1 ? " is" : " are") + " not in the log: " + why);
+  image_error_.clear();
 }
 
 void SessionCopier::pump_steps(LogWriter& log, TimeIndex end) {
@@ -312,7 +311,7 @@ void SessionCopier::lose_steps(LogWriter& log, TimeIndex end) {
   log.write_gap(*number_, first, found - 1, kOverwritten);
   set_next(found);
   lost_steps_ += found - first;
-  tell_(Level::kError, kRecorder, loss_text("step", first, found - 1, header_.name));
+  report_(Level::kError, kRecorder, loss_text("step", first, found - 1, header_.name));
 }
 
 void SessionCopier::pump_companion(LogWriter& log, std::size_t index) {
@@ -355,8 +354,8 @@ void SessionCopier::pump_companion(LogWriter& log, std::size_t index) {
                  end);
     log.write_companion_gap(*number_, index, first, again - 1, kOverwritten);
     companion.next = again;
-    tell_(Level::kError, kRecorder,
-          loss_text("element", first, again - 1, header_.companions[index].name));
+    report_(Level::kError, kRecorder,
+            loss_text("element", first, again - 1, header_.companions[index].name));
   }
 }
 
@@ -382,7 +381,7 @@ void SessionCopier::write_end(LogWriter& log, const Fault& fault) {
   is_done_ = true;
   // release: the payloads of the session may be overwritten, too.
   next_step_->store(kEndless, std::memory_order_release);
-  tell_(fault.needs_recovery() ? Level::kError : Level::kInfo, header_.name, text);
+  report_(fault.needs_recovery() ? Level::kError : Level::kInfo, header_.name, text);
 }
 
 }  // namespace trifinger::log::detail

@@ -28,14 +28,14 @@ inline constexpr std::string_view kRecorder = "recorder";
 // Knows how far it is.
 class SessionCopier {
  public:
-  using Tell = std::function<void(Level level, std::string_view source, const std::string& text)>;
+  using Report = std::function<void(Level level, std::string_view source, const std::string& text)>;
 
   // `tell` is called during `pump`. `next_step` always holds the first step that is still to be
   // read, or whose images are; other threads may read it. Throws Error if the session cannot be
   // read.
   SessionCopier(const Session& robot, const std::vector<Session>& companions,
                 std::shared_ptr<std::atomic<TimeIndex>> next_step, const ImageOptions& images,
-                Tell tell);
+                Report report);
 
   // Continues at `position`. Steps that the history has lost since then become a gap, but only if
   // the recording is the same.
@@ -95,7 +95,7 @@ class SessionCopier {
   void publish_next() noexcept;
   void begin_images();
   void pump_images(LogWriter& log);
-  void tell_of_images(bool is_end);
+  void report_images(bool is_end);
   [[nodiscard]] TimeIndex whole_steps() const;
   [[nodiscard]] TimeIndex oldest_step() const;
   // Returns how many elements to keep away from the oldest one, which is about to be overwritten.
@@ -108,7 +108,7 @@ class SessionCopier {
 
   Session session_;
   std::vector<Session> companion_sessions_;
-  Tell tell_;
+  Report report_;
   UntypedFrontend robot_;
   std::vector<CompanionReader> companions_;
   SessionHeader header_;
@@ -131,8 +131,8 @@ class SessionCopier {
   std::deque<UnreadImages> unread_images_;  // outside real-time mode
   std::int64_t num_images_{0};
   std::int64_t left_out_images_{0};
-  std::int64_t told_left_out_{0};
-  std::string image_trouble_;  // a sentence that is still to be told
+  std::int64_t reported_left_out_{0};
+  std::string image_error_;  // a message that is still to be reported
   Instant next_sentence_{};
 
   std::size_t batch_;  // number of steps read at once

@@ -45,15 +45,15 @@ bool Carrier::plan(const Pose& object, const Pose& goal) {
                       .lift_time = period_,
                       .hold_time = Seconds(0),
                       .lower_time = config_.lower_time};
-  const ObjectWay way(task, time, rest, above);
+  const ObjectTrajectory trajectory(task, time, rest, above);
   std::vector<Motion> points;
   for (int i = 0; i <= kCarryPoints; ++i)
-    points.push_back(way.at(way.duration() * i / kCarryPoints));
+    points.push_back(trajectory.at(trajectory.duration() * i / kCarryPoints));
   const auto grasp = planner_.plan(points);
   if (!grasp) return false;
   next_ = std::make_unique<Manipulation>(description_, config_.grasp, period_);
   next_->rest_at(rest);
-  next_->begin(Plan{grasp->touches, grasp->torque_share, rest, way});
+  next_->begin(Plan{grasp->touches, grasp->torque_share, rest, trajectory});
   return true;
 }
 
@@ -61,7 +61,7 @@ void Carrier::begin(TimeIndex step) noexcept {
   std::swap(carry_, next_);
   step_ = step;
   is_rising_ = true;
-  has_way_ = false;
+  has_trajectories_ = false;
   has_ended_ = false;
 }
 
@@ -78,7 +78,7 @@ const TriFinger::Action& Carrier::update(TimeIndex step,
   set_torques(action_, torques);
   if (is_rising_) {
     torque_share_ = drive_.torque_share();
-    is_rising_ = !std::ranges::all_of(ways_, &TipWay::is_complete);
+    is_rising_ = !std::ranges::all_of(trajectories_, &TipTrajectory::is_complete);
     first_ = step + 1;
   } else {
     torque_share_ = carry_->grasp().torque_share;
@@ -91,16 +91,16 @@ const TriFinger::Action& Carrier::update(TimeIndex step,
 const JointValues& Carrier::rise(Seconds elapsed, const control::JointState& joints) noexcept {
   drive_.sense(joints);
   TipsDrive::Motions motions;
-  for (std::size_t k = 0; k < ways_.size(); ++k) {
+  for (std::size_t k = 0; k < trajectories_.size(); ++k) {
     const Eigen::Vector3d& tip = drive_.tips()[k];
-    if (!has_way_) {
-      ways_[k].rest_at(tip);
+    if (!has_trajectories_) {
+      trajectories_[k].rest_at(tip);
       const Eigen::Vector3d up(tip.x(), tip.y(), std::max(tip.z(), kRaised));
-      ways_[k].begin({up, home_[k]}, config_.grasp.controller.approach_speed);
+      trajectories_[k].begin({up, home_[k]}, config_.grasp.controller.approach_speed);
     }
-    motions[k] = ways_[k].advance(elapsed);
+    motions[k] = trajectories_[k].advance(elapsed);
   }
-  has_way_ = true;
+  has_trajectories_ = true;
   TipsDrive::Points forces;
   forces.fill(Eigen::Vector3d::Zero());
   return drive_.torques(motions, forces);

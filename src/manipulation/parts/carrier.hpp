@@ -6,7 +6,7 @@
 
 #include "manipulation/parts/manipulation.hpp"
 #include "manipulation/parts/task.hpp"
-#include "manipulation/parts/tip_way.hpp"
+#include "manipulation/parts/tip_trajectory.hpp"
 #include "manipulation/parts/tips_drive.hpp"
 #include "trifinger/control/grasp_planner.hpp"
 #include "trifinger/joint/types.hpp"
@@ -23,7 +23,7 @@ struct CarrierConfig {
   double height;         // Above the table, on the way [m].
   double speed;          // Mean speed of the object [m/s].
   double turn_speed;
-  Seconds least_time;  // Least time of the way.
+  Seconds least_time;  // Least time of the trajectory.
   Seconds lower_time;
 };
 
@@ -65,11 +65,11 @@ class Carrier {
   std::unique_ptr<Manipulation> next_;  // Made by `plan`.
   std::unique_ptr<Manipulation> carry_;
   TipsDrive drive_;
-  std::array<TipWay, control::kContacts> ways_{};
+  std::array<TipTrajectory, control::kContacts> trajectories_{};
   TimeIndex step_{0};
   TipsDrive::Points home_;  // Where the tips begin.
   bool is_rising_{false};
-  bool has_way_{false};
+  bool has_trajectories_{false};
   bool has_ended_{true};
   TimeIndex first_{0};  // Step at which `carry_` begins.
   double torque_share_{0.0};

@@ -51,11 +51,11 @@ FingerPose Fetcher::pose_for(int finger, const Vector3d& tip, const Vector3d& ne
 
 bool Fetcher::begin(Seconds now, const control::JointState& joints, const Pose& object,
                     const Vector3d& goal) noexcept {
-  Vector3d way = goal - object.position;
-  way.z() = 0.0;
-  const double distance = way.norm();
+  Vector3d displacement = goal - object.position;
+  displacement.z() = 0.0;
+  const double distance = displacement.norm();
   if (!(distance > kCloseEnough)) return false;
-  const Vector3d direction = way / distance;
+  const Vector3d direction = displacement / distance;
   const double radius = figures(kinematics_.description()).tip_radius;
   const double reach = half_width(object, direction) + radius;
   const double over = 2 * half_width(object, Vector3d::UnitZ()) + kAbove;

@@ -150,7 +150,7 @@ void add_grasp(Steps steps, Seconds period, Drift drift, std::vector<Figure>& fi
     friction.push_back(
         grasp.tangential_forces.cwiseQuotient(grasp.normal_forces.cwiseMax(1e-3)).maxCoeff());
     travel_max = std::max(travel_max, grasp.travel.maxCoeff());
-    if (!step.is_in_sight) blind_time += period;
+    if (!step.is_visible) blind_time += period;
     if (grasp.is_slipping) slip_time += period;
     torque_share = std::max(torque_share, step.torque_share);
     if (grasp.is_exact) ++exact;

@@ -45,7 +45,7 @@ void GraspedMotion::note() noexcept {
             .desired = manipulation_.desired(),
             .object = manipulation_.object(),
             .torque_share = grasp.torque_share,
-            .is_in_sight = manipulation_.is_in_sight(),
+            .is_visible = manipulation_.is_visible(),
             .grasp = FeltGrasp{.normal_forces = grasp.normal_forces,
                                .tangential_forces = grasp.tangential_forces,
                                .travel = grasp.travel,

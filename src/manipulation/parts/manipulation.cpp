@@ -26,11 +26,11 @@ constinit const std::array<Manipulation::Row, 10> Manipulation::kPhases{{
     // name, when it is stopped, done, next, entry, during
     {"look", &M::fail, nullptr, kPlan, nullptr, &M::look},
     {"plan", &M::fail},
-    {"grasp", &M::release, &M::holds, kLead, &M::begin_way},
-    {"lead", &M::give_up, nullptr, kFollow, nullptr, &M::follow_way},
-    {"follow", &M::give_up, nullptr, kHold, nullptr, &M::follow_way},
-    {"hold", &M::give_up, nullptr, kLower, nullptr, &M::follow_way},
-    {"lower", &M::give_up, nullptr, kRelease, nullptr, &M::follow_way},
+    {"grasp", &M::release, &M::holds, kLead, &M::begin_trajectory},
+    {"lead", &M::give_up, nullptr, kFollow, nullptr, &M::follow_trajectory},
+    {"follow", &M::give_up, nullptr, kHold, nullptr, &M::follow_trajectory},
+    {"hold", &M::give_up, nullptr, kLower, nullptr, &M::follow_trajectory},
+    {"lower", &M::give_up, nullptr, kRelease, nullptr, &M::follow_trajectory},
     {"release", &M::note_failure, nullptr, kDone, nullptr, &M::finish_release},
     {"done"},
     {"failed"},
@@ -72,12 +72,12 @@ void Manipulation::begin_again(TimeIndex step) noexcept {
 
 void Manipulation::see(TimeIndex captured, const Pose& pose) noexcept {
   // The pose wanted at the step of the capture may not be known before `update`.
-  if (captured > last_seen_) news_ = SeenPose{captured, pose};
+  if (captured > last_seen_) new_pose_ = SeenPose{captured, pose};
 }
 
-void Manipulation::take_news() noexcept {
-  if (!news_) return;
-  const auto [captured, pose] = *std::exchange(news_, std::nullopt);
+void Manipulation::take_pose() noexcept {
+  if (!new_pose_) return;
+  const auto [captured, pose] = *std::exchange(new_pose_, std::nullopt);
   const TimeIndex step = clock_.step();
   if (captured > step || captured <= step - static_cast<TimeIndex>(kMemory)) return;
   last_seen_ = captured;
@@ -107,13 +107,13 @@ const Manipulation::Remembered& Manipulation::memory_at(TimeIndex step) const no
   return memory_[static_cast<std::size_t>(std::max<TimeIndex>(step, 0)) % kMemory];
 }
 
-bool Manipulation::is_in_sight() const noexcept {
+bool Manipulation::is_visible() const noexcept {
   return !holds() || clock_.now() - clock_.time_of(last_seen_) <= kOutOfSight;
 }
 
 // Takes the motion of an object that is out of sight from the tips.
 void Manipulation::feel() noexcept {
-  if (is_in_sight()) return;
+  if (is_visible()) return;
   (void)estimator_.update(clock_.now(), carried(known_.pose, known_.felt), desired_);
 }
 
@@ -168,11 +168,11 @@ void Manipulation::stop() noexcept {
 
 void Manipulation::give_up(std::string_view failure) noexcept {
   note_failure(failure);
-  plan_->way.give_up(way_time());
+  plan_->trajectory.give_up(trajectory_time());
 }
 
-void Manipulation::follow_way(Seconds /*elapsed*/) noexcept {
-  const Leg leg = plan_->way.leg_at(way_time());
+void Manipulation::follow_trajectory(Seconds /*elapsed*/) noexcept {
+  const Leg leg = plan_->trajectory.leg_at(trajectory_time());
   if (leg == Leg::kRest) {
     release(next_failure_);
     return;
@@ -197,13 +197,13 @@ void Manipulation::finish_release(Seconds /*elapsed*/) noexcept {
 void Manipulation::set_desired() noexcept {
   switch (phase_) {
     case Phase::kGrasp:
-      desired_ = plan_->way.at(Seconds(0));
+      desired_ = plan_->trajectory.at(Seconds(0));
       return;
     case Phase::kLead:
     case Phase::kFollow:
     case Phase::kHold:
     case Phase::kLower:
-      desired_ = plan_->way.at(way_time());
+      desired_ = plan_->trajectory.at(trajectory_time());
       return;
     default:
       // In these phases the object should stay at rest.
@@ -228,7 +228,7 @@ const JointValues& Manipulation::update(TimeIndex step,
   felt_ = moved(felt_, controller_.state().felt, elapsed);
   if (step >= 0)
     memory_[static_cast<std::size_t>(step) % kMemory] = {.desired = desired_, .felt = felt_};
-  take_news();
+  take_pose();
   feel();
   object_ = estimator_.predict(clock_.now(), desired_);
   return controller_.update(elapsed, joints, object_, desired_);

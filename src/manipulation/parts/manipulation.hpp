@@ -77,7 +77,7 @@ class Manipulation : public Phased<Manipulation, Phase, NoSkill> {
 
   // False if the object is held and was not seen for 0.3 s. Its motion is then the one that the
   // tips feel.
-  [[nodiscard]] bool is_in_sight() const noexcept;
+  [[nodiscard]] bool is_visible() const noexcept;
 
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
   [[nodiscard]] bool has_ended() const noexcept {
@@ -103,7 +103,7 @@ class Manipulation : public Phased<Manipulation, Phase, NoSkill> {
   friend std::string_view name_of(Phase phase) noexcept;
 
   void fail(std::string_view failure) noexcept;
-  void take_news() noexcept;
+  void take_pose() noexcept;
   void feel() noexcept;
   [[nodiscard]] Pose carried(const Pose& pose, const Pose& felt) const noexcept;
   void look_again() noexcept;
@@ -112,11 +112,11 @@ class Manipulation : public Phased<Manipulation, Phase, NoSkill> {
   [[nodiscard]] bool holds() const noexcept {
     return controller_.state().phase == control::GraspPhase::kHold;
   }
-  void begin_way() noexcept { way_begin_ = clock_.step(); }
-  [[nodiscard]] Seconds way_time() const noexcept {
-    return clock_.time_of(clock_.step() - way_begin_);
+  void begin_trajectory() noexcept { trajectory_begin_ = clock_.step(); }
+  [[nodiscard]] Seconds trajectory_time() const noexcept {
+    return clock_.time_of(clock_.step() - trajectory_begin_);
   }
-  void follow_way(Seconds elapsed) noexcept;
+  void follow_trajectory(Seconds elapsed) noexcept;
   void give_up(std::string_view failure) noexcept;
   void note_failure(std::string_view failure) noexcept { next_failure_ = failure; }
   void release(std::string_view failure) noexcept;
@@ -140,8 +140,8 @@ class Manipulation : public Phased<Manipulation, Phase, NoSkill> {
   std::string_view failure_;
   std::string_view next_failure_;  // The failure to report after the release.
   int grasps_{0};
-  TimeIndex way_begin_{0};
-  std::optional<SeenPose> news_;
+  TimeIndex trajectory_begin_{0};
+  std::optional<SeenPose> new_pose_;
   TimeIndex last_seen_;
   // The object when it was last seen, and what the tips had felt by then.
   struct Known {

@@ -36,9 +36,9 @@ constexpr double kLowerSpeed = 0.04;  // [m/s]
 // The tip that turns pushes along the face with at most this share of the force with which it
 // presses on the face. Our choice: less than half of what friction bears in the simulation.
 constexpr double kSlipRatio = 0.45;
-constexpr double kPress = 1.5e-3;  // Below the table, so that the box surely rests on it [m].
-constexpr double kMostSum = 0.5;   // Of the integral of the angle's error [rad].
-constexpr int kMostCorrections = 4;
+constexpr double kPress = 1.5e-3;     // Below the table, so that the box surely rests on it [m].
+constexpr double kMaxIntegral = 0.5;  // Of the integral of the angle's error [rad].
+constexpr int kMaxCorrections = 4;
 constexpr int kPosesForAngle = 20;
 constexpr Seconds kCorrectionTime{1.0};  // The tips that hold the box lose it in a faster one.
 
@@ -166,8 +166,8 @@ std::optional<Pinch> choose_pinch(const Kinematics& kinematics, const control::S
   const Eigen::Matrix3d rotation = pose.orientation.toRotationMatrix();
   int upright = 0;
   rotation.row(2).cwiseAbs().maxCoeff(&upright);
-  constexpr double kLeastUpright = 0.97;  // Cosine of the tilt of a box that rests on a face.
-  if (std::abs(rotation(2, upright)) < kLeastUpright) return std::nullopt;
+  constexpr double kMinUprightCosine = 0.97;  // Cosine of the tilt of a box that rests on a face.
+  if (std::abs(rotation(2, upright)) < kMinUprightCosine) return std::nullopt;
   const auto size = [&](int i) { return box.size[static_cast<std::size_t>(i)]; };
   const double longest = *std::ranges::max_element(box.size);
 
@@ -241,9 +241,10 @@ void PinchedHandling::withdraw_pusher() noexcept {
   const auto k = static_cast<std::size_t>(pinch_.pusher);
   const Vector3d tip = servo_.tip(pinch_.pusher);
   const Vector3d outward = turn_by(pinch_, turned_) * Vector3d::UnitZ();
-  ways_[k].rest_at(tip);
-  ways_[k].begin({tip + (kHover + 0.01) * outward, waiting_place(pinch_, config_.approach_height)},
-                 config_.approach_speed);
+  trajectories_[k].rest_at(tip);
+  trajectories_[k].begin(
+      {tip + (kHover + 0.01) * outward, waiting_place(pinch_, config_.approach_height)},
+      config_.approach_speed);
 }
 
 // Opens the fingers, then fails.
@@ -256,20 +257,20 @@ void PinchedHandling::open(std::string_view failure) noexcept {
 void PinchedHandling::open_fingers() noexcept {
   if (phase_ == Phase::kReach || phase_ == Phase::kTurn) withdraw_pusher();
   for (const auto& [finger, side] : {std::pair{pinch_.left, -1.0}, std::pair{pinch_.right, 1.0}}) {
-    TipWay& way = ways_[static_cast<std::size_t>(finger)];
+    TipTrajectory& trajectory = trajectories_[static_cast<std::size_t>(finger)];
     const Vector3d back = servo_.tip(finger) + side * config_.clearance * pinch_.axis;
     Vector3d up = back;
     up.z() = std::max(back.z(), config_.approach_height);
-    way.rest_at(servo_.tip(finger));
+    trajectory.rest_at(servo_.tip(finger));
     constexpr double kOpeningSpeed = 0.06;
-    way.begin({back, up}, kOpeningSpeed);
+    trajectory.begin({back, up}, kOpeningSpeed);
   }
 }
 
 // Puts the box down where it is, then fails if there is a failure.
 void PinchedHandling::put_down(std::string_view failure) noexcept {
   note_failure(failure);
-  middle_way_.rest_at(middle_);
+  middle_trajectory_.rest_at(middle_);
   // The poses from now on tell how far it is to the table.
   average_.restart(clock_.step());
   withdraw_pusher();
@@ -299,11 +300,11 @@ void PinchedHandling::begin() noexcept {
     above.z() = config_.approach_height;
     Vector3d up = servo_.tip(finger);
     up.z() = std::max(up.z(), config_.approach_height);
-    ways_[static_cast<std::size_t>(finger)].begin({up, above, end}, config_.approach_speed);
+    trajectories_[static_cast<std::size_t>(finger)].begin({up, above, end}, config_.approach_speed);
   }
   Vector3d up = servo_.tip(pinch_.pusher);
   up.z() = std::max(up.z(), config_.approach_height);
-  ways_[static_cast<std::size_t>(pinch_.pusher)].begin(
+  trajectories_[static_cast<std::size_t>(pinch_.pusher)].begin(
       {up, waiting_place(pinch_, config_.approach_height)}, config_.approach_speed);
   enter(Phase::kApproach);
 }
@@ -406,7 +407,7 @@ void PinchedHandling::watch(Seconds elapsed) noexcept {
 }
 
 void PinchedHandling::begin_pinch() noexcept {
-  middle_way_.rest_at(pinch_.centre);
+  middle_trajectory_.rest_at(pinch_.centre);
   squeeze_ = 0.0;
   carried_ = 0.0;
   still_ = numb_ = Seconds(0);
@@ -423,14 +424,14 @@ void PinchedHandling::pinch(Seconds elapsed) noexcept {
 }
 
 void PinchedHandling::begin_lift() noexcept {
-  middle_way_.rest_at(middle_);
+  middle_trajectory_.rest_at(middle_);
   Vector3d up = middle_;
   up.z() = config_.lift_height;
-  middle_way_.begin({up}, (up - middle_).norm() / config_.lift_time.count());
+  middle_trajectory_.begin({up}, (up - middle_).norm() / config_.lift_time.count());
 }
 
 void PinchedHandling::begin_reach() noexcept {
-  ways_[static_cast<std::size_t>(pinch_.pusher)].begin(
+  trajectories_[static_cast<std::size_t>(pinch_.pusher)].begin(
       {contact_at(0.0, kHover), contact_at(0.0, 0.0)}, config_.approach_speed / 2);
 }
 
@@ -451,7 +452,7 @@ void PinchedHandling::turn(Seconds elapsed) noexcept {
              clock_.in_phase() > duration + kSettle + Seconds(0.5)) {
     const double left =
         average_.count() > 0 ? config_.turn_angle - seen_angle(average_.mean()) : 0.0;
-    if (left > config_.turn_tolerance && corrections_ < kMostCorrections) {
+    if (left > config_.turn_tolerance && corrections_ < kMaxCorrections) {
       ++corrections_;
       turn_from_ = turn_to_;
       turn_to_ += std::min(left, 0.5);
@@ -466,12 +467,12 @@ void PinchedHandling::turn(Seconds elapsed) noexcept {
 void PinchedHandling::begin_lower() noexcept {
   Vector3d down = middle_;
   down.z() -= std::clamp(gap(), 0.0, config_.lift_height) + kPress;
-  middle_way_.rest_at(middle_);
-  middle_way_.begin({down}, kLowerSpeed);
+  middle_trajectory_.rest_at(middle_);
+  middle_trajectory_.begin({down}, kLowerSpeed);
 }
 
 void PinchedHandling::loosen(Seconds /*elapsed*/) noexcept {
-  if (clock_.in_phase() > Seconds(0.8)) middle_way_.rest_at(middle_);
+  if (clock_.in_phase() > Seconds(0.8)) middle_trajectory_.rest_at(middle_);
 }
 
 void PinchedHandling::release(Seconds /*elapsed*/) noexcept {
@@ -491,7 +492,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   const control::TipGains gains{.stiffness = config_.stiffness, .damping = config_.damping};
   for (int finger = 0; finger < control::kContacts; ++finger) {
     const auto k = static_cast<std::size_t>(finger);
-    PointMotion motion = ways_[k].advance(elapsed);
+    PointMotion motion = trajectories_[k].advance(elapsed);
     forces[k] = control::tip_impedance(motion, servo_.tip(finger), servo_.velocity(finger), gains);
     accelerations[k] = motion.acceleration;
   }
@@ -504,7 +505,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   squeeze_ = towards(squeeze_, squeeze, kPinchRate * elapsed.count());
   carried_ = towards(carried_, weight, kCarryRate * elapsed.count());
 
-  const PointMotion middle = middle_way_.advance(elapsed);
+  const PointMotion middle = middle_trajectory_.advance(elapsed);
   const double closing =
       (servo_.velocity(pinch_.right) - servo_.velocity(pinch_.left)).dot(pinch_.axis);
   const double along = squeeze_ + config_.closing_damping * closing / 2;
@@ -524,7 +525,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   const control::Progress progress = control::minimum_jerk(clock_.in_phase(), duration);
   const double wanted = turn_from_ + progress.value * (turn_to_ - turn_from_);
   turn_sum_ = std::clamp(turn_sum_ + config_.turn_gain * (wanted - tip_angle()) * elapsed.count(),
-                         0.0, kMostSum);
+                         0.0, kMaxIntegral);
   const auto k = static_cast<std::size_t>(pinch_.pusher);
   const double rate = progress.rate * (turn_to_ - turn_from_);
   const Vector3d arm = contact_at(wanted + turn_sum_, 0.0) - middle_;

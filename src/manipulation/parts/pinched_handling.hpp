@@ -147,9 +147,9 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   void open(std::string_view failure) noexcept;
   void put_down(std::string_view failure) noexcept;
   [[nodiscard]] bool is_pressed() const noexcept { return squeeze_ >= config_.pinch_force; }
-  [[nodiscard]] bool is_middle_there() const noexcept { return middle_way_.is_complete(); }
+  [[nodiscard]] bool is_middle_there() const noexcept { return middle_trajectory_.is_complete(); }
   [[nodiscard]] bool is_pusher_there() const noexcept {
-    return ways_[static_cast<std::size_t>(pinch_.pusher)].is_complete();
+    return trajectories_[static_cast<std::size_t>(pinch_.pusher)].is_complete();
   }
   [[nodiscard]] bool has_loosened() const noexcept { return clock_.in_phase() > Seconds(1.0); }
 
@@ -183,7 +183,7 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
 
   Eigen::Vector3d middle_{Eigen::Vector3d::Zero()};  // Of the pinching tips, as measured.
   double distance_{0.0};                             // Of the pinching tips.
-  TipWay middle_way_;
+  TipTrajectory middle_trajectory_;
   double squeeze_{0.0};  // Force of the pinch [N].
   double carried_{0.0};  // Share of the weight that is carried.
   Seconds still_{0};
@@ -191,7 +191,7 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   double turn_from_{0.0};
   double turn_to_{0.0};
   double turn_sum_{0.0};
-  double rolled_{0.0};  // Way of the tip that turns along the face, outward [m].
+  double rolled_{0.0};  // Travel of the tip that turns along the face, outward [m].
   int corrections_{0};
   double turned_{0.0};  // Angle of the box about the line between the tips.
 };

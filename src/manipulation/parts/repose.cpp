@@ -12,7 +12,7 @@
 namespace trifinger::manipulation {
 namespace {
 
-constexpr Seconds kPatience{2.0};  // Without a pose, the object is not seen.
+constexpr Seconds kTimeout{2.0};  // Without a pose, the object is not seen.
 constexpr std::string_view kNotSeen = "the object was not seen";
 // The tips have left the object if they are almost as far away as they should be.
 constexpr double kAlmost = 0.95;
@@ -194,7 +194,7 @@ void Repose::take_goal(const Pose& rest) noexcept {
   end("");
 }
 
-bool Repose::is_unseen() const noexcept { return clock_.now() - last_seen_ > kPatience; }
+bool Repose::is_unseen() const noexcept { return clock_.now() - last_seen_ > kTimeout; }
 
 void Repose::follow_phases(const control::JointState& joints) noexcept {
   switch (phase_) {

@@ -18,10 +18,10 @@ using control::PoseSequence;
 using control::PoseTrajectory;
 
 constexpr double kPi = std::numbers::pi;
-// Speed and duration of abandoning a way.
+// Speed and duration of abandoning a trajectory.
 constexpr double kGivingUpSpeed = 0.1;  // [m/s]
 constexpr Seconds kGivingUpTime{0.5};   // Minimum.
-// Number of points at which a planner checks a way.
+// Number of points at which a planner checks a trajectory.
 constexpr int kPointsOfLead = 3;
 constexpr int kPointsOfLine = 8;  // Even: the middle is fastest.
 constexpr int kPointsOfTurn = 16;
@@ -58,35 +58,37 @@ Pose at_height(Pose pose, double height) {
 }
 
 // Up, to the goal's place and orientation, and down to its height if it is low.
-PoseSequence way_to(const CarryTask& task, const Pose& start, double height) {
+PoseSequence trajectory_to(const CarryTask& task, const Pose& start, double height) {
   const Pose above = at_height(start, height);
   const Pose over_goal = at_height(task.goal, height);
-  PoseSequence way(carrying(task, start, above));
-  way.add(carrying(task, above, over_goal));
-  if (task.goal.position.z() < height) way.add(carrying(task, over_goal, task.goal));
-  return way;
+  PoseSequence trajectory(carrying(task, start, above));
+  trajectory.add(carrying(task, above, over_goal));
+  if (task.goal.position.z() < height) trajectory.add(carrying(task, over_goal, task.goal));
+  return trajectory;
 }
 
 // From a pose on the way to the goal, or at the goal, back to the start.
-PoseSequence way_back(const CarryTask& task, const Pose& from, const Pose& start, double height) {
+PoseSequence trajectory_back(const CarryTask& task, const Pose& from, const Pose& start,
+                             double height) {
   const Pose above = at_height(start, height);
   if (from.position.z() >= height) {
-    PoseSequence way(carrying(task, from, above));
-    way.add(carrying(task, above, start));
-    return way;
+    PoseSequence trajectory(carrying(task, from, above));
+    trajectory.add(carrying(task, above, start));
+    return trajectory;
   }
   const Pose raised_first = at_height(from, height);
-  PoseSequence way(carrying(task, from, raised_first));
-  way.add(carrying(task, raised_first, above));
-  way.add(carrying(task, above, start));
-  return way;
+  PoseSequence trajectory(carrying(task, from, raised_first));
+  trajectory.add(carrying(task, raised_first, above));
+  trajectory.add(carrying(task, above, start));
+  return trajectory;
 }
 
 std::variant<PoseSequence, CircleTrajectory> follow_of(const Task& task, const Pose& begin,
                                                        double start_angle, double safe_height) {
   if (const auto* lift = std::get_if<LiftTask>(&task))
     return PoseSequence(PoseTrajectory(begin, raised(begin, lift->height), lift->lift_time));
-  if (const auto* carry = std::get_if<CarryTask>(&task)) return way_to(*carry, begin, safe_height);
+  if (const auto* carry = std::get_if<CarryTask>(&task))
+    return trajectory_to(*carry, begin, safe_height);
   const auto& slide = std::get<SlideTask>(task);
   return CircleTrajectory({.centre = {0.0, 0.0, begin.position.z()},
                            .radius = slide.radius,
@@ -103,21 +105,21 @@ double safe_height_of(const Task& task, double radius) {
 }
 
 // Returns the points that a planner has to check: the ends of all legs, and points between them.
-std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
+std::vector<Motion> points_of(const ObjectTrajectory& trajectory, const Task& task) {
   std::vector<Motion> points;
   const auto add = [&](Leg leg, Leg next, int count) {
-    const Seconds begin = way.begin_of(leg);
-    const Seconds duration = way.begin_of(next) - begin;
-    for (int i = 0; i <= count; ++i) points.push_back(way.at(begin + duration * i / count));
+    const Seconds begin = trajectory.begin_of(leg);
+    const Seconds duration = trajectory.begin_of(next) - begin;
+    for (int i = 0; i <= count; ++i) points.push_back(trajectory.at(begin + duration * i / count));
   };
-  if (way.begin_of(Leg::kFollow) > Seconds(0)) add(Leg::kLead, Leg::kFollow, kPointsOfLead);
+  if (trajectory.begin_of(Leg::kFollow) > Seconds(0)) add(Leg::kLead, Leg::kFollow, kPointsOfLead);
   if (const auto* slide = std::get_if<SlideTask>(&task)) {
     // One turn at full speed contains all points that matter.
-    const Seconds begin = way.begin_of(Leg::kFollow) + slide->ramp_time;
-    points.push_back(way.at(way.begin_of(Leg::kFollow)));
+    const Seconds begin = trajectory.begin_of(Leg::kFollow) + slide->ramp_time;
+    points.push_back(trajectory.at(trajectory.begin_of(Leg::kFollow)));
     const double turns = std::min(std::abs(slide->turns), 1.0);
     for (int i = 0; i < kPointsOfTurn; ++i)
-      points.push_back(way.at(begin + turns * slide->period * i / kPointsOfTurn));
+      points.push_back(trajectory.at(begin + turns * slide->period * i / kPointsOfTurn));
   } else if (std::holds_alternative<CarryTask>(task)) {
     add(Leg::kFollow, Leg::kHold, kPointsOfCarrying);  // The way back is the same.
   } else {
@@ -129,8 +131,8 @@ std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
 
 }  // namespace
 
-ObjectWay::ObjectWay(const Task& task, Seconds lead_time, const Pose& start, const Pose& begin,
-                     double start_angle, double radius)
+ObjectTrajectory::ObjectTrajectory(const Task& task, Seconds lead_time, const Pose& start,
+                                   const Pose& begin, double start_angle, double radius)
     : start_(start),
       begin_(begin),
       safe_height_(safe_height_of(task, radius)),
@@ -151,14 +153,14 @@ ObjectWay::ObjectWay(const Task& task, Seconds lead_time, const Pose& start, con
     if (!(carry->hold_time >= Seconds(0))) throw InvalidArgument("hold_time is below zero");
     carry_ = *carry;
     lower_begin_ += carry->hold_time;
-    lower_.emplace(way_back(*carry, carry->goal, start, safe_height_));
+    lower_.emplace(trajectory_back(*carry, carry->goal, start, safe_height_));
     end_ = lower_begin_ + lower_->duration();
   } else {
     weight_share_ = 1.0 - std::get<SlideTask>(task).table_share;
   }
 }
 
-Motion ObjectWay::at(Seconds time) const noexcept {
+Motion ObjectTrajectory::at(Seconds time) const noexcept {
   Motion motion;
   if (time < follow_begin_ && lead_) {
     motion = lead_->at(time);
@@ -177,14 +179,14 @@ Motion ObjectWay::at(Seconds time) const noexcept {
   return motion;
 }
 
-Leg ObjectWay::leg_at(Seconds time) const noexcept {
+Leg ObjectTrajectory::leg_at(Seconds time) const noexcept {
   if (time < follow_begin_) return Leg::kLead;
   if (time < hold_begin_) return Leg::kFollow;
   if (time < lower_begin_) return Leg::kHold;
   return time < end_ ? Leg::kLower : Leg::kRest;
 }
 
-Seconds ObjectWay::begin_of(Leg leg) const noexcept {
+Seconds ObjectTrajectory::begin_of(Leg leg) const noexcept {
   switch (leg) {
     case Leg::kLead:
       break;
@@ -200,11 +202,11 @@ Seconds ObjectWay::begin_of(Leg leg) const noexcept {
   return Seconds(0);
 }
 
-void ObjectWay::give_up(Seconds time) {
+void ObjectTrajectory::give_up(Seconds time) {
   if (leg_at(time) == Leg::kLower || leg_at(time) == Leg::kRest) return;
   const Pose from = at(time).pose;
   if (carry_) {
-    lower_.emplace(way_back(*carry_, from, start_, safe_height_));
+    lower_.emplace(trajectory_back(*carry_, from, start_, safe_height_));
   } else {
     const Pose table = at_height(from, start_.position.z());
     const Seconds duration =
@@ -264,13 +266,13 @@ std::optional<Plan> TaskPlanner::plan(const Pose& start, std::span<const control
   double best_cost = 0.0;
   for (const Place& place : places(start)) {
     if (best && place.cost >= best_cost) continue;
-    const ObjectWay way(config_.task, config_.lead.time, start, place.begin, place.start_angle,
-                        radius_);
-    const auto grasp = planner_.plan(points_of(way, config_.task), tried);
+    const ObjectTrajectory trajectory(config_.task, config_.lead.time, start, place.begin,
+                                      place.start_angle, radius_);
+    const auto grasp = planner_.plan(points_of(trajectory, config_.task), tried);
     if (!grasp) continue;
     const double cost = place.cost + grasp->torque_share;
     if (best && cost >= best_cost) continue;
-    best = Plan{grasp->touches, grasp->torque_share, start, way};
+    best = Plan{grasp->touches, grasp->torque_share, start, trajectory};
     best_cost = cost;
   }
   return best;

@@ -44,7 +44,7 @@ struct CarryTask {
 using Task = std::variant<LiftTask, SlideTask, CarryTask>;
 
 // Where the object may be led, in the grasp of the task, before a lift or a slide begins. From some
-// places no grasp reaches the whole way.
+// places no grasp reaches the whole trajectory.
 struct LeadConfig {
   std::vector<double> turns;  // Angles by which it may be turned about the vertical [rad].
   // For a lift: distances from the arena's centre at which it may begin, as shares of the distance
@@ -81,15 +81,15 @@ enum class Leg {
 };
 
 // The desired motion of the object from being held until its release, as a function of time.
-class ObjectWay {
+class ObjectTrajectory {
  public:
   // The way leads in `lead_time` from `start`, where the object is held, to `begin` and through the
   // task. A slide
   // begins at `start_angle` of its circle, and `begin` must be there. `radius` is that of the
   // sphere around the object, which tells how high it must be to be tilted [m].
   // Throws InvalidArgument if a number makes no sense
-  ObjectWay(const Task& task, Seconds lead_time, const Pose& start, const Pose& begin,
-            double start_angle = 0.0, double radius = 0.0);
+  ObjectTrajectory(const Task& task, Seconds lead_time, const Pose& start, const Pose& begin,
+                   double start_angle = 0.0, double radius = 0.0);
 
   [[nodiscard]] Motion at(Seconds time) const noexcept;
   [[nodiscard]] Leg leg_at(Seconds time) const noexcept;
@@ -124,9 +124,9 @@ class ObjectWay {
 // How an object is grasped and where it is then led.
 struct Plan {
   control::Touches touches;
-  double torque_share;  // Largest share of a motor's torque on the whole way.
+  double torque_share;  // Largest share of a motor's torque on the whole trajectory.
   Pose start;           // Where the object is grasped.
-  ObjectWay way;
+  ObjectTrajectory trajectory;
 };
 
 // Finds grasps that reach the whole way of a task.

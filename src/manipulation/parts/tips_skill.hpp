@@ -10,7 +10,7 @@
 #include "manipulation/parts/phased.hpp"
 #include "manipulation/parts/pose_average.hpp"
 #include "manipulation/parts/tip_servo.hpp"
-#include "manipulation/parts/tip_way.hpp"
+#include "manipulation/parts/tip_trajectory.hpp"
 #include "manipulation/parts/torque_action.hpp"
 #include "trifinger/control/pose_estimator.hpp"
 #include "trifinger/manipulation/skill.hpp"
@@ -40,7 +40,7 @@ class TipsSkill : public Phased<S, Phase> {
     servo_.sense(joints);
     if (!std::exchange(has_sensed_, true)) {
       for (int i = 0; i < control::kContacts; ++i)
-        ways_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
+        trajectories_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
       clock_.begin_phase();
     }
     self().sense_object(joints, elapsed);
@@ -80,7 +80,7 @@ class TipsSkill : public Phased<S, Phase> {
     if (next_failure_.empty()) next_failure_ = failure;
   }
   [[nodiscard]] bool are_tips_there() const noexcept {
-    return std::ranges::all_of(ways_, &TipWay::is_complete);
+    return std::ranges::all_of(trajectories_, &TipTrajectory::is_complete);
   }
   // The tips are away from an object that nothing has happened to.
   [[nodiscard]] bool has_let_go() const noexcept {
@@ -90,7 +90,7 @@ class TipsSkill : public Phased<S, Phase> {
   TipServo servo_;
   control::PoseEstimator estimator_{3.0};
   PoseAverage average_;
-  std::array<TipWay, control::kContacts> ways_;
+  std::array<TipTrajectory, control::kContacts> trajectories_;
   std::string_view next_failure_;
   bool is_stopped_{false};
 

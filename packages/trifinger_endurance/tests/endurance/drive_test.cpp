@@ -41,11 +41,11 @@ TEST(Drive, MovesCollidesAndMeasuresAndIsTheSameForTheSameSeed) {
   const SimulatedOptions robot{.robot = TRIFINGER_CONFIG_DIR "/sim.yml"};
   const DriveOptions options{.motion = {.seed = 1}, .most_steps = 60'000};
   const Result one = drive(robot, options);
-  EXPECT_FALSE(one.outcome.needs_hand) << one.outcome.why;
+  EXPECT_FALSE(one.outcome.needs_operator) << one.outcome.why;
   EXPECT_GE(one.tally.steps, 60'000U);
   EXPECT_GT(one.tally.collisions, 0U);
   EXPECT_EQ(one.tally.lateness.count(), one.tally.steps);
-  for (const JointTally& joint : one.tally.joints) EXPECT_GT(joint.way, 1.0);
+  for (const JointTally& joint : one.tally.joints) EXPECT_GT(joint.travel, 1.0);
   for (const JointTally& joint : one.tally.joints) EXPECT_GE(joint.passes, 1U);
   EXPECT_EQ(drive(robot, options).tally, one.tally);
 }
@@ -61,9 +61,9 @@ TEST(Drive, GoesOnAfterEveryFaultThatAnEmulatedRobotCanHave) {
              .most_steps = every * (kinds * static_cast<std::uint64_t>(rounds) + 1)});
   std::string told;
   for (const Event& event : result.events) told += event.text + "\n";
-  EXPECT_FALSE(result.outcome.needs_hand) << result.outcome.why << "\n" << told;
+  EXPECT_FALSE(result.outcome.needs_operator) << result.outcome.why << "\n" << told;
   EXPECT_GE(result.injected, kinds);
-  EXPECT_GT(result.tally.all_troubles(), kinds / 3) << told;
+  EXPECT_GT(result.tally.all_failures(), kinds / 3) << told;
   EXPECT_GT(result.tally.recoveries, 0U);
   EXPECT_GE(result.tally.sessions, result.tally.recoveries);
 }
@@ -89,7 +89,7 @@ TEST(Drive, AsksForAHandIfAnInterfaceWasRemoved) {
   Gone place(stop);
   Drive drive(place, place.inner.session(), {.recovery = {.attempts = 3}}, stop);
   const Outcome outcome = drive.run();
-  EXPECT_TRUE(outcome.needs_hand);
+  EXPECT_TRUE(outcome.needs_operator);
   EXPECT_NE(outcome.why.find("3 attempts"), std::string::npos) << outcome.why;
 }
 
@@ -117,7 +117,7 @@ TEST(Drive, StopsWhenItIsTold) {
   SimulatedPlace place({.robot = TRIFINGER_CONFIG_DIR "/sim.yml"}, stop);
   Drive drive(place, place.session(), {}, stop);
   stop = true;
-  EXPECT_FALSE(drive.run().needs_hand);
+  EXPECT_FALSE(drive.run().needs_operator);
 }
 
 }  // namespace

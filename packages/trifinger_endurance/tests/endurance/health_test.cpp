@@ -110,16 +110,16 @@ TEST(Health, CountsTheWayAndTheStepsOfEachReason) {
   Ideal robot({.pass_every = Seconds(1e6)});
   robot.reasons = {bit(Reason::kDamped), bit(Reason::kDamped) | bit(Reason::kStuck)};
   robot.margin = {0.5, 0.25};
-  double way = 0.0;
+  double travel = 0.0;
   double before = robot.position[0];
   for (int i = 0; i < 10'000; ++i) {
     robot.step();
     if (i == 9'999) break;  // the last movement is seen in the next step only
-    way += std::abs(robot.position[0] - before);
+    travel += std::abs(robot.position[0] - before);
     before = robot.position[0];
   }
   EXPECT_EQ(robot.tally.steps, 10'000U);
-  EXPECT_NEAR(robot.tally.joints[0].way, way, 1e-9);
+  EXPECT_NEAR(robot.tally.joints[0].travel, travel, 1e-9);
   EXPECT_EQ(robot.tally.reasons[8], 10'000U) << "a step counts once, not once per joint";
   EXPECT_EQ(robot.tally.reasons[19], 10'000U);
   EXPECT_EQ(robot.tally.reasons[7], 0U);

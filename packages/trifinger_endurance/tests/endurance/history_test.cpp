@@ -31,13 +31,13 @@ Tally random_tally(Random& random) {
   tally.collisions = count();
   tally.recoveries = count();
   for (auto* counts :
-       {&tally.reasons[3], &tally.troubles[5], &tally.troubles[22], &tally.moves[1]}) {
+       {&tally.reasons[3], &tally.failures[5], &tally.failures[22], &tally.moves[1]}) {
     *counts = count();
   }
   for (int i = 0; i < 5; ++i) tally.lateness.add(Nanoseconds(random.integer(0, 3'000'000'000)));
   tally.recovery_times.add(Nanoseconds(random.integer(0, 100'000'000'000)));
   for (JointTally& joint : tally.joints) {
-    joint.way = static_cast<double>(count()) / 8.0;
+    joint.travel = static_cast<double>(count()) / 8.0;
     joint.friction_sum = static_cast<double>(count()) / 64.0;
     joint.friction_most = static_cast<double>(count()) / 64.0;
     joint.thermal_margin = static_cast<double>(count()) / 1024.0;
@@ -69,7 +69,7 @@ TEST(History, LosesNothingButDetailAndDoesNotGrow) {
     const Tally tally = random_tally(random);
     history.add(tally, i);
     all.add(tally);
-    ASSERT_LE(history.intervals().size(), History::kMostIntervals);
+    ASSERT_LE(history.intervals().size(), History::kMaxIntervals);
     if (i % 1000 == 0) largest = std::max(largest, history.text().size());
   }
   Tally sum(2);
@@ -91,7 +91,7 @@ TEST(History, IsTheSameAfterItWasWrittenAndRead) {
   Random random{.seed = 2};
   History history(kOwner);
   history.count_start();
-  history.set_last_words(Trouble::kStuck, "joint 3 <is> \"stuck\"\nnow");
+  history.set_last_words(Failure::kStuck, "joint 3 <is> \"stuck\"\nnow");
   for (int i = 0; i < 100; ++i) history.add(random_tally(random), 1000 + i);
   const History again = History::parse(history.text());
   EXPECT_EQ(again, history);
@@ -150,9 +150,9 @@ TEST(HistoryFolder, RefusesTheHistoryOfAnotherRobotAndASecondProcess) {
 TEST(Page, ShowsTextsOfRobotsAsTexts) {
   History history({.robot = "<script>", .type = "trifinger", .joints = {"a", "b"}});
   Tally tally(2);
-  tally.troubles[static_cast<std::size_t>(Trouble::kDriver)] = 1;
+  tally.failures[static_cast<std::size_t>(Failure::kDriver)] = 1;
   history.add(tally, 0);
-  history.set_last_words(Trouble::kDriver, "<b>&");
+  history.set_last_words(Failure::kDriver, "<b>&");
   const std::string page = make_page(history, {.state = "<i>", .now = 0});
   EXPECT_EQ(page.find("<script>"), std::string::npos);
   EXPECT_EQ(page.find("<i>"), std::string::npos);

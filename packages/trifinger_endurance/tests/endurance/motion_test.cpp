@@ -106,7 +106,7 @@ std::vector<std::vector<double>> arrivals(RandomMotion& motion) {
     const MotionStep step = motion.next();
     if (step.move != Move::kRetreat) break;
     if (step.ends) all.emplace_back(motion.position().begin(), motion.position().end());
-    motion.remember(motion.position());  // This is no new way.
+    motion.remember(motion.position());  // This is no new part of the path.
   }
   return all;
 }
@@ -114,21 +114,21 @@ std::vector<std::vector<double>> arrivals(RandomMotion& motion) {
 TEST(RandomMotion, GoesBackTheWayItCameToFreeItself) {
   RandomMotion motion(test::limits_of_joints(3), {.seed = 6});
   motion.begin(kHome, kHome, 0);
-  std::vector<std::vector<double>> way;
+  std::vector<std::vector<double>> path;
   for (int i = 1; i <= 8; ++i) {
-    way.push_back({0.1 * i, 0.9 - 0.1 * i, -0.9 + 0.05 * i});
-    motion.remember(way.back());
-    motion.remember(way.back());  // rests there
+    path.push_back({0.1 * i, 0.9 - 0.1 * i, -0.9 + 0.05 * i});
+    motion.remember(path.back());
+    motion.remember(path.back());  // rests there
   }
   // What is at home is no way back.
-  std::erase_if(way, [](const auto& place) { return place[0] < 0.25; });
-  std::ranges::reverse(way);
-  motion.begin(way.front(), kHome, 1, Seconds(3));
+  std::erase_if(path, [](const auto& place) { return place[0] < 0.25; });
+  std::ranges::reverse(path);
+  motion.begin(path.front(), kHome, 1, Seconds(3));
   const auto gone = arrivals(motion);
-  ASSERT_GE(gone.size(), way.size());
-  for (std::size_t i = 0; i < way.size(); ++i) {
+  ASSERT_GE(gone.size(), path.size());
+  for (std::size_t i = 0; i < path.size(); ++i) {
     for (std::size_t joint = 0; joint < 3; ++joint)
-      EXPECT_NEAR(gone[i][joint], way[i][joint], 1e-9);
+      EXPECT_NEAR(gone[i][joint], path[i][joint], 1e-9);
   }
 }
 
@@ -175,7 +175,7 @@ TEST(RandomMotion, KeepsTheEndOfAWayThatIsTooLong) {
   const auto place = [](std::size_t i) {
     return std::vector{0.5 + 0.1 * static_cast<double>(i % 5), 0.4, -0.9};
   };
-  constexpr std::size_t kPlaces = RandomMotion::kMostPlaces + 12;
+  constexpr std::size_t kPlaces = RandomMotion::kMaxPlaces + 12;
   for (std::size_t i = 0; i < kPlaces; ++i) motion.remember(place(i));
   motion.begin(place(kPlaces - 1), kHome, 1, Seconds(3));
   for (std::size_t i = kPlaces; i-- > 12;) {

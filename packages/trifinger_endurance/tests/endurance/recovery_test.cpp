@@ -13,20 +13,20 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Recovery, TriesWithGrowingPausesAndThenAsksForAHand) {
+TEST(Recovery, TriesWithGrowingPausesAndThenAsksForAnOperator) {
   Recovery recovery({.attempts = 6, .first_pause = 1s, .longest_pause = 10s});
   Nanoseconds now = 0s;
   Nanoseconds last = 0s;
   for (int i = 0; i < 6; ++i) {
-    const auto decision = recovery.after(Trouble::kStuck, "joint 3 is stuck", now);
-    ASSERT_FALSE(decision.needs_hand);
+    const auto decision = recovery.after(Failure::kStuck, "joint 3 is stuck", now);
+    ASSERT_FALSE(decision.needs_operator);
     EXPECT_EQ(decision.pause, std::min<Nanoseconds>(1s * (1 << i), 10s));
     EXPECT_GE(decision.pause, last);
     last = decision.pause;
     now += decision.pause;
   }
-  const auto decision = recovery.after(Trouble::kStuck, "joint 3 is stuck", now);
-  EXPECT_TRUE(decision.needs_hand);
+  const auto decision = recovery.after(Failure::kStuck, "joint 3 is stuck", now);
+  EXPECT_TRUE(decision.needs_operator);
   EXPECT_NE(decision.why.find("joint 3 is stuck"), std::string::npos);
   EXPECT_NE(decision.why.find("encoder"), std::string::npos) << decision.why;
 }
@@ -34,40 +34,40 @@ TEST(Recovery, TriesWithGrowingPausesAndThenAsksForAHand) {
 TEST(Recovery, BeginsAnewOnceTheRobotWasWell) {
   Recovery recovery({.attempts = 2, .most_per_hour = 1e6});
   for (int i = 0; i < 1000; ++i) {
-    EXPECT_FALSE(recovery.after(Trouble::kDriver, "", 1s * i).needs_hand);
-    EXPECT_FALSE(recovery.after(Trouble::kDriver, "", 1s * i).needs_hand);
+    EXPECT_FALSE(recovery.after(Failure::kDriver, "", 1s * i).needs_operator);
+    EXPECT_FALSE(recovery.after(Failure::kDriver, "", 1s * i).needs_operator);
     recovery.is_well();
   }
 }
 
-TEST(Recovery, AsksForAHandIfTroublesAreTooFrequentThoughEachIsRecovered) {
+TEST(Recovery, AsksForAnOperatorIfFailuresAreTooFrequentThoughEachIsRecovered) {
   // One every five minutes is 12 in an hour.
   Recovery patient({.most_per_hour = 13});
   Recovery strict({.most_per_hour = 11});
   bool has_asked = false;
   for (int i = 0; i < 1000; ++i) {
-    EXPECT_FALSE(patient.after(Trouble::kHardLimit, "", 5min * i).needs_hand) << i;
+    EXPECT_FALSE(patient.after(Failure::kHardLimit, "", 5min * i).needs_operator) << i;
     patient.is_well();
-    has_asked = has_asked || strict.after(Trouble::kHardLimit, "", 5min * i).needs_hand;
+    has_asked = has_asked || strict.after(Failure::kHardLimit, "", 5min * i).needs_operator;
     strict.is_well();
   }
   EXPECT_TRUE(has_asked);
 }
 
-TEST(Recovery, WaitsForARobotThatNobodyRunsAsLongAsItsPatience) {
-  Recovery recovery({.attempts = 1, .patience = 10min, .most_per_hour = 1});
-  EXPECT_FALSE(recovery.after(Trouble::kBackendDied, "", 0s).needs_hand);
+TEST(Recovery, WaitsForARobotThatNobodyRunsAsLongAsItsTimeout) {
+  Recovery recovery({.attempts = 1, .timeout = 10min, .most_per_hour = 1});
+  EXPECT_FALSE(recovery.after(Failure::kBackendDied, "", 0s).needs_operator);
   for (Nanoseconds now = 1s; now <= 10min; now += 1s) {
-    ASSERT_FALSE(recovery.after(Trouble::kAbsent, "", now).needs_hand);
+    ASSERT_FALSE(recovery.after(Failure::kAbsent, "", now).needs_operator);
   }
-  const auto decision = recovery.after(Trouble::kAbsent, "there is no robot", 10min + 2s);
-  EXPECT_TRUE(decision.needs_hand);
+  const auto decision = recovery.after(Failure::kAbsent, "there is no robot", 10min + 2s);
+  EXPECT_TRUE(decision.needs_operator);
   EXPECT_NE(decision.why.find("trifinger run"), std::string::npos) << decision.why;
 }
 
 TEST(Recovery, AsksAtOnceIfAnotherRobotHasTheName) {
   Recovery recovery({});
-  EXPECT_TRUE(recovery.after(Trouble::kOtherRobot, "", 0s).needs_hand);
+  EXPECT_TRUE(recovery.after(Failure::kOtherRobot, "", 0s).needs_operator);
 }
 
 TEST(Recovery, RefusesOptionsThatMakeNoSense) {

@@ -101,13 +101,13 @@ class DdsNode:
             Topic("ros_discovery_info", GRAPH_TYPE, is_latched=True, depth=1),
             "ros_discovery_info",
         )
-        self._tell_graph()
+        self._publish_graph()
 
     def advertise(self, topic: Topic) -> Publisher:
         """Begins a topic."""
         writer = self._writer(topic, f"rt{topic.name}")
         self._writers[topic.name] = writer
-        self._tell_graph()
+        self._publish_graph()
         return DdsPublisher(writer, lambda: self._withdraw(topic.name))
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class DdsNode:
 
     def _withdraw(self, name: str) -> None:
         del self._writers[name]
-        self._tell_graph()
+        self._publish_graph()
 
     def _writer(self, topic: Topic, name: str) -> DataWriter[IdlStruct]:
         from cyclonedds.pub import DataWriter
@@ -125,7 +125,7 @@ class DdsNode:
         dds_topic = DdsTopic(self._participant, name, idl_type(topic.type))
         return DataWriter(self._participant, dds_topic, qos_of(topic))
 
-    def _tell_graph(self) -> None:
+    def _publish_graph(self) -> None:
         """Tells other nodes which node the topics belong to."""
         gids = [writer.guid.bytes for writer in self._writers.values()]
         info = graph_message(self._participant.guid.bytes, self._namespace, NODE, gids)

@@ -46,10 +46,10 @@ MAX_INCOMING = 1 << 18
 """Size of a message of a client [bytes]."""
 POLL_PERIOD = 0.02
 """Time between two looks at the robot [s]."""
-TELL_PERIOD = 1.0
+REPORT_PERIOD = 1.0
 """Time between two sentences about lost messages, or about clients that were refused [s]."""
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 """Takes a sentence for people."""
 
 
@@ -83,11 +83,11 @@ class FoxgloveServer:
     """
 
     def __init__(
-        self, robot: str, options: FoxgloveOptions | None = None, tell: Tell = print
+        self, robot: str, options: FoxgloveOptions | None = None, report: Report = print
     ) -> None:
         """Prepares to serve `robot`, which need not run yet.
 
-        Raises InvalidArgument for a wrong option, Error if a package is missing. `tell` gets
+        Raises InvalidArgument for a wrong option, Error if a package is missing. `report` gets
         sentences about robot and clients.
         """
         extras.require("trifinger-view", "websockets")
@@ -99,7 +99,7 @@ class FoxgloveServer:
         self.robot = robot
         self.lost = 0
         """Messages that were lost between robot and server."""
-        self._tell = tell
+        self._report = report
         self._live = LiveMessages(
             robot,
             rate=self.options.rate,
@@ -160,18 +160,18 @@ class FoxgloveServer:
         if reason is None:
             return None
         status, sentence = reason
-        self._tell_refusal(sentence)
+        self._report_refusal(sentence)
         return connection.respond(status, f"{sentence}\n")
 
-    def _tell_refusal(self, sentence: str) -> None:
+    def _report_refusal(self, sentence: str) -> None:
         """Tells of a client that was refused, or counts it if another was told of just now."""
         now = time.monotonic()
-        if now < self._refused_at + TELL_PERIOD:
+        if now < self._refused_at + REPORT_PERIOD:
             self._refused += 1
             return
         more = f"; so were {self._refused} others before it" if self._refused else ""
         self._refused, self._refused_at = 0, now
-        self._tell(f"a client was refused: {sentence}{more}")
+        self._report(f"a client was refused: {sentence}{more}")
 
     def _reason_against(self, request: Request) -> tuple[HTTPStatus, str] | None:
         origins = request.headers.get_all("Origin")
@@ -219,7 +219,7 @@ class FoxgloveServer:
         finally:
             self._clients.discard(client)
             self._want_images()
-            self._tell_losses(client)
+            self._report_losses(client)
 
     def _answer(self, client: Client, message: Mapping[str, object]) -> None:
         """Does what a client asks for; raises InvalidArgument with a sentence for the client."""
@@ -255,9 +255,9 @@ class FoxgloveServer:
         for message in batch.messages:
             self._send(message)
         for event in batch.events:
-            self._tell(f"{event.source}: {event.text}")
+            self._report(f"{event.source}: {event.text}")
         for client in self._clients:
-            self._tell_losses(client, TELL_PERIOD)
+            self._report_losses(client, REPORT_PERIOD)
 
     def _declare(self) -> None:
         channels = self._live.channels
@@ -283,10 +283,10 @@ class FoxgloveServer:
         for client in self._clients:
             client.send(message.channel, message.log_time, data)
 
-    def _tell_losses(self, client: Client, period: float = 0.0) -> None:
+    def _report_losses(self, client: Client, period: float = 0.0) -> None:
         lost = client.take_losses(period)
         if lost:
-            self._tell(f"{client.name} is too slow: {lost} messages to it were lost")
+            self._report(f"{client.name} is too slow: {lost} messages to it were lost")
 
 
 @dataclass(eq=False)
@@ -309,7 +309,7 @@ class Client:
 
     _channels: dict[int, int] = field(default_factory=dict)  # by subscription
     _subscriptions: dict[int, int] = field(default_factory=dict)  # by channel
-    _news: asyncio.Event = field(default_factory=asyncio.Event)
+    _wake: asyncio.Event = field(default_factory=asyncio.Event)
     _told: int = 0
     _told_at: float = 0.0
 
@@ -367,12 +367,12 @@ class Client:
             self.lost += 1
         self.waiting.append(frame)
         self.size += len(frame)
-        self._news.set()
+        self._wake.set()
 
     def answer(self, message: Mapping[str, object]) -> None:
         """Sends an answer, before all messages that wait. No answer is lost."""
         self.answers.append(json.dumps(message))
-        self._news.set()
+        self._wake.set()
         if len(self.answers) > MAX_ANSWERS:
             self.connection.transport.abort()
 
@@ -406,8 +406,8 @@ class Client:
 
         try:
             while True:
-                await self._news.wait()
-                self._news.clear()
+                await self._wake.wait()
+                self._wake.clear()
                 while self.answers or self.waiting:
                     if self.answers:
                         await self.connection.send(self.answers.popleft())

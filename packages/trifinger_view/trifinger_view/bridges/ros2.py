@@ -27,7 +27,7 @@ POLL_PERIOD = 0.02
 SLOW_PERIOD = 0.5
 """Time between two looks at who listens, and between two sentences about lost messages [s]."""
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 """Takes a sentence for people."""
 
 
@@ -86,11 +86,11 @@ class Ros2Bridge:
     """
 
     def __init__(
-        self, robot: str, node: Node, options: Ros2Options | None = None, tell: Tell = print
+        self, robot: str, node: Node, options: Ros2Options | None = None, report: Report = print
     ) -> None:
         """Prepares to publish `robot`, which need not run yet; raises InvalidArgument.
 
-        The bridge closes the node. `tell` gets sentences about the robot.
+        The bridge closes the node. `report` gets sentences about the robot.
         """
         self.robot = robot
         self.options = options or Ros2Options()
@@ -98,7 +98,7 @@ class Ros2Bridge:
         self.lost = 0
         """Messages that were lost between robot and subscribers."""
         self._node = node
-        self._tell = tell
+        self._report = report
         self._live = LiveMessages(
             robot,
             rate=self.options.rate,
@@ -134,7 +134,7 @@ class Ros2Bridge:
             lost += 0 if self._publish(message) else 1
         self.lost += lost
         for event in batch.events:
-            self._tell(f"{event.source}: {event.text}")
+            self._report(f"{event.source}: {event.text}")
         self._look_slowly()
 
     def close(self) -> None:
@@ -205,7 +205,7 @@ class Ros2Bridge:
             )
         )
         if self.lost > self._told:
-            self._tell(
+            self._report(
                 f"{self.lost - self._told} messages were lost: the robot is faster than this "
                 "bridge, or a subscriber is too slow"
             )

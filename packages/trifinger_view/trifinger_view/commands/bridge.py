@@ -150,7 +150,7 @@ def until_signal(work: Coroutine[None, None, None]) -> None:
     asyncio.run(main())
 
 
-def tell(text: str) -> None:
+def report(text: str) -> None:
     """Prints a sentence about robot or clients."""
     say(text, file=sys.stderr, flush=True)
 
@@ -171,14 +171,14 @@ def serve_foxglove(arguments: argparse.Namespace) -> None:
             viewer_rate=arguments.viewer_rate,
             jpeg_quality=arguments.jpeg_quality,
         ),
-        tell,
+        report,
     )
 
     def ready() -> None:
         say(f"Serves {arguments.name} at {server.url}", flush=True)
         say("In Foxglove: Open connection, Foxglove WebSocket, and this address.", flush=True)
         if arguments.host not in LOOPBACK:
-            tell(
+            report(
                 "Everybody who knows this address sees the robot. The connection is not encrypted: "
                 "for networks of others, use SSH (docs/bridges.md)."
             )
@@ -215,7 +215,7 @@ def publish_ros2(arguments: argparse.Namespace) -> None:
             viewer_rate=arguments.viewer_rate,
             jpeg_quality=arguments.jpeg_quality,
         ),
-        tell,
+        report,
     )
     stop = threading.Event()
     for one in (signal.SIGINT, signal.SIGTERM):
@@ -223,7 +223,7 @@ def publish_ros2(arguments: argparse.Namespace) -> None:
     where = namespace.rstrip("/")
     say(f"Publishes {arguments.name} as the node {where}/{NODE}.", flush=True)
     if arguments.network:
-        tell("Everybody in this network sees the robot: DDS has no password.")
+        report("Everybody in this network sees the robot: DDS has no password.")
     bridge.run(stop)
 
 

@@ -190,9 +190,9 @@ def play_on_robot(arguments: argparse.Namespace) -> int:
         for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
     }
 
-    def tell(plan: Plan) -> None:
+    def report(plan: Plan) -> None:
         say(
-            f"The robot goes to the start in {plan.way_time:.2f} s; "
+            f"The robot goes to the start in {plan.approach_time:.2f} s; "
             f"all of it takes {plan.duration:.2f} s. Ctrl-C stops it.",
             flush=True,
         )
@@ -207,7 +207,7 @@ def play_on_robot(arguments: argparse.Namespace) -> int:
                 speed=arguments.speed,
                 feedforward=arguments.feedforward,
                 should_stop=lambda: bool(ending),
-                on_plan=tell,
+                on_plan=report,
             )
             robot.finish()
         finally:

@@ -19,9 +19,9 @@ from trifinger.commands.command_line import ArgumentParser, ended_by_signals, ru
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 
 from trifinger_view import PAGE
-from trifinger_view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
+from trifinger_view.authentication import CONTROL_MESSAGES, LOOPBACK, Authentication, page_server
 from trifinger_view.logged import LoggedRun
-from trifinger_view.pilot import Pilot
+from trifinger_view.page_controller import PageController
 
 RATE = 40.0  # of pictures [Hz]
 IDLE_RATE = 5.0  # without a browser
@@ -33,7 +33,7 @@ TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
 class PageOptions:
     """How to serve a page."""
 
-    gate: Gate
+    authentication: Authentication
     opens_browser: bool
     is_plain: bool  # without lights and shadows
 
@@ -47,7 +47,7 @@ def show(
     page_title: str,
     options: PageOptions,
     begin: Callable[..., Callable[[bool], None]],
-    pilot: Pilot | None = None,
+    controller: PageController | None = None,
     note: str = "",
 ) -> None:
     """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it.
@@ -57,17 +57,21 @@ def show(
     from trifinger_view.live import be_modest
     from trifinger_view.page import Page, help_slow_browsers
 
-    gate = options.gate
-    if pilot is None:  # the thread of a guide would inherit this
+    authentication = options.authentication
+    if controller is None:  # the thread of a guide would inherit this
         be_modest()
-    with contextlib.closing(gate):
-        help_slow_browsers(gate, is_plain=options.is_plain)
-        server = page_server(gate, page_title, None if pilot is None else CONTROL_MESSAGES)
+    with contextlib.closing(authentication):
+        help_slow_browsers(authentication, is_plain=options.is_plain)
+        server = page_server(
+            authentication, page_title, None if controller is None else CONTROL_MESSAGES
+        )
         page = Page(server, page_title, is_plain=options.is_plain)
         renew = begin(page)
-        print_address(gate, controls=pilot is not None and pilot.with_guide, note=note)
+        print_address(
+            authentication, controls=controller is not None and controller.with_guide, note=note
+        )
         if options.opens_browser:
-            webbrowser.open(gate.url)
+            webbrowser.open(authentication.url)
         following = time.monotonic()
         try:
             while True:
@@ -83,10 +87,12 @@ def show(
             page.server.stop()
 
 
-def print_address(gate: Gate, *, controls: bool = False, note: str = "") -> None:
+def print_address(
+    authentication: Authentication, *, controls: bool = False, note: str = ""
+) -> None:
     """Says how to open the page, and what its end does to a robot that it controls or not."""
-    say(f"Open {gate.url}")
-    if not gate.is_local:
+    say(f"Open {authentication.url}")
+    if not authentication.is_local:
         does = "moves" if controls else "sees"
         say(
             f"Who has this address {does} the robot; it crosses the network unencrypted.",
@@ -97,7 +103,8 @@ def print_address(gate: Gate, *, controls: bool = False, note: str = "") -> None
         host = words[2] if len(words) == 4 else socket.gethostname()
         say(
             "From the machine that you came from, first:\n"
-            f"  ssh -L {gate.port}:{LOOPBACK}:{gate.port} {getpass.getuser()}@{host}"
+            f"  ssh -L {authentication.port}:{LOOPBACK}:{authentication.port} "
+            f"{getpass.getuser()}@{host}"
         )
     if note:
         say(note)
@@ -105,20 +112,22 @@ def print_address(gate: Gate, *, controls: bool = False, note: str = "") -> None
     say(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
-def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> None:
-    """Shows a running robot, or the next one that runs. With a pilot, the page can steer it."""
+def show_robot(name: str, options: PageOptions, controller: PageController | None = None) -> None:
+    """Shows a running robot, or the next one that runs. With a controller, the page can steer
+    it.
+    """
     from trifinger_view.control_panel import ControlPanel, add_stop
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
 
     live = LiveRun(name)
-    if pilot is not None and pilot.with_guide:
-        add_stop(options.gate, name)
+    if controller is not None and controller.with_guide:
+        add_stop(options.authentication, name)
 
     def begin(page: Page) -> Callable[[bool], None]:
         shown: dict[str, object] = {"session": None, "lines": None}
         page.show_state(live.lines)
-        panel = None if pilot is None else ControlPanel(page, pilot)
+        panel = None if controller is None else ControlPanel(page, controller)
 
         def renew(is_watched: bool) -> None:
             live.look(with_images=is_watched)
@@ -140,7 +149,7 @@ def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> N
 
         return renew
 
-    show(name or "TriFinger", options, begin, pilot, note_of_missing(name))
+    show(name or "TriFinger", options, begin, controller, note_of_missing(name))
 
 
 def note_of_missing(name: str) -> str:
@@ -157,11 +166,11 @@ def steer_robot(name: str, options: PageOptions, *, with_guide: bool) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
     if not with_guide:
         require_hand(name)
-    pilot = Pilot(name, with_guide=with_guide)
-    with ended_by_signals(), contextlib.closing(pilot):
+    controller = PageController(name, with_guide=with_guide)
+    with ended_by_signals(), contextlib.closing(controller):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
-            pilot.connect()
-        show_robot(name, options, pilot)
+            controller.connect()
+        show_robot(name, options, controller)
 
 
 def require_hand(name: str) -> None:
@@ -320,9 +329,9 @@ def show_or_write(arguments: argparse.Namespace) -> None:
 
 
 def page_options(arguments: argparse.Namespace) -> PageOptions:
-    """What the command line says about the page. The gate listens from now on."""
-    gate = Gate(arguments.host, arguments.port, arguments.token)
-    return PageOptions(gate, wants_browser(arguments), arguments.plain)
+    """What the command line says about the page. Its socket listens from now on."""
+    authentication = Authentication(arguments.host, arguments.port, arguments.token)
+    return PageOptions(authentication, wants_browser(arguments), arguments.plain)
 
 
 def wants_browser(arguments: argparse.Namespace) -> bool:

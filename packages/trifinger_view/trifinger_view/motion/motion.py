@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from trifinger.errors import InvalidArgument
 
-from trifinger_view.motion import curves, file, symmetry, ways
+from trifinger_view.motion import curves, file, symmetry, trajectories
 from trifinger_view.motion.facts import JointFacts
 from trifinger_view.motion.limits import Samples, Violation, slowing_factor, violations
 
@@ -308,24 +308,26 @@ class Motion:
     def join(
         self, other: Motion, blend: float | None = None, facts: JointFacts | None = None
     ) -> Motion:
-        """This motion, then a way of `blend` [s] to the start of `other`, then `other`.
+        """This motion, then a trajectory of `blend` [s] to the start of `other`, then `other`.
 
-        Position and velocity have no jump. Without `blend` the way is the shortest within the
-        limits of `facts`, by default of the configuration in the motion. Measured tips are left
-        out. Raises InvalidArgument for a motion of another robot, and if there is no such way.
+        Position and velocity have no jump. Without `blend` the trajectory is the shortest within
+        the limits of `facts`, by default of the configuration in the motion. Measured tips are left
+        out. Raises InvalidArgument for a motion of another robot, and if there is no such
+        trajectory.
         """
         self.require_robot(other.robot, other.joints, "the robot of the other motion")
         ends = (self.positions[-1], self.velocities[-1], other.positions[0], other.velocities[0])
         if blend is None:
-            way = ways.find_way(self._known(facts), *ends)
+            trajectory = trajectories.find_trajectory(self._known(facts), *ends)
         else:
             _require_positive("blend", blend, "s")
-            way = ways.Way(*ends, blend)
-        count = max(2, math.ceil(way.duration / float(np.median(np.diff(self.times)))))
-        between = way.at(np.linspace(0.0, way.duration, count + 1)[1:-1])
-        gap = self.duration + way.duration
+            trajectory = trajectories.Trajectory(*ends, blend)
+        count = max(2, math.ceil(trajectory.duration / float(np.median(np.diff(self.times)))))
+        between = trajectory.at(np.linspace(0.0, trajectory.duration, count + 1)[1:-1])
+        gap = self.duration + trajectory.duration
         return self._changed(
-            f"joined, by a way of {way.duration:.3f} s, with: " + "; ".join(other.history),
+            f"joined, by a trajectory of {trajectory.duration:.3f} s, with: "
+            + "; ".join(other.history),
             times=np.concatenate([self.times, self.duration + between.times, gap + other.times]),
             positions=np.vstack([self.positions, between.positions, other.positions]),
             tips=None,

@@ -16,7 +16,7 @@ from trifinger.errors import InvalidArgument
 
 from trifinger_view.motion.facts import JointFacts
 from trifinger_view.motion.limits import Samples, violations
-from trifinger_view.motion.ways import Way, find_way
+from trifinger_view.motion.trajectories import Trajectory, find_trajectory
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,13 +58,15 @@ class Plan:
     """What a robot is going to be asked for."""
 
     parts: tuple[Part, ...]
-    """The way to the start, the motion, and, alternating, ways back and repetitions; the stop."""
+    """The trajectory to the start, the motion, and, alternating, trajectories back and repetitions;
+    the stop.
+    """
     period: float
     """Length of a step [s]."""
 
     @property
-    def way_time(self) -> float:
-        """Length of the way to the start of the motion [s]."""
+    def approach_time(self) -> float:
+        """Length of the trajectory to the start of the motion [s]."""
         return len(self.parts[0]) * self.period
 
     @property
@@ -83,12 +85,12 @@ def plan(
     times: int = 1,
     speed: float = 1.0,
 ) -> Plan:
-    """Plans the way from the pose `start` [rad] to the motion, the motion, and a stop.
+    """Plans the trajectory from the pose `start` [rad] to the motion, the motion, and a stop.
 
-    `period` is the length of a step of the robot [s]. The motion is done `times` times, with a way
-    back to its start in between. On these ways no joint is faster than `speed` [rad/s], and they
-    hold all limits. Raises InvalidArgument if the motion is for another robot, violates a limit, or
-    if there is no way to it.
+    `period` is the length of a step of the robot [s]. The motion is done `times` times, with a
+    trajectory back to its start in between. On these no joint is faster than `speed` [rad/s], and
+    they hold all limits. Raises InvalidArgument if the motion is for another robot, violates a
+    limit, or if there is no trajectory to it.
     """
     motion.require_robot(facts.robot, facts.joints, "this robot")
     if times < 1:
@@ -116,17 +118,17 @@ def plan(
     def part(samples: Samples) -> Part:
         return Part.of(facts, samples)
 
-    first = find_way(facts, start, velocity, whole.positions[0], whole.velocities[0], speed)
+    first = find_trajectory(facts, start, velocity, whole.positions[0], whole.velocities[0], speed)
     end = (whole.positions[-1], whole.velocities[-1])
-    # The way to the motion ends with its first sample.
+    # The trajectory to the motion ends with its first sample.
     middle = part(_after_first(whole))
     parts = [part(_sampled(first, period)), middle]
     if times > 1:
-        way = find_way(facts, *end, whole.positions[0], whole.velocities[0], speed)
-        back = part(_sampled(way, period))
+        trajectory = find_trajectory(facts, *end, whole.positions[0], whole.velocities[0], speed)
+        back = part(_sampled(trajectory, period))
         parts += [back, middle] * (times - 1)
     if np.abs(end[1]).max() > STANDS:
-        parts.append(part(_sampled(find_way(facts, *end, None, still), period)))
+        parts.append(part(_sampled(find_trajectory(facts, *end, None, still), period)))
     parts.append(part(_resting(parts[-1].positions[-1], period)))
     return Plan(tuple(parts), period)
 
@@ -227,10 +229,10 @@ def _brake(
     # From the last action that was appended.
     still = np.zeros_like(velocity)
     try:
-        way = find_way(facts, position, velocity, None, still)
+        trajectory = find_trajectory(facts, position, velocity, None, still)
     except InvalidArgument:  # near a limit, where the robot's own checks brake harder
-        way = Way(position, velocity, position + velocity * 0.05, still, 0.1)
-    stop = _sampled(way, period)
+        trajectory = Trajectory(position, velocity, position + velocity * 0.05, still, 0.1)
+    stop = _sampled(trajectory, period)
     yield Part.of(facts, stop)
     yield Part.of(facts, _resting(stop.positions[-1], period))
 
@@ -260,10 +262,11 @@ def _interrupts() -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _sampled(way: Way, period: float) -> Samples:
-    # The states at the ends of all steps; a whole number of steps, so the way is a little longer.
-    steps = max(1, math.ceil(way.duration / period))
-    longer = dataclasses.replace(way, duration=steps * period)
+def _sampled(trajectory: Trajectory, period: float) -> Samples:
+    # The states at the ends of all steps; a whole number of steps, so the trajectory is a little
+    # longer.
+    steps = max(1, math.ceil(trajectory.duration / period))
+    longer = dataclasses.replace(trajectory, duration=steps * period)
     return longer.at(np.linspace(period, steps * period, steps))
 
 

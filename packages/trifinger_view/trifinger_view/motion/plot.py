@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A figure of a motion: positions, speeds and torques beside their limits, and ways of the tips."""
+"""A figure of a motion: positions, speeds and torques beside their limits, and paths of the
+tips.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from trifinger_view.motion.motion import Motion
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-MOST_POINTS = 4000  # of a curve; a picture cannot show more
+MAX_POINTS = 4000  # of a curve; a picture cannot show more
 
 
 def plot(motion: Motion, path: str | os.PathLike[str], facts: JointFacts | None = None) -> None:
@@ -59,7 +61,7 @@ def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:
     figure = figure_type(figsize=(4.3 * fingers + 1.2, 2.2 * len(rows) + 0.8), layout="constrained")
     figure.suptitle(f"{motion.robot}, {motion.duration:.2f} s; dashed: limits", fontsize=11)
     axes = figure.subplots(len(rows), fingers, sharex=True, sharey="row", squeeze=False)
-    thin = slice(None, None, max(1, len(motion) // MOST_POINTS))
+    thin = slice(None, None, max(1, len(motion) // MAX_POINTS))
     times = motion.times[thin]
     for finger in range(fingers):
         own = range(finger * each, (finger + 1) * each)

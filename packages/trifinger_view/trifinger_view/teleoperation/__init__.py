@@ -12,7 +12,11 @@ A device is a function that says what the person wants now. It is called many ti
         teleoperate(guide, device)
 """
 
-from trifinger_view.teleoperation.command import Command as Command, Device as Device, Wish as Wish
+from trifinger_view.teleoperation.command import (
+    Command as Command,
+    Device as Device,
+    Request as Request,
+)
 from trifinger_view.teleoperation.devices import load_device as load_device
 from trifinger_view.teleoperation.gamepad import Gamepad as Gamepad, open_gamepad as open_gamepad
 from trifinger_view.teleoperation.keyboard import Keyboard as Keyboard, Terminal as Terminal

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-Wish = Literal["", "home", "hold", "float", "stop", "end"]
+Request = Literal["", "home", "hold", "float", "stop", "end"]
 Velocity = tuple[float, float, float]
 STILL: Velocity = (0.0, 0.0, 0.0)
 
@@ -21,7 +21,7 @@ class Command:
     """Of the tip, in the world frame [m/s]. A tip that moved stops when this is zero."""
     finger: int | None = None
     """The finger to move from now on, from 0; None: the one that was chosen before."""
-    wish: Wish = ""
+    request: Request = ""
     """Something else than to move a tip.
 
     "home", "hold" and "float" are those of `Guide`. "stop" ends the session at once. "end" holds
@@ -35,11 +35,13 @@ Device = Callable[[], Command]
 """Is called many times a second, and returns without waiting."""
 
 
-_URGENT: tuple[Wish, ...] = ("hold", "end", "stop")
+_URGENT: tuple[Request, ...] = ("hold", "end", "stop")
 
 
-def more_urgent(earlier: Wish, later: Wish) -> Wish:
-    """The wish that counts of two that came together: what stops the robot more, or the later."""
+def more_urgent(earlier: Request, later: Request) -> Request:
+    """The request that counts of two that came together: what stops the robot more, or the
+    later.
+    """
     if later and (earlier not in _URGENT or later in _URGENT[_URGENT.index(earlier) :]):
         return later
     return earlier

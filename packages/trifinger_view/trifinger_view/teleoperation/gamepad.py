@@ -17,7 +17,7 @@ from typing import Protocol
 
 from trifinger.errors import Error
 
-from trifinger_view.teleoperation.command import STILL, Command, Velocity, Wish, more_urgent
+from trifinger_view.teleoperation.command import STILL, Command, Request, Velocity, more_urgent
 
 HELP = """\
   left stick         the tip moves along x and y       start    home
@@ -45,7 +45,7 @@ _SOUTH, _EAST, _LEFT_SHOULDER, _RIGHT_SHOULDER, _SELECT, _START = (
 _CROSS_UP, _CROSS_DOWN = 0x220, 0x221
 _X, _Y, _RIGHT_Y, _CROSS_Y = 0x00, 0x01, 0x04, 0x11
 _STICKS = (_X, _Y, _RIGHT_Y)
-_WISHES: dict[int, Wish] = {_SOUTH: "hold", _EAST: "stop", _START: "home", _SELECT: "float"}
+_REQUESTS: dict[int, Request] = {_SOUTH: "hold", _EAST: "stop", _START: "home", _SELECT: "float"}
 
 _EVENT = struct.Struct("@llHHi")  # struct input_event
 _ABSINFO = struct.Struct("@6i")  # struct input_absinfo
@@ -268,15 +268,15 @@ class Gamepad:
         elif self._now() - self._heard > SILENCE and self._pad.velocity(1.0) != STILL:
             self._pad.must_be_let_go = True
             message = "the gamepad is silent, so the tip stops; let the stick go to move it again"
-        asked: Wish = ""
+        asked: Request = ""
         for event in events:
             asked = more_urgent(asked, self._take(event, self._source.ranges))
         if self._speed != speed:
             message = f"{1000 * self.speed:.0f} mm/s"
         velocity = self._pad.velocity(self.speed)
-        return Command(velocity=velocity, finger=self._finger, wish=asked, message=message)
+        return Command(velocity=velocity, finger=self._finger, request=asked, message=message)
 
-    def _take(self, event: Event, ranges: Mapping[int, Range]) -> Wish:
+    def _take(self, event: Event, ranges: Mapping[int, Range]) -> Request:
         if event.type == _SYN and event.code == _SYN_DROPPED:
             self._pad = _Pad(has_lost_events=True)  # nobody knows what is pressed
         elif event.type == _SYN and event.code == _SYN_REPORT:
@@ -291,17 +291,17 @@ class Gamepad:
             self._change_speed(-event.value)
         return ""
 
-    def _press(self, code: int) -> Wish:
+    def _press(self, code: int) -> Request:
         if code in (_LEFT_SHOULDER, _RIGHT_SHOULDER):
             step = 1 if code == _RIGHT_SHOULDER else -1
             self._finger = (self._finger + step) % self.num_fingers
         elif code in (_CROSS_UP, _CROSS_DOWN):
             self._change_speed(1 if code == _CROSS_UP else -1)
             return ""
-        elif code not in _WISHES:
+        elif code not in _REQUESTS:
             return ""
         self._pad.must_be_let_go = True
-        return _WISHES.get(code, "")
+        return _REQUESTS.get(code, "")
 
     def _change_speed(self, step: int) -> None:
         self._speed = min(max(self._speed + step, 0), len(SPEEDS) - 1)
@@ -312,7 +312,7 @@ class Gamepad:
         self._pad = _Pad()
         self._tried = self._now()
         return Command(
-            wish="hold",
+            request="hold",
             message=f"{name} is gone, so the robot holds; plug it in again, or press Ctrl-C to end",
         )
 

@@ -18,7 +18,7 @@ from typing import Self
 
 from trifinger.errors import InvalidArgument
 
-from trifinger_view.teleoperation.command import STILL, Command, Velocity, Wish, more_urgent
+from trifinger_view.teleoperation.command import STILL, Command, Request, Velocity, more_urgent
 
 HELD = 0.15
 """How long a tip moves after a sign of life of its key [s]. Keys repeat every 0.03 to 0.1 s."""
@@ -45,7 +45,7 @@ _DIRECTIONS: dict[bytes, Velocity] = {
 # Terminals in "application mode" send their arrows in another way.
 _DIRECTIONS |= {b"\x1bO" + key[2:]: way for key, way in _DIRECTIONS.items() if len(key) == 3}
 
-_WISHES: dict[bytes, Wish] = {
+_REQUESTS: dict[bytes, Request] = {
     b"h": "home",
     b"f": "float",
     b" ": "hold",
@@ -55,7 +55,9 @@ _WISHES: dict[bytes, Wish] = {
     b"\x04": "end",  # Ctrl-D
 }
 # After Escape alone, the next key looks like one with Alt. What makes the robot rest still counts.
-_WISHES |= {b"\x1b" + key: wish for key, wish in _WISHES.items() if wish not in ("home", "float")}
+_REQUESTS |= {
+    b"\x1b" + key: request for key, request in _REQUESTS.items() if request not in ("home", "float")
+}
 
 # One key, whole. What follows a match never changes it, so keys may arrive in any pieces.
 _KEY = re.compile(
@@ -129,16 +131,16 @@ class Keyboard:
         """The command of the keys that were pressed since the last call."""
         data = self._read()
         if data is None:
-            return Command(wish="end", message="the terminal is gone")
+            return Command(request="end", message="the terminal is gone")
         finger: int | None = None
-        wish: Wish = ""
+        request: Request = ""
         message = ""
         for key in self._keys.feed(data):
             if key in _DIRECTIONS:
                 self._motion = _Motion(_DIRECTIONS[key], self._now() + HELD)
-            elif key in _WISHES:
+            elif key in _REQUESTS:
                 self._motion = _Motion(STILL, 0.0)
-                wish = more_urgent(wish, _WISHES[key])
+                request = more_urgent(request, _REQUESTS[key])
             elif key.isdigit() and 1 <= int(key) <= self.num_fingers:
                 self._motion = _Motion(STILL, 0.0)
                 finger = int(key) - 1
@@ -149,7 +151,7 @@ class Keyboard:
         if self._now() >= self._motion.until:
             self._motion = _Motion(STILL, 0.0)
         x, y, z = (self.speed * way for way in self._motion.direction)
-        return Command(velocity=(x, y, z), finger=finger, wish=wish, message=message)
+        return Command(velocity=(x, y, z), finger=finger, request=request, message=message)
 
 
 class Terminal:

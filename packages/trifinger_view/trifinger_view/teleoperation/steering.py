@@ -30,7 +30,7 @@ class SteeredState(Protocol):
 
     @property
     def refusal(self) -> str:
-        """Why the last wishes cannot be fulfilled; empty if they can."""
+        """Why the last requests cannot be fulfilled; empty if they can."""
 
 
 class Steered(Protocol):
@@ -63,7 +63,7 @@ class Steered(Protocol):
 
 
 class Steering:
-    """Turns commands into wishes of a guided robot.
+    """Turns commands into requests to a guided robot.
 
     While a command has a velocity, the target of the tip goes ahead with it, at most MAX_LEAD in
     front of the tip. The first command without a velocity holds the robot.
@@ -93,25 +93,25 @@ class Steering:
         except InvalidArgument:
             self._guide.hold()
             raise
-        if command.wish == "stop":
+        if command.request == "stop":
             self._guide.stop()
             return False
         if command.finger is not None and command.finger != self._finger:
             self._rest()
             self._finger = command.finger
-        if command.wish:
+        if command.request:
             self._target = None
             {
                 "home": self._guide.home,
                 "hold": self._guide.hold,
                 "end": self._guide.hold,
                 "float": self._guide.float_freely,
-            }[command.wish]()
+            }[command.request]()
         elif velocity != STILL:
             self._move(np.array(velocity), elapsed)
         else:
             self._rest()
-        return command.wish != "end"
+        return command.request != "end"
 
     def _rest(self) -> None:
         if self._target is not None:
@@ -133,9 +133,9 @@ class Steering:
             raise InvalidArgument(
                 f"the device returned {command!r}, must be a trifinger_view.teleoperation.Command"
             )
-        if command.wish not in ("", "home", "hold", "float", "stop", "end"):
+        if command.request not in ("", "home", "hold", "float", "stop", "end"):
             raise InvalidArgument.of_name(
-                "wish", command.wish, ("home", "hold", "float", "stop", "end")
+                "request", command.request, ("home", "hold", "float", "stop", "end")
             )
         if command.finger is not None and command.finger not in range(self._num_fingers):
             raise InvalidArgument(

@@ -102,15 +102,15 @@ def draw_lateness(
     histogram.set_axisbelow(True)
 
 
-def draw_troubles(axes: Axes, contents: Contents) -> None:
-    """Draws a line for each kind of trouble, with a stroke where it happened."""
+def draw_problems(axes: Axes, contents: Contents) -> None:
+    """Draws a line for each kind of problem, with a stroke where it happened."""
     curves, kinds = contents.curves, contents.kinds[::-1]
     for row, kind in enumerate(kinds):
         if kind == "gap":
             bars = [(start, max(stop - start, 1e-9)) for start, stop in curves.gaps]
             axes.broken_barh(bars, (row - 0.35, 0.7), color=MARKS["gap"])
         else:
-            times = contents.troubles[kind]
+            times = contents.problems[kind]
             stroke: dict[str, Any] = {"markersize": 9, "markeredgewidth": 1.4, "color": MARKS[kind]}
             axes.plot(times, [row] * len(times), "|", **stroke)
     axes.set_yticks(range(len(kinds)), kinds)
@@ -179,7 +179,7 @@ def draw_rows(figure: Figure, grid: GridSpec, contents: Contents) -> list[Axes]:
         row += 1
     if contents.kinds:
         over_time.append(figure.add_subplot(grid[row, :]))
-        draw_troubles(over_time[-1], contents)
+        draw_problems(over_time[-1], contents)
     return over_time
 
 

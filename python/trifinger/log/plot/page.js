@@ -84,6 +84,6 @@ async function main() {
 }
 
 main().catch((error) => {
-  document.getElementById("trouble").textContent =
+  document.getElementById("error").textContent =
     "The numbers of this page could not be unpacked: " + error + ". A newer browser can.";
 });

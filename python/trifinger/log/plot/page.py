@@ -16,8 +16,8 @@ from trifinger.log.plot.curves import Curves
 from trifinger.log.plot.panels import contents_of, title_of
 from trifinger.log.plot.plotly_figure import PlotlyFigure
 
-MOST_NUMBERS = 8_000_000  # limit for all lines of a page
-MOST_STRETCHES = 100_000  # limit for a line
+MAX_NUMBERS = 8_000_000  # limit for all lines of a page
+MAX_STRETCHES = 100_000  # limit for a line
 FOLDER = Path(__file__).parent
 
 
@@ -26,7 +26,7 @@ def stretches_of(session: LoggedSession) -> int:
     numbers = 0
     for dtype in (session.observation_dtype, session.action_dtype, session.applied_action_dtype):
         numbers += dtype.itemsize // 8
-    return min(MOST_STRETCHES, max(2000, MOST_NUMBERS // (2 * max(numbers, 1))))
+    return min(MAX_STRETCHES, max(2000, MAX_NUMBERS // (2 * max(numbers, 1))))
 
 
 def facts_of(session: LoggedSession, curves: Curves) -> str:
@@ -50,7 +50,7 @@ def facts_of(session: LoggedSession, curves: Curves) -> str:
     return (
         f"<h1>{html.escape(headline)}</h1>\n<p>{html.escape(facts)}</p>\n{bad}\n"
         f"<p>Drag to zoom, double-click to see all; a click on a name in the legend hides its "
-        f'lines. {held}</p>\n<p class="bad" id="trouble"></p>'
+        f'lines. {held}</p>\n<p class="bad" id="error"></p>'
     )
 
 

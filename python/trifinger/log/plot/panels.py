@@ -62,12 +62,12 @@ class Contents:
 
     curves: Curves
     rows: list[tuple[Curves, Panel]]  # companions come last, with curves of their own
-    troubles: dict[str, list[float]]  # times of each kind [s]
+    problems: dict[str, list[float]]  # times of each kind [s]
 
     @property
     def kinds(self) -> list[str]:
-        """The kinds of trouble that have a line, gaps last."""
-        return [*self.troubles, *(["gap"] if self.curves.gaps else [])]
+        """The kinds of problem that have a line, gaps last."""
+        return [*self.problems, *(["gap"] if self.curves.gaps else [])]
 
 
 def contents_of(
@@ -84,7 +84,7 @@ def contents_of(
                 (found, Panel(f"{name}: {panel.name}", panel.unit, panel.measured))
                 for panel in panels_of(found)[:3]
             ]
-    return Contents(curves, rows, troubles_of(log, curves))
+    return Contents(curves, rows, problems_of(log, curves))
 
 
 def panels_of(curves: Curves) -> list[Panel]:
@@ -166,8 +166,8 @@ def histogram_of(lateness: LatenessHistogram) -> tuple[Array, Array]:
     return counts[low:high], np.maximum(edges, 0.5 * lateness.edges()[1])
 
 
-def troubles_of(log: Log, curves: Curves) -> dict[str, list[float]]:
-    """Times of troubles, by their kind; warnings and errors in the log are included."""
+def problems_of(log: Log, curves: Curves) -> dict[str, list[float]]:
+    """Times of problems, by their kind; warnings and errors in the log are included."""
     marks = dict(curves.marks)
     begin, end = curves.begin * 1e-9, curves.end * 1e-9
     events = [

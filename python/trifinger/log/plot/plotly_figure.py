@@ -76,7 +76,7 @@ class PlotlyFigure:
             over_time.append((row, 1))
             row += 1
         if contents.kinds:
-            self._add_troubles(row, contents)
+            self._add_problems(row, contents)
             over_time.append((row, 1))
         self._decorate(curves, over_time)
 
@@ -164,10 +164,10 @@ class PlotlyFigure:
                 line = {"color": colour, "width": 1.2, "dash": "dash"}
                 self.figure.add_vline(value * factor, line=line, row=row, col=9)
 
-    def _add_troubles(self, row: int, contents: Contents) -> None:
+    def _add_problems(self, row: int, contents: Contents) -> None:
         curves = contents.curves
         for kind in reversed(contents.kinds):
-            times = contents.troubles.get(kind, [])
+            times = contents.problems.get(kind, [])
             shape: dict[str, Any] = {"mode": "markers"}
             if kind == "gap":
                 # None interrupts the line between two gaps.

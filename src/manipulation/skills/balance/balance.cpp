@@ -15,7 +15,7 @@
 #include "manipulation/parts/rotation_between.hpp"
 #include "manipulation/parts/settings.hpp"
 #include "manipulation/parts/tip_servo.hpp"
-#include "manipulation/parts/tip_way.hpp"
+#include "manipulation/parts/tip_trajectory.hpp"
 #include "manipulation/parts/torque_action.hpp"
 #include "manipulation/skills/balance/tilt_observer.hpp"
 #include "manipulation/skills/makers.hpp"
@@ -85,8 +85,8 @@ Eigen::RowVector4d regulator(const TippingBox& box, const BalanceConfig& config,
   // end, doing nothing would be a solution, too.
   Eigen::Matrix4d cost = weights + Eigen::Matrix4d::Identity();
   Eigen::RowVector4d gain = Eigen::RowVector4d::Zero();
-  constexpr int kMostIterations = 200000;
-  for (int i = 0; i < kMostIterations; ++i) {
+  constexpr int kMaxIterations = 200000;
+  for (int i = 0; i < kMaxIterations; ++i) {
     gain = b.transpose() * cost * a / (1.0 + b.dot(cost * b));
     const Eigen::Matrix4d next = weights + a.transpose() * cost * (a - b * gain);
     const double change = (next - cost).cwiseAbs().maxCoeff() / next.cwiseAbs().maxCoeff();
@@ -155,7 +155,7 @@ class Balance final : public Skill {
     const Vector3d edge = pose.orientation * Vector3d::Unit(longest_);
     return edge.z() < 0 ? Vector3d(-edge) : edge;
   }
-  void take_news() noexcept;
+  void take_pose() noexcept;
   void find_finger() noexcept;
   void follow_phases() noexcept;
   void sense(Seconds elapsed) noexcept;
@@ -175,11 +175,11 @@ class Balance final : public Skill {
   Phase phase_{Phase::kLook};
   SkillState state_;
   TriFinger::Action action_;
-  std::array<TipWay, control::kContacts> ways_;
+  std::array<TipTrajectory, control::kContacts> trajectories_;
   bool has_sensed_{false};
   control::JointState joints_;
   std::optional<SeenPose> first_;
-  std::optional<SeenPose> news_;
+  std::optional<SeenPose> new_pose_;
   TimeIndex last_seen_{-1};
   int finger_{0};
 
@@ -196,15 +196,16 @@ void Balance::see(TimeIndex captured, const Pose& pose) noexcept {
     first_ = {captured, pose};
     return;
   }
-  news_ = {captured, pose};
+  new_pose_ = {captured, pose};
 }
 
-void Balance::take_news() noexcept {
-  if (!news_) return;
-  const Vector3d edge = edge_of(news_->pose);
+void Balance::take_pose() noexcept {
+  if (!new_pose_) return;
+  const Vector3d edge = edge_of(new_pose_->pose);
   const Vector2d tilt(std::atan2(edge.x(), edge.z()), std::atan2(edge.y(), edge.z()));
-  if (observer_.see(news_->step, tilt, news_->pose.position.head<2>())) last_seen_ = news_->step;
-  news_.reset();
+  if (observer_.see(new_pose_->step, tilt, new_pose_->pose.position.head<2>()))
+    last_seen_ = new_pose_->step;
+  new_pose_.reset();
 }
 
 // The finger on whose tip the box stands.
@@ -228,8 +229,8 @@ void Balance::find_finger() noexcept {
   // The tip has rested since the first pose was captured.
   observer_.reset(first_->step);
   observer_.move(clock_.step(), input_);
-  news_ = first_;
-  take_news();
+  new_pose_ = first_;
+  take_pose();
   estimate_ = observer_.estimate();
   last_seen_ = clock_.step();
   enter(Phase::kBalance);
@@ -313,7 +314,7 @@ const TriFinger::Action& Balance::update(TimeIndex step,
   servo_.sense(joints);
   if (!std::exchange(has_sensed_, true)) {
     for (int i = 0; i < control::kContacts; ++i)
-      ways_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
+      trajectories_[static_cast<std::size_t>(i)].rest_at(servo_.tip(i));
     clock_.begin_phase();
   }
   if (phase_ == Phase::kLook) {
@@ -321,7 +322,7 @@ const TriFinger::Action& Balance::update(TimeIndex step,
   } else {
     sense(elapsed);
     observer_.move(step, input_);
-    take_news();
+    take_pose();
     estimate_ = observer_.estimate();
     follow_phases();
   }
@@ -330,8 +331,8 @@ const TriFinger::Action& Balance::update(TimeIndex step,
   TipVectors accelerations;
   for (int i = 0; i < control::kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    forces[k] = control::tip_impedance(ways_[k].advance(elapsed), servo_.tip(i), servo_.velocity(i),
-                                       {.stiffness = 300.0, .damping = 6.0});
+    forces[k] = control::tip_impedance(trajectories_[k].advance(elapsed), servo_.tip(i),
+                                       servo_.velocity(i), {.stiffness = 300.0, .damping = 6.0});
     accelerations[k].setZero();
   }
   set_torques(action_, servo_.torques(forces, accelerations));

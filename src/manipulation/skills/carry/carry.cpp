@@ -55,7 +55,7 @@ class Carry final : public Skill {
     state_.phase = name_of(handling_.phase());
     state_.desired.pose = goal_;
     // The loop must not allocate memory.
-    told_.reserve(static_cast<std::size_t>(config_.attempts));
+    attempt_reports_.reserve(static_cast<std::size_t>(config_.attempts));
   }
 
   [[nodiscard]] std::string_view object() const noexcept override {
@@ -136,7 +136,7 @@ class Carry final : public Skill {
       handling_.begin(planned_);
       ++attempts_;
       if (std::exchange(is_brought_, false)) change_ = "the object was brought elsewhere first";
-      told_.push_back({.change = attempts_ > 1 ? change_ : "", .end = ""});
+      attempt_reports_.push_back({.change = attempts_ > 1 ? change_ : "", .end = ""});
     } else if (next_push_) {
       push_.swap(next_push_);
       push_begin_ = clock_.step() + 1;
@@ -153,8 +153,8 @@ class Carry final : public Skill {
   [[nodiscard]] std::vector<ReportFile> report_files(
       const SkillTrace& /*trace*/, std::span<const SeenPose> /*poses*/) const override {
     std::string text = "attempt,change,end\n";
-    for (std::size_t i = 0; i < told_.size(); ++i) {
-      const auto& [change, end] = told_[i];
+    for (std::size_t i = 0; i < attempt_reports_.size(); ++i) {
+      const auto& [change, end] = attempt_reports_[i];
       text += std::to_string(i + 1) + "," + std::string(change) + "," +
               std::string(end.empty() ? "done" : end) + "\n";
     }
@@ -163,13 +163,13 @@ class Carry final : public Skill {
 
  private:
   // What the report says of an attempt.
-  struct Told {
+  struct AttemptReport {
     std::string_view change;  // Against those before.
     std::string_view end;     // Why it has failed.
   };
 
   void end(std::string_view failure) noexcept {
-    if (!told_.empty()) told_.back().end = failure;
+    if (!attempt_reports_.empty()) attempt_reports_.back().end = failure;
     state_.phase = failure.empty() ? "done" : "failed";
     state_.failure = failure;
     state_.has_ended = true;
@@ -216,7 +216,7 @@ class Carry final : public Skill {
       end(is_stopped_ ? kStopped : failure);
       return;
     }
-    told_.back().end = failure;
+    attempt_reports_.back().end = failure;
     handling_.begin_again(clock_.step());
     state_.phase = name_of(handling_.phase());
   }
@@ -254,7 +254,7 @@ class Carry final : public Skill {
   bool is_stopped_{false};
   int attempts_{0};
   int pushes_{0};
-  std::vector<Told> told_;
+  std::vector<AttemptReport> attempt_reports_;
 
   // Made by `plan`.
   std::optional<Plan> planned_;
@@ -317,7 +317,7 @@ Pose read_goal(const Node& section) {
 CarryConfig read_carry(const SkillContext& context, const Node& root) {
   const Range angle = above_zero("rad", 1.6);
   const Range length = above_zero("m", 0.3);
-  const Node way = root.section("way");
+  const Node path = root.section("way");
   const Node hold = root.section("hold");
   const Node rests = root.section("rests");
   ReposeConfig pushing = read_repose(root);
@@ -326,10 +326,10 @@ CarryConfig read_carry(const SkillContext& context, const Node& root) {
   grasp.max_duration = pushing.max_duration;
   return {.handling = {std::move(grasp),
                        CarryTask{.goal = read_goal(root.section("goal")),
-                                 .speed = way.required<double>("speed", above_zero("m/s", 1)),
+                                 .speed = path.required<double>("speed", above_zero("m/s", 1)),
                                  .turn_speed =
-                                     way.required<double>("turn_speed", above_zero("rad/s", 10)),
-                                 .clearance = way.required<double>(
+                                     path.required<double>("turn_speed", above_zero("rad/s", 10)),
+                                 .clearance = path.required<double>(
                                      "clearance", {.unit = "m", .min = 0, .max = 0.1}),
                                  .hold_time = read_time(hold, "time")},
                        {}},

@@ -124,7 +124,7 @@ class Catch final : public Phased<Catch, CatchPhase> {
       TimeIndex step, const control::JointState& joints) noexcept override {
     const Seconds elapsed = clock_.advance(step);
     drive_.sense(joints);
-    if (!has_begun_) find_way();
+    if (!has_begun_) plan_approach();
     follow_phases(elapsed);
     move(elapsed);
     note();
@@ -193,14 +193,14 @@ class Catch final : public Phased<Catch, CatchPhase> {
     enter(failure.empty() ? Phase::kDone : Phase::kFailed);
   }
 
-  void find_way() noexcept {
+  void plan_approach() noexcept {
     has_begun_ = true;
     begin_ = drive_.tips();
-    double way = 0.0;
+    double distance = 0.0;
     for (std::size_t i = 0; i < begin_.size(); ++i)
-      way = std::max(way, (begin_[i] - on_circle(i)).norm());
-    approach_time_ = std::min(Seconds(way / config_.approach_speed), kMaxApproach);
-    enter(way > kAtStart ? Phase::kApproach : Phase::kWait);
+      distance = std::max(distance, (begin_[i] - on_circle(i)).norm());
+    approach_time_ = std::min(Seconds(distance / config_.approach_speed), kMaxApproach);
+    enter(distance > kAtStart ? Phase::kApproach : Phase::kWait);
   }
 
   // Where and when the ball comes down to where it will rest on the closed tips.
@@ -302,11 +302,11 @@ class Catch final : public Phased<Catch, CatchPhase> {
       motion.acceleration.z() += sink_.acceleration;
       forces[i] = -press * config_.hold_force * outward_[i];
       if (phase_ == Phase::kApproach) {
-        const control::Progress way = control::minimum_jerk(clock_.in_phase(), approach_time_);
+        const control::Progress progress = control::minimum_jerk(clock_.in_phase(), approach_time_);
         const Vector3d from = begin_[i];
-        motion = {.position = from + way.value * (on_circle(i) - from),
-                  .velocity = way.rate * (on_circle(i) - from),
-                  .acceleration = way.acceleration * (on_circle(i) - from)};
+        motion = {.position = from + progress.value * (on_circle(i) - from),
+                  .velocity = progress.rate * (on_circle(i) - from),
+                  .acceleration = progress.acceleration * (on_circle(i) - from)};
       }
     }
     const JointValues& torques = drive_.torques(motions, forces);

@@ -29,7 +29,7 @@ constexpr Seconds kNumbTime{0.1};
 constexpr Seconds kStillTime{0.1};
 constexpr double kStillSpeed = 5e-3;  // Tips that have closed are slower [m/s].
 constexpr double kFit = 6e-3;         // Largest error of the distance of tips that hold [m].
-constexpr double kMostLean = 0.35;    // A pen in its holder leans less [rad].
+constexpr double kMaxLean = 0.35;     // A pen in its holder leans less [rad].
 const Vector3d kDown = -Vector3d::UnitZ();
 
 }  // namespace
@@ -93,7 +93,7 @@ void Draw::begin() noexcept {
     away.z() = 0.0;
     Vector3d back = pen.nib + std::max(config_.grip.detour, away.norm()) * away.normalized();
     back.z() = around[k].z();
-    ways_[finger(k)].begin({back, around[k], beside[k]}, config_.approach_speed);
+    trajectories_[finger(k)].begin({back, around[k], beside[k]}, config_.approach_speed);
   }
   enter(Phase::kApproach);
 }
@@ -110,7 +110,7 @@ void Draw::look(Seconds /*elapsed*/) noexcept {
       enter(Phase::kLook);
       return;
     }
-    if (pen.up.z() < std::cos(kMostLean)) {
+    if (pen.up.z() < std::cos(kMaxLean)) {
       fail("the pen does not stand in its holder, nib down");
       return;
     }
@@ -136,10 +136,10 @@ void Draw::hold() noexcept {
   grip_.inward = turn.conjugate() * grip_.inward;  // As it is with the upright pen.
   shift_.setZero();
   correction_.setZero();
-  nib_way_.rest_at(pen.nib);
+  nib_trajectory_.rest_at(pen.nib);
   Vector3d up = pen.nib;
   up.z() = travel_height();
-  nib_way_.begin({up}, config_.holder_speed);
+  nib_trajectory_.begin({up}, config_.holder_speed);
   numb_ = Seconds(0);
   is_lost_ = false;
   felt_ = pen;
@@ -150,8 +150,9 @@ void Draw::begin_stroke() noexcept {
   const Eigen::Vector2d start = strokes_[stroke_].front().at(Seconds(0)).position;
   Vector3d up = nib_.position;
   up.z() = on_paper(start, config_.hop).z();
-  nib_way_.rest_at(nib_.position);
-  nib_way_.begin({up, on_paper(start, config_.hop), on_paper(start, 0.0)}, config_.hop_speed);
+  nib_trajectory_.rest_at(nib_.position);
+  nib_trajectory_.begin({up, on_paper(start, config_.hop), on_paper(start, 0.0)},
+                        config_.hop_speed);
   part_ = 0;
 }
 
@@ -173,8 +174,8 @@ void Draw::put_back(std::string_view failure) noexcept {
   note_failure(failure);
   Vector3d up = nib_.position;
   up.z() = travel_height();
-  nib_way_.rest_at(nib_.position);
-  nib_way_.begin({up, above_holder(travel_height())}, config_.carry_speed);
+  nib_trajectory_.rest_at(nib_.position);
+  nib_trajectory_.begin({up, above_holder(travel_height())}, config_.carry_speed);
   // A pen that has not been turned upright yet is turned on the way.
   tilt_ = control::rotation_vector(turn_);
   enter(Phase::kReturn);
@@ -191,11 +192,11 @@ void Draw::take_tips_off() noexcept {
   for (std::size_t k = 0; k < 3; ++k) {
     const Vector3d now = servo_.tip(grip_.fingers[k]);
     const double side = k == 0 ? -1.0 : 1.0;
-    TipWay& way = ways_[finger(k)];
-    way.rest_at(now);
+    TipTrajectory& trajectory = trajectories_[finger(k)];
+    trajectory.rest_at(now);
     constexpr double kOpeningSpeed = 0.05;
     if (phase_ != Phase::kApproach)
-      way.begin({now + side * config_.grip.clearance * inward_}, kOpeningSpeed);
+      trajectory.begin({now + side * config_.grip.clearance * inward_}, kOpeningSpeed);
   }
 }
 
@@ -204,7 +205,7 @@ void Draw::finish_check() noexcept {
   const double off = (pen.nib.head<2>() - hole_).norm();
   if (average_.count() == 0) {
     fail("the pen was not seen at the end");
-  } else if (pen.up.z() < std::cos(kMostLean) || off > config_.hole ||
+  } else if (pen.up.z() < std::cos(kMaxLean) || off > config_.hole ||
              pen.nib.z() > config_.holder_height / 2) {
     fail("the pen does not stand in its holder at the end");
   } else {
@@ -241,7 +242,7 @@ void Draw::grip(Seconds /*elapsed*/) noexcept {
 
 void Draw::begin_carrying() noexcept {
   const Eigen::Vector2d start = strokes_.front().front().at(Seconds(0)).position;
-  nib_way_.begin({on_paper(start, travel_height())}, config_.carry_speed);
+  nib_trajectory_.begin({on_paper(start, travel_height())}, config_.carry_speed);
 }
 
 void Draw::draw(Seconds elapsed) noexcept {
@@ -250,7 +251,7 @@ void Draw::draw(Seconds elapsed) noexcept {
 }
 
 void Draw::begin_lowering() noexcept {
-  nib_way_.begin({above_holder(pen_radius_)}, config_.holder_speed);
+  nib_trajectory_.begin({above_holder(pen_radius_)}, config_.holder_speed);
 }
 
 void Draw::release(Seconds /*elapsed*/) noexcept {

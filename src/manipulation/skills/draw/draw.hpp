@@ -13,7 +13,7 @@
 #include "manipulation/parts/object_of.hpp"
 #include "manipulation/parts/tips_skill.hpp"
 #include "manipulation/skills/draw/draw_config.hpp"
-#include "manipulation/skills/draw/line_way.hpp"
+#include "manipulation/skills/draw/line_part.hpp"
 #include "manipulation/skills/draw/pen_grip.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 
@@ -118,7 +118,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   [[nodiscard]] bool has_gripped() const noexcept {
     return squeeze_ >= config_.grip.force && clock_.in_phase() >= config_.look_time + Seconds(0.05);
   }
-  [[nodiscard]] bool is_nib_there() const noexcept { return nib_way_.is_complete(); }
+  [[nodiscard]] bool is_nib_there() const noexcept { return nib_trajectory_.is_complete(); }
   // What the pen has turned in the holder is made up for before it draws.
   [[nodiscard]] bool is_upright_there() const noexcept {
     return is_nib_there() && clock_.in_phase() > Seconds(2.0);
@@ -164,8 +164,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
     if (!leads()) return expected;
     const Eigen::Vector3d from = felt_.nib - servo_.tip(grip_.fingers[k]);
     const Eigen::Vector3d across = (from - from.dot(felt_.up) * felt_.up).normalized();
-    constexpr double kMostOblique = 0.5;  // Cosine; beyond, the tip is no longer at its side.
-    return across.dot(expected) > kMostOblique ? across : expected;
+    constexpr double kMaxCosine = 0.5;  // Cosine; beyond, the tip is no longer at its side.
+    return across.dot(expected) > kMaxCosine ? across : expected;
   }
   [[nodiscard]] Drawing smoothed(std::span<const SeenPose> poses) const;
 
@@ -194,7 +194,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Eigen::Vector3d tilt_{
       Eigen::Vector3d::Zero()};  // How the pen is turned from upright when it is lifted.
   Eigen::Quaterniond upright_{Eigen::Quaterniond::Identity()};  // Orientation of the upright stick.
-  TipWay nib_way_;
+  TipTrajectory nib_trajectory_;
   control::PointMotion nib_;  // Where the nib should be.
   Eigen::Quaterniond turn_{
       Eigen::Quaterniond::Identity()};              // How the pen should be turned from upright.

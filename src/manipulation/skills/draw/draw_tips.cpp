@@ -16,15 +16,15 @@ using control::Progress;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr Seconds kRollTime{0.3};     // In which the tips' places in the grip follow rolling tips.
-constexpr double kSqueezeRate = 2.0;  // [N/s]
-constexpr double kMostNibError = 0.02;  // A pen that is held is nearer to where it should be [m].
-constexpr double kMostTiltError = 0.5;  // [rad]
-constexpr double kMostShift = 0.02;     // That the feedback makes up for [m].
-constexpr double kYieldRate = 10.0;     // How fast the tips go along with a lean [1/s].
-constexpr double kYieldShare = 0.6;     // With which share of it.
-constexpr double kMostTilt = 0.35;      // [rad]
-constexpr double kSafePress = 5.0;      // Largest force of a tip on the pen [N].
+constexpr Seconds kRollTime{0.3};      // In which the tips' places in the grip follow rolling tips.
+constexpr double kSqueezeRate = 2.0;   // [N/s]
+constexpr double kMaxNibError = 0.02;  // A pen that is held is nearer to where it should be [m].
+constexpr double kMaxTiltError = 0.5;  // [rad]
+constexpr double kMaxShift = 0.02;     // That the feedback makes up for [m].
+constexpr double kYieldRate = 10.0;    // How fast the tips go along with a lean [1/s].
+constexpr double kYieldShare = 0.6;    // With which share of it.
+constexpr double kMaxTilt = 0.35;      // [rad]
+constexpr double kSafePress = 5.0;     // Largest force of a tip on the pen [N].
 
 }  // namespace
 
@@ -37,7 +37,7 @@ void Draw::correct(TimeIndex captured, const PenAxis& seen) noexcept {
                             : history_[static_cast<std::size_t>(captured) % history_.size()];
   const Vector3d error = seen.nib - then.nib;
   const Vector3d turn = then.up.cross(seen.up);
-  is_lost_ = error.norm() > kMostNibError || turn.norm() > kMostTiltError;
+  is_lost_ = error.norm() > kMaxNibError || turn.norm() > kMaxTiltError;
   const Seconds since = clock_.period() * static_cast<double>(captured - last_seen_);
   const double share = std::min(config_.sight_gain * since.count(), 0.2);
   felt_.nib += share * error;
@@ -70,7 +70,7 @@ void Draw::make_up(Seconds elapsed) noexcept {
   Vector3d error = nib_.position - felt_.nib;
   if (phase_ == Phase::kDraw) error.z() = 0.0;  // There a force acts.
   shift_ += config_.nib_gain * elapsed.count() * error;
-  shift_ = shift_.cwiseMax(-kMostShift).cwiseMin(kMostShift);
+  shift_ = shift_.cwiseMax(-kMaxShift).cwiseMin(kMaxShift);
   const Vector3d turn = felt_.up.cross(turn_ * Vector3d::UnitZ());
   // Turned about the direction of the grip against a pen that leans, the two tips come to lie
   // beside it and push it over all the more. There they go along with most of the lean.
@@ -78,7 +78,7 @@ void Draw::make_up(Seconds elapsed) noexcept {
   const Vector3d aside = correction_.dot(inward_) * inward_;
   correction_ += elapsed.count() *
                  (config_.tilt_gain * (turn - lean) - kYieldRate * (kYieldShare * lean + aside));
-  if (correction_.norm() > kMostTilt) correction_ *= kMostTilt / correction_.norm();
+  if (correction_.norm() > kMaxTilt) correction_ *= kMaxTilt / correction_.norm();
 }
 
 // Sets where the nib and the pen should be now.
@@ -90,7 +90,7 @@ void Draw::lead(Seconds elapsed) noexcept {
             .velocity = {motion.velocity.x(), motion.velocity.y(), 0.0},
             .acceleration = {motion.acceleration.x(), motion.acceleration.y(), 0.0}};
   } else {
-    nib_ = nib_way_.advance(elapsed);
+    nib_ = nib_trajectory_.advance(elapsed);
   }
   if (phase_ == Phase::kCarry || phase_ == Phase::kReturn) {
     const Progress progress = control::minimum_jerk(clock_.in_phase(), Seconds(1.5));
@@ -123,8 +123,8 @@ void Draw::add_grip(TipVectors& forces) noexcept {
   Vector3d paper = press_ * Vector3d::UnitZ();
   const double speed = nib_.velocity.norm();
   // A nib that hardly moves rubs less.
-  constexpr double kRubbing = 2e-3;  // [m/s]
-  paper -= config_.paper_friction * press_ * nib_.velocity / std::max(speed, kRubbing);
+  constexpr double kSliding = 2e-3;  // [m/s]
+  paper -= config_.paper_friction * press_ * nib_.velocity / std::max(speed, kSliding);
   const control::Wrench wrench{
       .force = -weight - paper,
       .moment = -(middle - centre).cross(weight) - (nib - centre).cross(paper)};
@@ -137,7 +137,7 @@ void Draw::add_grip(TipVectors& forces) noexcept {
 void Draw::follow_ways(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept {
   for (int i = 0; i < control::kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    const PointMotion motion = ways_[k].advance(elapsed);
+    const PointMotion motion = trajectories_[k].advance(elapsed);
     forces[k] = control::tip_impedance(motion, servo_.tip(i), servo_.velocity(i), config_.tips);
     accelerations[k] = motion.acceleration;
   }

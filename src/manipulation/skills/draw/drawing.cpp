@@ -89,10 +89,11 @@ const Letter& letter_of(char sign) {
 }
 
 Vector2d nearest_on(const Vector2d& from, const Vector2d& to, const Vector2d& point) {
-  const Vector2d way = to - from;
-  const double length = way.squaredNorm();
-  const double share = length > 0 ? std::clamp((point - from).dot(way) / length, 0.0, 1.0) : 0.0;
-  return from + share * way;
+  const Vector2d displacement = to - from;
+  const double length = displacement.squaredNorm();
+  const double share =
+      length > 0 ? std::clamp((point - from).dot(displacement) / length, 0.0, 1.0) : 0.0;
+  return from + share * displacement;
 }
 
 double distance_to(const Drawing& drawing, const Vector2d& point) {
@@ -112,9 +113,10 @@ PenStroke samples_of(const Drawing& drawing) {
   PenStroke samples;
   for (const PenStroke& stroke : drawing) {
     for (std::size_t i = 1; i < stroke.size(); ++i) {
-      const Vector2d way = stroke[i] - stroke[i - 1];
-      const int count = std::max(1, static_cast<int>(std::lround(way.norm() / kSample)));
-      for (int k = 0; k < count; ++k) samples.emplace_back(stroke[i - 1] + (k + 0.5) / count * way);
+      const Vector2d displacement = stroke[i] - stroke[i - 1];
+      const int count = std::max(1, static_cast<int>(std::lround(displacement.norm() / kSample)));
+      for (int k = 0; k < count; ++k)
+        samples.emplace_back(stroke[i - 1] + (k + 0.5) / count * displacement);
     }
   }
   return samples;

@@ -31,8 +31,8 @@ Vector3d middle_of_holder(const SkillTrial& trial) {
 
 // Moves the holder within a circle, turns it, and lets the pen lean in it in any direction.
 void vary_start(SkillTrial& trial, TrialRandom& random) {
-  constexpr double kRadius = 0.01;   // [m]
-  constexpr double kMostLean = 0.1;  // Largest lean that the hole lets it have [rad].
+  constexpr double kRadius = 0.01;  // [m]
+  constexpr double kMaxLean = 0.1;  // Largest lean that the hole lets it have [rad].
   auto& objects = trial.simulation.description.objects;
   const double distance = kRadius * std::sqrt(random.between(0, 1));
   const double azimuth = random.between(-std::numbers::pi, std::numbers::pi);
@@ -48,7 +48,7 @@ void vary_start(SkillTrial& trial, TrialRandom& random) {
   }
   ObjectDescription& pen = objects.front();
   // The pen leans about the middle of the hole.
-  const double lean = random.between(0, kMostLean);
+  const double lean = random.between(0, kMaxLean);
   const double side = random.between(-std::numbers::pi, std::numbers::pi);
   const Vector3d up(std::sin(lean) * std::cos(side), std::sin(lean) * std::sin(side),
                     std::cos(lean));
@@ -71,8 +71,8 @@ bool stands_in_holder(const SkillTrial& trial, const TrueStep& step) {
 }
 
 Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
-  constexpr double kMostError = 1e-3;  // [m]
-  constexpr double kLeastShare = 0.95;
+  constexpr double kMaxError = 1e-3;  // [m]
+  constexpr double kMinShare = 0.95;
   const manipulation::WantedDrawing wanted = manipulation::load_wanted_drawing({}, trial.settings);
   std::vector<manipulation::SeenPose> poses;
   poses.reserve(result.truth.size());
@@ -83,9 +83,9 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
   Judgement judgement{.succeeds = false, .figure = error.rms, .why = {}};
   if (!result.trace.failure.empty()) {
     judgement.why = result.trace.failure;
-  } else if (error.share < kLeastShare) {
+  } else if (error.share < kMinShare) {
     judgement.why = "parts of the line are missing";
-  } else if (error.rms > kMostError) {
+  } else if (error.rms > kMaxError) {
     judgement.why = "the line is not where it should be";
   } else if (!stands_in_holder(trial, result.truth.back())) {
     judgement.why = "the pen does not stand in its holder";

@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kLeastLean = 0.16;    // Sine of the least angle of a link and the pen's surface.
+constexpr double kMinLean = 0.16;      // Sine of the least angle of a link and the pen's surface.
 constexpr double kLinksApart = 0.026;  // Distance of the middles of two lower links [m].
 constexpr double kLinkFromPen = 0.018;
 constexpr double kPartOfTip = 0.03;  // So much of a link may be near the pen [m].
@@ -28,11 +28,12 @@ struct Segment {
 double distance(const Segment& one, const Segment& other) {
   constexpr int kPoints = 16;
   double least = std::numeric_limits<double>::infinity();
-  const Vector3d way = other.to - other.from;
+  const Vector3d displacement = other.to - other.from;
   for (int i = 0; i <= kPoints; ++i) {
     const Vector3d point = one.from + static_cast<double>(i) / kPoints * (one.to - one.from);
-    const double share = std::clamp((point - other.from).dot(way) / way.squaredNorm(), 0.0, 1.0);
-    least = std::min(least, (point - other.from - share * way).norm());
+    const double share =
+        std::clamp((point - other.from).dot(displacement) / displacement.squaredNorm(), 0.0, 1.0);
+    least = std::min(least, (point - other.from - share * displacement).norm());
   }
   return least;
 }
@@ -68,7 +69,7 @@ class GripCheck {
       const Vector3d arm = jacobian.col(2).cross(axis);
       links[i] = {tips[i], tips[i] - arm};
       const Vector3d inward = i == 0 ? grip.inward : Vector3d(-grip.inward);
-      if (arm.normalized().dot(inward) < kLeastLean) return std::nullopt;
+      if (arm.normalized().dot(inward) < kMinLean) return std::nullopt;
       const Vector3d begin = tips[i] - kPartOfTip * arm.normalized();
       if (distance({begin, links[i].to}, whole) < kLinkFromPen) return std::nullopt;
       const Vector3d torque =

@@ -20,8 +20,9 @@ StrokeTargets targets_at(const Stroke& stroke, Seconds time) noexcept {
   const auto before = static_cast<std::size_t>(std::min(place, 1e6));
   if (before + 1 >= stroke.targets.size()) return rest(stroke.targets.back());
   const JointValues& from = stroke.targets[before];
-  const JointValues way = stroke.targets[before + 1] - from;
-  return {from + (place - static_cast<double>(before)) * way, way / stroke.spacing.count()};
+  const JointValues displacement = stroke.targets[before + 1] - from;
+  return {from + (place - static_cast<double>(before)) * displacement,
+          displacement / stroke.spacing.count()};
 }
 
 void follow(const Stroke& stroke, const StrokeTargets& targets, const control::SafetyLimits& limits,

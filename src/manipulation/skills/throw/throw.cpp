@@ -213,7 +213,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   static constexpr double kBrakeStiffness = 3.0;     // [Nm/rad]
   static constexpr double kBrakeDamping = 0.15;      // [Nms/rad]
   static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
-  static constexpr double kMostCorrection = 0.01;    // [m]
+  static constexpr double kMaxCorrection = 0.01;     // [m]
 
   void end(std::string_view failure) noexcept {
     failure_ = failure;
@@ -223,10 +223,10 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   void begin_at(const control::JointState& joints) noexcept {
     has_begun_ = true;
     begin_ = joints.position;
-    const double way = (begin_ - config_.stroke.targets.front()).cwiseAbs().maxCoeff();
-    approach_time_ = std::min(Seconds(way / config_.approach_speed), kMaxApproach);
-    enter(way > kAtStart ? Phase::kApproach : Phase::kWait);
-    if (way <= kAtStart) approach_time_ = Seconds(0);
+    const double displacement = (begin_ - config_.stroke.targets.front()).cwiseAbs().maxCoeff();
+    approach_time_ = std::min(Seconds(displacement / config_.approach_speed), kMaxApproach);
+    enter(displacement > kAtStart ? Phase::kApproach : Phase::kWait);
+    if (displacement <= kAtStart) approach_time_ = Seconds(0);
   }
 
   [[nodiscard]] bool is_ball_in_cradle() const noexcept {
@@ -308,8 +308,8 @@ class Throw final : public Phased<Throw, ThrowPhase> {
     switch (phase_) {
       case Phase::kApproach: {
         const control::Progress progress = control::minimum_jerk(clock_.in_phase(), approach_time_);
-        const JointValues way = targets.position - begin_;
-        targets = {begin_ + progress.value * way, progress.rate * way};
+        const JointValues displacement = targets.position - begin_;
+        targets = {begin_ + progress.value * displacement, progress.rate * displacement};
         break;
       }
       case Phase::kWait:
@@ -319,7 +319,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
         // The cradle moves against the ball's error.
         correction_ += elapsed.count() * config_.feedback * (config_.ball - place_);
         const double length = correction_.norm();
-        if (length > kMostCorrection) correction_ *= kMostCorrection / length;
+        if (length > kMaxCorrection) correction_ *= kMaxCorrection / length;
         targets.position += shift_of(correction_);
         torque += weight_;
         break;
@@ -372,10 +372,10 @@ class Throw final : public Phased<Throw, ThrowPhase> {
 
   // The joints' way for the same small shift of all tips.
   [[nodiscard]] JointValues shift_of(const Eigen::Vector3d& shift) const noexcept {
-    JointValues way(kMaxJoints);
+    JointValues displacement(kMaxJoints);
     for (Eigen::Index i = 0; i < kMaxJoints; i += 3)
-      way.segment<3>(i) = jacobians_.block<3, 3>(i, i).inverse() * shift;
-    return way;
+      displacement.segment<3>(i) = jacobians_.block<3, 3>(i, i).inverse() * shift;
+    return displacement;
   }
 
   void set_state() noexcept {

@@ -20,8 +20,8 @@ class Turn final : public PinchedHandling {
   // Only if it still lies on the same face: a second turn would be one too many.
   [[nodiscard]] bool may_begin_again(const Pose& first, const Pose& now) const noexcept override {
     const Eigen::Vector3d up = first.orientation.conjugate() * Eigen::Vector3d::UnitZ();
-    constexpr double kLeastCosine = 0.9;
-    return (now.orientation * up).z() > kLeastCosine;
+    constexpr double kMinCosine = 0.9;
+    return (now.orientation * up).z() > kMinCosine;
   }
 };
 

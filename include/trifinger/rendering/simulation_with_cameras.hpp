@@ -11,7 +11,7 @@
 #include "trifinger/model/robot_description.hpp"
 #include "trifinger/rendering/driver_with_cameras.hpp"
 #include "trifinger/rendering/options.hpp"
-#include "trifinger/rendering/sight.hpp"
+#include "trifinger/rendering/vision.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 #include "trifinger/sim/simulation.hpp"
@@ -29,8 +29,8 @@ namespace trifinger::rendering {
 [[nodiscard]] std::unique_ptr<ObjectFinder> make_object_finder(
     std::span<const ObjectDescription> objects, const std::vector<camera::Camera>& cameras);
 
-/// How a simulated robot sees, without real time.
-struct SightOptions {
+/// Vision of a simulated robot without real time.
+struct VisionOptions {
   std::vector<camera::Camera> cameras;
   CaptureOptions capture;
   RenderingOptions rendering;
@@ -39,9 +39,10 @@ struct SightOptions {
   bool finds_objects{false};  ///< A tracker finds the objects in the images.
 };
 
-/// How a configured robot sees whose session is called `name`. Nothing if it sees nothing.
+/// Vision of a configured robot whose session is called `name`. Nothing if it has neither cameras
+/// nor a tracker.
 /// @throws InvalidArgument
-[[nodiscard]] std::optional<SightOptions> sight_options(
+[[nodiscard]] std::optional<VisionOptions> vision_options(
     const RobotConfig& config, const std::string& name,
     const std::optional<RenderingOptions>& look = {});
 
@@ -50,23 +51,24 @@ struct SightOptions {
 [[nodiscard]] inline TimeIndex oldest_sure_age(const CaptureOptions& capture) {
   return capture.pose_delay.value_or(capture.delay) + capture.period - 1;
 }
-/// The same for poses that a simulation says.
+/// The same age for poses that a simulation gives.
 [[nodiscard]] inline TimeIndex oldest_sure_age(const SimulationOptions& simulation) {
   return simulation.object_delay + simulation.object_period - 1;
 }
-/// The same in a simulation of a configured robot, without real time.
+/// The same age in a simulation of a configured robot, without real time.
 [[nodiscard]] TimeIndex oldest_sure_age(const RobotConfig& config);
-/// The same for a configured robot that runs elsewhere. It is a period longer, because poses of
+/// The same age for a configured robot that runs elsewhere. It is a period longer, because poses of
 /// other processes may be late.
 [[nodiscard]] TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config);
 
-/// The eyes of a robot that sees, with a tracker if it has to find its objects.
+/// The vision pipeline of a robot with cameras, with a tracker if it has to find its objects.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-[[nodiscard]] Eyes make_eyes(const SimulationOptions& robot, const SightOptions& options);
+[[nodiscard]] VisionPipeline make_vision_pipeline(const SimulationOptions& robot,
+                                                  const VisionOptions& options);
 
-/// The driver of a configured robot that sees, for a simulation without real time: with its
+/// The driver of a configured robot with cameras, for a simulation without real time: with its
 /// cameras, if it has simulated ones, and with poses that a tracker has found, if its configuration
-/// says so. Nothing if the robot sees nothing. `name` is that of the robot's session.
+/// says so. Nothing if the robot has neither. `name` is that of the robot's session.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
 [[nodiscard]] std::unique_ptr<DriverWithCameras> make_driver_with_cameras(
     SimulatedRobot& robot, const RobotConfig& config, const std::string& name,

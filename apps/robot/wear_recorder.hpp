@@ -16,20 +16,20 @@ namespace trifinger::apps {
 
 // Keeps the running hours of a robot in a file of the log folder: at its start, once a minute, and
 // after every session. The robot runs whatever happens to the file.
-class WearKeeper {
+class WearRecorder {
  public:
   // Makes `meter` go on from the file. Call this before the robot runs. `meter` and `host` must
-  // outlive the keeper.
-  WearKeeper(const std::string& robot, boards::WearMeter& meter, const SessionHost& host);
-  WearKeeper(const WearKeeper&) = delete;
-  WearKeeper& operator=(const WearKeeper&) = delete;
+  // outlive the recorder.
+  WearRecorder(const std::string& robot, boards::WearMeter& meter, const SessionHost& host);
+  WearRecorder(const WearRecorder&) = delete;
+  WearRecorder& operator=(const WearRecorder&) = delete;
   // Writes what is left.
-  ~WearKeeper();
+  ~WearRecorder();
 
   // Takes what was counted. Call this after a session, in the thread that ran it.
   void take();
-  // Writes if it is time. Returns a sentence about the file if there is news of it, otherwise an
-  // empty text.
+  // Writes if it is time. Returns a message about the file if there is one, otherwise an empty
+  // text.
   [[nodiscard]] std::string look();
   // Writes what is left, after the robot has run. Returns what `look` returns.
   [[nodiscard]] std::string finish() { return write(); }
@@ -43,7 +43,7 @@ class WearKeeper {
   boards::WearMeter& meter_;
   const SessionHost& host_;
   std::optional<boards::WearFile> file_;
-  std::string news_;
+  std::string message_;
   bool is_failing_{false};
   Instant written_;  // when it was tried last
   std::mutex mutex_;

@@ -45,14 +45,14 @@ struct CaptureOptions {
   void validate() const;
 };
 
-/// Draws what was captured, and finds objects in it. Eyes remember nothing of earlier images, so
-/// one pair of eyes may serve many simulations in turn.
-class Eyes {
+/// Draws what was captured, and finds objects in it. It remembers nothing of earlier images, so one
+/// may serve many simulations in turn.
+class VisionPipeline {
  public:
   /// Without `finder` nothing is found.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
-  Eyes(const SimulationOptions& robot, const std::vector<camera::Camera>& cameras,
-       const RenderingOptions& rendering, std::unique_ptr<ObjectFinder> finder);
+  VisionPipeline(const SimulationOptions& robot, const std::vector<camera::Camera>& cameras,
+                 const RenderingOptions& rendering, std::unique_ptr<ObjectFinder> finder);
 
   /// Draws the images of a configuration; see `CameraRenderer::render`. Then finds the objects in
   /// them; see `ObjectFinder::find`.
@@ -77,9 +77,9 @@ class Eyes {
 /// What the cameras of one simulation have captured, and what of it has arrived. Images are drawn
 /// when they arrive.
 ///
-/// It is deterministic: what is captured, the random numbers of the session, and the eyes decide
-/// all images and poses, bit for bit, on one machine.
-class Sight {
+/// It is deterministic: what is captured, the random numbers of the session, and the pipeline
+/// decide all images and poses, bit for bit, on one machine.
+class CaptureQueue {
  public:
   /// Images that have arrived.
   struct Images {
@@ -95,7 +95,7 @@ class Sight {
   };
 
   /// @throws InvalidArgument
-  Sight(const CaptureOptions& options, std::size_t num_objects);
+  CaptureQueue(const CaptureOptions& options, std::size_t num_objects);
 
   /// Begins a session. The noise of its images follows from `random`, and what they look like if
   /// that varies.
@@ -107,10 +107,10 @@ class Sight {
   [[nodiscard]] bool is_due(TimeIndex now) const noexcept;
   /// Captures the scene: MuJoCo's `qpos`, then `qvel`.
   void capture(TimeIndex now, std::vector<double> configuration);
-  /// Looks at what has arrived by step `now`. Returns true if there were new images: `eyes` has the
-  /// newest ones until they look again. Without a finder, older ones are not drawn. If the eyes
-  /// throw, the images at which they looked are still there to be looked at.
-  bool look(TimeIndex now, Eyes& eyes);
+  /// Looks at what has arrived by step `now`. Returns true if there were new images: `pipeline` has
+  /// the newest ones until it looks again. Without a finder, older ones are not drawn. If the
+  /// pipeline throws, the images at which it looked are still there to be looked at.
+  bool look(TimeIndex now, VisionPipeline& pipeline);
   /// The newest images at which somebody has looked.
   [[nodiscard]] const Images& images() const noexcept { return images_; }
   /// Takes the oldest poses that have arrived by step `now` and were not taken yet. Images in which
@@ -131,8 +131,8 @@ class Sight {
   TimeIndex next_{0};
   std::deque<Capture> under_way_;
   Images images_;
-  std::vector<std::optional<ObjectPose>> found_;  // in the newest images
-  std::deque<Poses> poses_;                       // that were not taken yet
+  std::vector<std::optional<ObjectPose>> found_;  // poses in the newest images
+  std::deque<Poses> poses_;                       // poses that were not taken yet
 };
 
 }  // namespace trifinger::rendering

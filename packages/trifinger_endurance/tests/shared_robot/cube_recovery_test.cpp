@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "shared_robot/cube_care.hpp"
+#include "shared_robot/cube_recovery.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include <string>
 #include <utility>
 
-#include "shared_robot/robot_care.hpp"
+#include "shared_robot/robot_preparation.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -41,7 +41,7 @@ class RobotWithCube {
     EXPECT_TRUE(wait_until_free(kName, {}).is_fit);
   }
 
-  static constexpr const char* kName = "cube-care";
+  static constexpr const char* kName = "cube-preparation";
 
  private:
   static BackendOptions options(const RobotConfig& config) {

@@ -2,7 +2,8 @@
 """The web server of a page, and who may use it.
 
 viser alone listens on all interfaces, asks nobody who they are, and lets any client open a public
-tunnel. Here the gate owns the only socket. Each request passes its checks before viser sees it:
+tunnel. Here `Authentication` owns the only socket. Each request passes its checks before viser sees
+it:
 
 - the name in the address must be one of this machine, so no other site can point its name here;
 - a websocket must come from a page of this server, so no other site can use a browser here;
@@ -10,7 +11,7 @@ tunnel. Here the gate owns the only socket. Each request passes its checks befor
 - of the messages of a browser, only those that the page needs reach viser.
 
 A browser that is slow loses frames alone: viser keeps the newest value of each thing for it, and
-the gate bounds what lies in buffers of the connection.
+`Authentication` bounds what lies in buffers of the connection.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 FIRST_PORT = 8080
 PORTS = 20  # ports that are tried if none was chosen
-MOST_BROWSERS = 16  # connections at the same time
+MAX_BROWSERS = 16  # connections at the same time
 LARGEST_MESSAGE = 64 * 1024  # of a browser [bytes]
 LONGEST_TEXT = 1000  # of a value that a browser sends [characters]
-MOST_NUMBERS = 100  # in such a value
+MAX_NUMBERS = 100  # in such a value
 SEND_BUFFER = 256 * 1024  # of a connection, in the kernel [bytes]
 SHORTEST_TOKEN = 16  # [characters]
 ACTION_HEADER = "X-TriFinger"
@@ -51,7 +52,7 @@ ACTIONS = "/actions"  # the websocket over which a page asks for actions
 UNKNOWN = "This page needs the whole address that `trifinger view` has printed, with its token.\n"
 
 
-class Gate:
+class Authentication:
     """The socket of a page and the checks of its requests. Its methods are for any thread."""
 
     def __init__(self, host: str = LOOPBACK, port: int | None = None, token: str = "") -> None:
@@ -108,7 +109,7 @@ class Gate:
         with the word "stop", which no page of another site can send.
 
         A page can also ask over a websocket at ACTIONS, which it opens in advance. An action then
-        needs no new connection, which strangers could delay.
+        needs no new connection, which other clients could delay.
         """
         self._actions[path] = action
 
@@ -185,8 +186,8 @@ class Gate:
         if not self._is_known(_cookies(headers, self.cookie)):
             return 403, UNKNOWN
         count = self._lines if path == ACTIONS else self._count_browsers()
-        if is_websocket and count >= MOST_BROWSERS:
-            return 503, f"There are {MOST_BROWSERS} connections already; close another page.\n"
+        if is_websocket and count >= MAX_BROWSERS:
+            return 503, f"There are {MAX_BROWSERS} connections already; close another page.\n"
         return None
 
     def admits(self, path: str, headers: Any) -> bool:
@@ -215,8 +216,10 @@ class Gate:
         return hmac.compare_digest(given.encode(errors="replace"), self.token.encode())
 
 
-def page_server(gate: Gate, label: str, messages: frozenset[str] | None = None) -> Any:
-    """Starts viser's server at the socket of a gate, in threads of its own.
+def page_server(
+    authentication: Authentication, label: str, messages: frozenset[str] | None = None
+) -> Any:
+    """Starts viser's server at an authenticated socket, in threads of its own.
 
     `messages` are the names of viser's messages that a browser may send; the default is enough to
     look at a page and to use its panels. Returns a viser.ViserServer whose share tunnel is closed
@@ -229,7 +232,9 @@ def page_server(gate: Gate, label: str, messages: frozenset[str] | None = None) 
     import rich
 
     rich.reconfigure(quiet=True)  # viser prints an address that does not work, and its end
-    return _server_class()(gate, label, OBSERVER_MESSAGES if messages is None else messages)
+    return _server_class()(
+        authentication, label, OBSERVER_MESSAGES if messages is None else messages
+    )
 
 
 OBSERVER_MESSAGES = frozenset({"ViewerCameraMessage", "GuiUpdateMessage", "GuiButtonHoldMessage"})
@@ -245,8 +250,10 @@ CONTROL_MESSAGES = OBSERVER_MESSAGES | {
 """The same and those with which it moves things in the scene."""
 
 
-def _server_class() -> Callable[[Gate, str, frozenset[str]], viser.ViserServer]:
-    """The class of servers behind a gate. It is made here because viser may not be installed."""
+def _server_class() -> Callable[[Authentication, str, frozenset[str]], viser.ViserServer]:
+    """The class of servers that ask for authentication. It is made here because viser may not be
+    installed.
+    """
     import viser
     import websockets.asyncio.server
     from viser import _messages, infra
@@ -258,8 +265,10 @@ def _server_class() -> Callable[[Gate, str, frozenset[str]], viser.ViserServer]:
         def redundancy_key(self) -> str:
             return "Nothing"
 
-    class GatedServer(viser.ViserServer):
-        def __init__(self, gate: Gate, label: str, messages: frozenset[str]) -> None:
+    class AuthenticatedServer(viser.ViserServer):
+        def __init__(
+            self, authentication: Authentication, label: str, messages: frozenset[str]
+        ) -> None:
             class Messages(infra.Message):
                 """Reads the messages of browsers for viser."""
 
@@ -283,20 +292,24 @@ def _server_class() -> Callable[[Gate, str, frozenset[str]], viser.ViserServer]:
             serve = websockets.asyncio.server.serve
             with (
                 _REPLACING,
-                _replaced(websockets.asyncio.server, "serve", _behind_gate(gate, serve)),
+                _replaced(websockets.asyncio.server, "serve", _behind_gate(authentication, serve)),
                 _replaced(infra, "WebsockServer", WebsockServer),
             ):
-                super().__init__(host=gate.host, port=gate.port, label=label, verbose=False)
-            gate._count_browsers = lambda: len(self._websock_server._live_connections)
+                super().__init__(
+                    host=authentication.host, port=authentication.port, label=label, verbose=False
+                )
+            authentication._count_browsers = lambda: len(self._websock_server._live_connections)
 
         def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
             raise Error("a page is never shared through a tunnel of others")
 
-    return GatedServer
+    return AuthenticatedServer
 
 
-def _behind_gate(gate: Gate, listen: Any) -> Any:
-    """The function `serve` of websockets, but at the socket of a gate and with its checks."""
+def _behind_gate(authentication: Authentication, listen: Any) -> Any:
+    """The function `serve` of websockets, but at the socket of a authentication and with its
+    checks.
+    """
 
     def serve(handler: Any, _host: str, _port: int, **options: Any) -> Any:
         own = {
@@ -304,18 +317,20 @@ def _behind_gate(gate: Gate, listen: Any) -> Any:
             "max_queue": 16,
         }
         check = checked(options.pop("process_request"))
-        return web_server.serve(route(handler), gate.socket, check, listen, **(options | own))
+        return web_server.serve(
+            route(handler), authentication.socket, check, listen, **(options | own)
+        )
 
     def route(handler: Any) -> Any:
         async def serve_one(connection: Any) -> None:
             is_line = connection.request.path == ACTIONS
-            await (gate.serve_actions if is_line else handler)(connection)
+            await (authentication.serve_actions if is_line else handler)(connection)
 
         return serve_one
 
     def checked(files: Any) -> Any:
         def process(connection: Any, request: Any) -> Any:
-            return _answer(gate, files, connection, request)
+            return _answer(authentication, files, connection, request)
 
         return process
 
@@ -335,32 +350,33 @@ def _replaced(owner: Any, name: str, value: Any) -> Iterator[None]:
         setattr(owner, name, before)
 
 
-def _answer(gate: Gate, files: Any, connection: Any, request: Any) -> Any:
+def _answer(authentication: Authentication, files: Any, connection: Any, request: Any) -> Any:
     """Answers a request: with a refusal, a file of viser, or None for a websocket that may open."""
     is_websocket = any(
         "upgrade" in value.lower() for value in request.headers.get_all("Connection")
     )
     is_websocket = is_websocket or bool(request.headers.get_all("Upgrade"))
-    if not is_websocket and gate.admits(request.path, request.headers):
+    if not is_websocket and authentication.admits(request.path, request.headers):
         answer = connection.respond(http.HTTPStatus.SEE_OTHER, "")
         answer.headers["Location"] = "/"
         answer.headers["Set-Cookie"] = (
-            f"{gate.cookie}={gate.token}; Path=/; HttpOnly; SameSite=Lax; Max-Age=31536000"
+            f"{authentication.cookie}={authentication.token}; Path=/; HttpOnly; SameSite=Lax; "
+            "Max-Age=31536000"
         )
         return _guarded(answer, request)
-    refusal = gate.refusal(request.path, request.headers, is_websocket)
+    refusal = authentication.refusal(request.path, request.headers, is_websocket)
     if refusal is not None:
         return _guarded(connection.respond(http.HTTPStatus(refusal[0]), refusal[1]), request)
     if is_websocket:
         return None
-    done = gate.answer(request.path, request.headers)
+    done = authentication.answer(request.path, request.headers)
     if done is not None:
         return _guarded(connection.respond(http.HTTPStatus(done[0]), done[1]), request)
     if "?" in request.path:  # the client obeys some words there, such as another server's address
         answer = connection.respond(http.HTTPStatus.SEE_OTHER, "")
         answer.headers["Location"] = "/"
         return _guarded(answer, request)
-    return _guarded(gate.with_parts(files(connection, request)), request)
+    return _guarded(authentication.with_parts(files(connection, request)), request)
 
 
 def _guarded(answer: Any, request: Any) -> Any:
@@ -404,7 +420,7 @@ def _is_sane_value(value: Any) -> bool:
     if isinstance(value, dict):
         value = [*value.keys(), *value.values()]
     if isinstance(value, list | tuple):
-        return len(value) <= MOST_NUMBERS and all(_is_sane_value(one) for one in value)
+        return len(value) <= MAX_NUMBERS and all(_is_sane_value(one) for one in value)
     return value is None or isinstance(value, bool | int)
 
 
@@ -422,7 +438,7 @@ def _listen(host: str, port: int | None) -> socket.socket:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         try:
             listener.bind((address[0], each, *address[2:]))
-            listener.listen(MOST_BROWSERS)
+            listener.listen(MAX_BROWSERS)
         except (OSError, OverflowError) as error:
             listener.close()
             if each == ports[-1]:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/rendering/simulation_with_cameras.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -82,15 +82,15 @@ std::unique_ptr<ObjectFinder> make_object_finder(std::span<const ObjectDescripti
   return std::make_unique<TrackerOfObjects>(objects, cameras);
 }
 
-std::optional<SightOptions> sight_options(const RobotConfig& config, const std::string& name,
-                                          const std::optional<RenderingOptions>& look) {
+std::optional<VisionOptions> vision_options(const RobotConfig& config, const std::string& name,
+                                            const std::optional<RenderingOptions>& look) {
   if (!has_simulated_cameras(config)) return std::nullopt;
   const SimulationOptions& simulation = config.simulation;
-  SightOptions options{.cameras = camera_calibration(config, name).cameras,
-                       .capture = capture_options(*config.cameras, simulation),
-                       .rendering = rendering_options(*config.cameras, look),
-                       .varies = config.cameras->simulated.varies,
-                       .finds_objects = config.tracks_objects && !objects_of(simulation).empty()};
+  VisionOptions options{.cameras = camera_calibration(config, name).cameras,
+                        .capture = capture_options(*config.cameras, simulation),
+                        .rendering = rendering_options(*config.cameras, look),
+                        .varies = config.cameras->simulated.varies,
+                        .finds_objects = config.tracks_objects && !objects_of(simulation).empty()};
   options.rendering.seed += simulation.seed;
   options.rendering.calibration_seed += simulation.seed;
   return options;
@@ -109,7 +109,7 @@ TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config) {
   return oldest_sure_age(capture) + capture.period;
 }
 
-Eyes make_eyes(const SimulationOptions& robot, const SightOptions& options) {
+VisionPipeline make_vision_pipeline(const SimulationOptions& robot, const VisionOptions& options) {
   return {robot, options.cameras, options.rendering,
           options.finds_objects ? make_object_finder(objects_of(robot), options.cameras) : nullptr};
 }
@@ -117,13 +117,13 @@ Eyes make_eyes(const SimulationOptions& robot, const SightOptions& options) {
 std::unique_ptr<DriverWithCameras> make_driver_with_cameras(
     SimulatedRobot& robot, const RobotConfig& config, const std::string& name,
     const std::optional<RenderingOptions>& look) {
-  const std::optional<SightOptions> sight = sight_options(config, name, look);
-  if (!sight) return nullptr;
+  const std::optional<VisionOptions> vision = vision_options(config, name, look);
+  if (!vision) return nullptr;
   return std::make_unique<DriverWithCameras>(
-      robot, sight->cameras, sight->capture, sight->rendering,
-      sight->finds_objects ? make_object_finder(objects_of(robot.options()), sight->cameras)
-                           : nullptr,
-      sight->varies);
+      robot, vision->cameras, vision->capture, vision->rendering,
+      vision->finds_objects ? make_object_finder(objects_of(robot.options()), vision->cameras)
+                            : nullptr,
+      vision->varies);
 }
 
 Simulation make_simulation(const RobotConfig& config, const std::optional<RenderingOptions>& look) {

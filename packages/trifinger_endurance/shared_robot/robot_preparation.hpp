@@ -13,23 +13,23 @@
 namespace trifinger::apps {
 
 // What is done with the cube before and after a job.
-enum class CubeCare : unsigned char {
+enum class CubeRecovery : unsigned char {
   kLeave,   // It stays where it is.
   kTry,     // It is brought to the middle; if that fails, the report says so.
   kDemand,  // The robot is not fit for use unless the cube lies in the middle.
 };
 
-struct CareOptions {
+struct PreparationOptions {
   SelfTest self_test{SelfTest::kJoints};
-  CubeCare cube{CubeCare::kTry};
-  Nanoseconds patience{std::chrono::seconds(60)};  // for the robot to be ready for a user
-  // Called again and again. What it throws ends the care.
+  CubeRecovery cube{CubeRecovery::kTry};
+  Nanoseconds timeout{std::chrono::seconds(60)};  // for the robot to be ready for a user
+  // Called again and again. What it throws ends the preparation.
   std::function<void()> look{[] {}};
-  std::function<void(const std::string& sentence)> tell{[](const std::string& /*sentence*/) {}};
+  std::function<void(const std::string& sentence)> report{[](const std::string& /*sentence*/) {}};
 };
 
 // How the robot is.
-struct CareReport {
+struct PreparationReport {
   bool is_fit{false};
   std::string problem;                  // why it is not fit; empty if it is
   std::vector<std::string> recovered;   // the faults that were cleared
@@ -39,10 +39,12 @@ struct CareReport {
 
 // Waits until the robot that runs under this name holds its pose for the next user, and clears its
 // fault if there is one. Throws nothing but what `look` throws; the report has no test.
-[[nodiscard]] CareReport wait_until_free(const std::string& robot, const CareOptions& options);
+[[nodiscard]] PreparationReport wait_until_free(const std::string& robot,
+                                                const PreparationOptions& options);
 
 // Makes the robot fit for the next user: waits until it is free, clears its fault, tests it, and
 // brings the cube to the middle.
-[[nodiscard]] CareReport make_fit(const std::string& robot, const CareOptions& options);
+[[nodiscard]] PreparationReport make_fit(const std::string& robot,
+                                         const PreparationOptions& options);
 
 }  // namespace trifinger::apps

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "manipulation/skills/draw/line_way.hpp"
+#include "manipulation/skills/draw/line_part.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +14,7 @@ using control::Seconds;
 using Eigen::Vector2d;
 
 // The integral of the progress of least jerk: how far a ramp has come, in shares of its time.
-double ramp_way(double s) noexcept { return s * s * s * s * (2.5 - 3 * s + s * s); }
+double ramp_distance(double s) noexcept { return s * s * s * s * (2.5 - 3 * s + s * s); }
 
 }  // namespace
 
@@ -33,28 +33,28 @@ NibMotion LinePart::at(Seconds time) const noexcept {
   const double length = lengths_.back();
   const Seconds begin = std::clamp(time, Seconds(0), duration_);
   const Seconds end = duration_ - begin;
-  double way = 0.0;
+  double distance = 0.0;
   double rate = speed_;
   double acceleration = 0.0;
   if (begin < ramp_) {
     const control::Progress progress = control::minimum_jerk(begin, ramp_);
-    way = speed_ * ramp_.count() * ramp_way(begin / ramp_);
+    distance = speed_ * ramp_.count() * ramp_distance(begin / ramp_);
     rate = speed_ * progress.value;
     acceleration = speed_ * progress.rate;
   } else if (end < ramp_) {
     const control::Progress progress = control::minimum_jerk(end, ramp_);
-    way = length - speed_ * ramp_.count() * ramp_way(end / ramp_);
+    distance = length - speed_ * ramp_.count() * ramp_distance(end / ramp_);
     rate = speed_ * progress.value;
     acceleration = -speed_ * progress.rate;
   } else {
-    way = speed_ * (begin - ramp_ / 2).count();
+    distance = speed_ * (begin - ramp_ / 2).count();
   }
-  const auto after = std::ranges::upper_bound(lengths_, way);
+  const auto after = std::ranges::upper_bound(lengths_, distance);
   const auto last = static_cast<std::ptrdiff_t>(points_.size()) - 1;
   const auto i =
       static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(after - lengths_.begin(), 1, last));
   const Vector2d direction = (points_[i] - points_[i - 1]).normalized();
-  return {.position = points_[i - 1] + (way - lengths_[i - 1]) * direction,
+  return {.position = points_[i - 1] + (distance - lengths_[i - 1]) * direction,
           .velocity = rate * direction,
           .acceleration = acceleration * direction};
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "shared_robot/cube_care.hpp"
+#include "shared_robot/cube_recovery.hpp"
 
 #include <atomic>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "shared_robot/turn.hpp"
+#include "shared_robot/run_job.hpp"
 
 #include <fcntl.h>
 #include <fmt/chrono.h>
@@ -23,7 +23,7 @@
 #include <thread>
 #include <utility>
 
-#include "core/turn_claim.hpp"
+#include "core/job_claim.hpp"
 #include "ipc/file_descriptor.hpp"
 #include "log/running_recorder.hpp"
 #include "shared/child_program.hpp"
@@ -49,16 +49,16 @@ namespace fs = std::filesystem;
 // How often the usage of a job is measured at most.
 constexpr Nanoseconds kMeasurePeriod = std::chrono::milliseconds(100);
 constexpr Nanoseconds kLongestPause = std::chrono::seconds(1);
-constexpr std::size_t kMostTroubles = 20;
+constexpr std::size_t kMaxErrors = 20;
 
 // Somebody has pressed Ctrl-C, or sent such a signal.
-struct TurnInterrupted : std::exception {
-  explicit TurnInterrupted(int which) noexcept : signal(which) {}
+struct JobInterrupted : std::exception {
+  explicit JobInterrupted(int which) noexcept : signal(which) {}
   int signal;
 };
 
 // Returns all that the program gets as environment.
-std::vector<std::string> environment_for(const TurnOptions& options, const fs::path& folder) {
+std::vector<std::string> environment_for(const JobOptions& options, const fs::path& folder) {
   std::vector<std::string> names{
       "PATH",     "LANG",       "LANGUAGE", "TZ",          "LC_ALL",
       "LC_CTYPE", "LC_NUMERIC", "LC_TIME",  "LC_MESSAGES", "TRIFINGER_SESSION_DIR"};
@@ -112,15 +112,15 @@ class OutputFile {
 
   [[nodiscard]] const BoundedOutput& output() const noexcept { return output_; }
   // Why something is missing in the file; empty if nothing is.
-  [[nodiscard]] const std::string& trouble() const noexcept { return trouble_; }
+  [[nodiscard]] const std::string& error() const noexcept { return error_; }
 
  private:
   void write(std::string_view text) {
-    while (!text.empty() && trouble_.empty()) {
+    while (!text.empty() && error_.empty()) {
       const ssize_t size = ::write(file_.get(), text.data(), text.size());
       if (size < 0 && errno == EINTR) continue;
       if (size <= 0) {
-        trouble_ = fmt::format("its output is not complete: {}", std::strerror(errno));
+        error_ = fmt::format("its output is not complete: {}", std::strerror(errno));
         return;
       }
       text.remove_prefix(static_cast<std::size_t>(size));
@@ -129,7 +129,7 @@ class OutputFile {
 
   BoundedOutput output_;
   ipc::FileDescriptor file_;
-  std::string trouble_;
+  std::string error_;
 };
 
 std::string signal_text(int signal) {
@@ -183,7 +183,7 @@ class FileWatch {
         }) {}
 
   // Adds the files to `usage`, as they were at the last look.
-  void tell(JobUsage& usage) {
+  void add_to(JobUsage& usage) {
     const std::lock_guard lock(mutex_);
     usage.files = newest_.bytes;
     usage.file_count = newest_.count;
@@ -209,58 +209,60 @@ class FileWatch {
 };
 
 // Makes the robot fit under a claim, which a robot that does not run yet has not.
-CareReport make_fit_alone(const std::string& robot, std::optional<TurnClaim>& claim,
-                          const CareOptions& options) {
+PreparationReport make_fit_alone(const std::string& robot, std::optional<JobClaim>& claim,
+                                 const PreparationOptions& options) {
   std::vector<std::string> recovered;
   if (!claim) {
-    CareReport waited = wait_until_free(robot, options);
+    PreparationReport waited = wait_until_free(robot, options);
     if (!waited.is_fit) return waited;
     recovered = std::move(waited.recovered);
     try {
-      claim = TurnClaim::take(robot);
+      claim = JobClaim::take(robot);
     } catch (const Error& error) {
       waited.is_fit = false;
       waited.problem = error.what();
       return waited;
     }
   }
-  CareReport report = make_fit(robot, options);
+  PreparationReport report = make_fit(robot, options);
   report.recovered.insert(report.recovered.begin(), recovered.begin(), recovered.end());
   return report;
 }
 
-class Turn {
+class Job {
  public:
-  explicit Turn(const TurnOptions& options)
-      : options_(options), claim_(TurnClaim::take(options.robot)), care_(options.care) {
+  explicit Job(const JobOptions& options)
+      : options_(options),
+        claim_(JobClaim::take(options.robot)),
+        preparation_(options.preparation) {
     report_.robot = options.robot;
     report_.words = options.words;
     report_.user = options.user;
     report_.limits = options.limits;
     report_.begin = std::chrono::system_clock::now();
     make_folders();
-    care_.tell = [this](const std::string& sentence) { print(sentence); };
+    preparation_.report = [this](const std::string& sentence) { print(sentence); };
   }
 
-  int take() {
+  int run() {
     prepare_program();
     try {
-      care_.look = [this] { throw_if_interrupted(); };
-      report_.before = make_fit_alone(options_.robot, claim_, care_);
+      preparation_.look = [this] { throw_if_interrupted(); };
+      report_.before = make_fit_alone(options_.robot, claim_, preparation_);
       if (report_.before.is_fit) {
         record_and_run();
       } else {
         report_.end.text = "was not started: the robot is not fit: " + report_.before.problem;
       }
-    } catch (const TurnInterrupted& interrupted) {
+    } catch (const JobInterrupted& interrupted) {
       report_.end = {
-          .kind = JobEnd::Kind::kInterrupted,
+          .kind = JobEnd::Kind::kCancelled,
           .signal = interrupted.signal,
           .text = "was not started: this was interrupted by " + signal_text(interrupted.signal)};
     } catch (const std::exception& error) {
       // Whatever it was, the robot must be brought back.
       is_broken_ = true;
-      add_trouble(error.what());
+      add_error(error.what());
       if (report_.end.text.empty()) report_.end.text = "was ended, because this failed";
     }
     program_.reset();
@@ -286,7 +288,7 @@ class Turn {
     return signal;
   }
   void throw_if_interrupted() {
-    if (const std::optional<int> signal = look_for_signal()) throw TurnInterrupted(*signal);
+    if (const std::optional<int> signal = look_for_signal()) throw JobInterrupted(*signal);
   }
 
   void make_folders() {
@@ -333,12 +335,12 @@ class Turn {
     try {
       recording.emplace(std::vector{options_.robot}, std::move(recorder));
     } catch (const Error& error) {
-      add_trouble(fmt::format("there is no log: {}", error.what()));
+      add_error(fmt::format("there is no log: {}", error.what()));
     }
     run_program();
     program_.reset();
     // The log also has how the last session ended.
-    report_.after = wait_until_free(options_.robot, after_care());
+    report_.after = wait_until_free(options_.robot, preparation_after());
     if (recording) finish(*recording);
     report_.driving = driving_in(folder_ / "log");
     report_.leftovers = files_->remove_leftovers();
@@ -375,7 +377,7 @@ class Turn {
       const std::optional<int> signal = look_for_signal();
       if (program_->end() || was_killed) continue;
       if (signal && !asked) {
-        ask({.kind = JobEnd::Kind::kInterrupted,
+        ask({.kind = JobEnd::Kind::kCancelled,
              .signal = *signal,
              .text = "was ended because this was interrupted by " + signal_text(*signal)});
       }
@@ -388,7 +390,7 @@ class Turn {
       if (now() < next_measure) continue;
       const Instant before = now();
       JobUsage usage = measure_processes();
-      file_watch.tell(usage);
+      file_watch.add_to(usage);
       next_measure = now() + pause_after(now() - before);
       raise_to(report_.most, usage);
       // These limits hold also for a program that has been asked to end.
@@ -406,7 +408,7 @@ class Turn {
     output.finish();
     report_.output_bytes = output.output().total();
     report_.output_left_out = output.output().left_out();
-    if (!output.trouble().empty()) add_trouble(output.trouble());
+    if (!output.error().empty()) add_error(output.error());
     if (report_.end.kind == JobEnd::Kind::kNotStarted) note_end(*program_->end());
   }
 
@@ -439,110 +441,110 @@ class Turn {
   }
 
   void note_end(const ProgramEnd& end) {
-    JobEnd& told = report_.end;
+    JobEnd& job_end = report_.end;
     if (end.start_error != 0) {
-      told.text = fmt::format("could not be started: {}: {}", options_.words.front(),
-                              std::strerror(end.start_error));
+      job_end.text = fmt::format("could not be started: {}: {}", options_.words.front(),
+                                 std::strerror(end.start_error));
       // To the shell, too, a command that is not found has failed.
-      told.kind = JobEnd::Kind::kExited;
-      told.exit_code = 127;
+      job_end.kind = JobEnd::Kind::kExited;
+      job_end.exit_code = 127;
     } else if (group_ && group_->was_too_large()) {
-      told.kind = JobEnd::Kind::kLimit;
-      told.limit = Limit::kMemory;
-      told.text = fmt::format("was ended: it used more than {} of memory",
-                              size_text(options_.limits.memory));
+      job_end.kind = JobEnd::Kind::kLimit;
+      job_end.limit = Limit::kMemory;
+      job_end.text = fmt::format("was ended: it used more than {} of memory",
+                                 size_text(options_.limits.memory));
     } else if (WIFSIGNALED(end.status)) {
-      told.kind = JobEnd::Kind::kSignal;
-      told.signal = WTERMSIG(end.status);
-      told.text = "was ended by " + signal_text(told.signal);
-      if (told.signal == SIGXFSZ) {
-        told.kind = JobEnd::Kind::kLimit;
-        told.limit = Limit::kFiles;
-        told.text = fmt::format("was ended: it wrote a file of more than {}",
-                                size_text(options_.limits.file_size));
-      } else if (told.signal == SIGXCPU) {
-        told.kind = JobEnd::Kind::kLimit;
-        told.limit = Limit::kCpuTime;
+      job_end.kind = JobEnd::Kind::kSignal;
+      job_end.signal = WTERMSIG(end.status);
+      job_end.text = "was ended by " + signal_text(job_end.signal);
+      if (job_end.signal == SIGXFSZ) {
+        job_end.kind = JobEnd::Kind::kLimit;
+        job_end.limit = Limit::kFiles;
+        job_end.text = fmt::format("was ended: it wrote a file of more than {}",
+                                   size_text(options_.limits.file_size));
+      } else if (job_end.signal == SIGXCPU) {
+        job_end.kind = JobEnd::Kind::kLimit;
+        job_end.limit = Limit::kCpuTime;
         // Two limits of the kernel send this signal.
         const bool has_used_it =
             report_.most.cpu_time + std::chrono::seconds(2) > options_.limits.cpu_time;
-        told.text = has_used_it ? fmt::format("was ended: it used more than {} of a processor",
-                                              duration_text(options_.limits.cpu_time))
-                                : "was ended: a thread with real-time priority did not wait for "
-                                  "more than 200 ms";
+        job_end.text = has_used_it ? fmt::format("was ended: it used more than {} of a processor",
+                                                 duration_text(options_.limits.cpu_time))
+                                   : "was ended: a thread with real-time priority did not wait for "
+                                     "more than 200 ms";
       }
     } else {
-      told.kind = JobEnd::Kind::kExited;
-      told.exit_code = WEXITSTATUS(end.status);
-      told.text = fmt::format("ended with exit code {}", told.exit_code);
+      job_end.kind = JobEnd::Kind::kExited;
+      job_end.exit_code = WEXITSTATUS(end.status);
+      job_end.text = fmt::format("ended with exit code {}", job_end.exit_code);
     }
   }
 
-  [[nodiscard]] CareOptions after_care() {
-    CareOptions care = care_;
-    care.look = [this] { static_cast<void>(look_for_signal()); };
-    return care;
+  [[nodiscard]] PreparationOptions preparation_after() {
+    PreparationOptions preparation = preparation_;
+    preparation.look = [this] { static_cast<void>(look_for_signal()); };
+    return preparation;
   }
 
   void restore() {
     std::vector<std::string> recovered;
     if (report_.after) recovered = std::move(report_.after->recovered);
     print("brings the robot back");
-    report_.after = make_fit(options_.robot, after_care());
+    report_.after = make_fit(options_.robot, preparation_after());
     report_.after->recovered.insert(report_.after->recovered.begin(), recovered.begin(),
                                     recovered.end());
   }
 
   void finish(RunningRecorder& recording) {
-    constexpr Nanoseconds kPatience = std::chrono::seconds(10);
+    constexpr Nanoseconds kTimeout = std::chrono::seconds(10);
     recording.recorder().request_stop();
-    const Deadline deadline(kPatience);
+    const Deadline deadline(kTimeout);
     while (!recording.has_ended(std::chrono::milliseconds(20)) && !deadline.passed()) {
       static_cast<void>(look_for_signal());
     }
     for (const log::Event& event : recording.take_events()) {
-      if (event.level != log::Level::kInfo && event.source == "recorder") add_trouble(event.text);
+      if (event.level != log::Level::kInfo && event.source == "recorder") add_error(event.text);
     }
     if (!recording.has_ended()) {
-      add_trouble("the log lacks its end: its disk does not take it");
+      add_error("the log lacks its end: its disk does not take it");
       return;
     }
     try {
       recording.require_success();
     } catch (const Error& error) {
-      add_trouble(error.what());
+      add_error(error.what());
     }
     const log::RecorderState state = recording.recorder().state();
     if (state.lost_steps > 0) {
-      add_trouble(fmt::format("{} steps are not in the log", state.lost_steps));
+      add_error(fmt::format("{} steps are not in the log", state.lost_steps));
     }
   }
 
-  void add_trouble(const std::string& text) {
-    if (report_.troubles.size() < kMostTroubles) report_.troubles.push_back(text);
+  void add_error(const std::string& text) {
+    if (report_.errors.size() < kMaxErrors) report_.errors.push_back(text);
   }
 
   void write_report() {
-    std::string trouble;
+    std::string problem;
     try {
       write_json(report_, folder_);
     } catch (const Error& error) {
-      trouble = error.what();
+      problem = error.what();
     } catch (const fs::filesystem_error& error) {
-      trouble = error.what();
+      problem = error.what();
     }
-    if (!trouble.empty()) add_trouble("the report could not be written: " + trouble);
+    if (!problem.empty()) add_error("the report could not be written: " + problem);
     const bool is_good = exit_code_of(report_) == kDone;
     for (const std::string& line : lines_of(report_)) {
       print(line, is_good ? Style::kPlain : Style::kWarning);
     }
-    if (trouble.empty()) print("report: " + (folder_ / "job.json").string());
+    if (problem.empty()) print("report: " + (folder_ / "job.json").string());
   }
 
   const Signals signals_;  // before any thread
-  const TurnOptions& options_;
-  std::optional<TurnClaim> claim_;
-  CareOptions care_;
+  const JobOptions& options_;
+  std::optional<JobClaim> claim_;
+  PreparationOptions preparation_;
   Console console_;
   JobReport report_;
   fs::path folder_;
@@ -558,29 +560,29 @@ class Turn {
 
 }  // namespace
 
-int take_turn(const TurnOptions& options) { return Turn(options).take(); }
+int run_job(const JobOptions& options) { return Job(options).run(); }
 
-int restore_robot(const std::string& robot, const CareOptions& care) {
+int restore_robot(const std::string& robot, const PreparationOptions& preparation) {
   const Signals signals;
-  std::optional<TurnClaim> claim = TurnClaim::take(robot);
+  std::optional<JobClaim> claim = JobClaim::take(robot);
   Console console;
-  CareOptions options = care;
-  options.tell = [&](const std::string& sentence) { console.print(robot, sentence); };
+  PreparationOptions options = preparation;
+  options.report = [&](const std::string& sentence) { console.print(robot, sentence); };
   options.look = [&signals] {
     if (const std::optional<int> signal = signals.wait(Nanoseconds::zero())) {
-      throw TurnInterrupted(*signal);
+      throw JobInterrupted(*signal);
     }
   };
   try {
-    const CareReport report = make_fit_alone(robot, claim, options);
+    const PreparationReport report = make_fit_alone(robot, claim, options);
     if (!report.is_fit) {
       console.print(robot, "not fit: " + report.problem, Style::kBad);
-      return kNeedsHand;
+      return kNeedsOperator;
     }
     console.print(robot, report.cube.empty() ? "fit" : "fit; the cube is " + report.cube,
                   Style::kGood);
     return kDone;
-  } catch (const TurnInterrupted& interrupted) {
+  } catch (const JobInterrupted& interrupted) {
     return 128 + interrupted.signal;
   }
 }

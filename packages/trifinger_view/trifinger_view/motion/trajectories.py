@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ways between two states of a robot's joints, and how long they must take."""
+"""Trajectories between two states of a robot's joints, and how long they must take."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LONGEST = 60.0  # [s]
 
 
 @dataclasses.dataclass(frozen=True)
-class Way:
+class Trajectory:
     """The curve of least jerk from one position and velocity to another, without accelerations.
 
     With s = t / duration it is a polynomial of fifth degree in s for each joint.
@@ -49,20 +49,20 @@ class Way:
         )
 
 
-def find_way(
+def find_trajectory(
     facts: JointFacts,
     start: NDArray[np.float64],
     start_velocity: NDArray[np.float64],
     end: NDArray[np.float64] | None,
     end_velocity: NDArray[np.float64],
     speed: float = np.inf,
-) -> Way:
-    """The shortest way within the limits on which no joint is faster than `speed` [rad/s].
+) -> Trajectory:
+    """The shortest trajectory within the limits on which no joint is faster than `speed` [rad/s].
 
     Without an `end` the robot comes to rest where it is soonest. A robot that starts beyond a soft
     limit may be there at the start. Raises InvalidArgument with what stands in the way.
     """
-    # What is already so at both ends is no fault of the way.
+    # What is already so at both ends is no fault of the trajectory.
     ends = [start] if end is None else [start, end]
     widened = dataclasses.replace(
         facts,
@@ -79,15 +79,15 @@ def find_way(
     duration = least
     while duration <= max(LONGEST, 4 * least):
         goal = start + start_velocity * duration / 2 if end is None else end
-        way = Way(start, start_velocity, goal, end_velocity, duration)
-        samples = way.at(np.linspace(0, duration, SEARCH_POINTS))
+        trajectory = Trajectory(start, start_velocity, goal, end_velocity, duration)
+        samples = trajectory.at(np.linspace(0, duration, SEARCH_POINTS))
         found = violations(widened, samples)
         if not found:
-            return way
+            return trajectory
         problem = problem or str(found[0])
         duration *= 1.1
     where = " to ".join(np.array2string(one, precision=3, separator=", ") for one in ends)
     raise InvalidArgument(
-        f"there is no way within the limits from {where}: {problem}; "
+        f"there is no trajectory within the limits from {where}: {problem}; "
         "a motion that begins and ends at rest, away from the limits, has one"
     )

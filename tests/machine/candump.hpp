@@ -14,18 +14,18 @@
 namespace trifinger::test {
 
 /// candump, which writes down frames on all buses. It shares no code with this project.
-class Witness {
+class Candump {
  public:
   /// Writes down the frames that pass `filter`, which is candump's: "any" or "any,0:7F8". It has
   /// begun when the constructor returns.
-  explicit Witness(const std::string& filter)
+  explicit Candump(const std::string& filter)
       : candump_({"candump", "-d", "-r", "100000000", "-L", filter}, folder_ / "frames") {
     // It says nothing when it begins to listen, but it hears this on another bus.
     show("007#");
   }
-  Witness(const Witness&) = delete;
-  Witness& operator=(const Witness&) = delete;
-  ~Witness() = default;
+  Candump(const Candump&) = delete;
+  Candump& operator=(const Candump&) = delete;
+  ~Candump() = default;
 
   /// Waits until it has written all frames that were sent before, and ends it.
   /// @throws std::runtime_error if it has missed frames
@@ -39,7 +39,7 @@ class Witness {
       const std::size_t frame = line.rfind(' ') + 1;
       const std::size_t bus = line.rfind(' ', frame - 2) + 1;
       if (line.starts_with("DROPCOUNT")) {
-        throw std::runtime_error("the witness has missed frames: " + line);
+        throw std::runtime_error("candump has missed frames: " + line);
       }
       frames_[line.substr(bus, frame - bus - 1)].push_back(line.substr(frame));
     }
@@ -55,7 +55,7 @@ class Witness {
   void show(const std::string& frame) const {
     if (run({"ip", "link", "add", "dev", kOwnBus, "type", "vcan"}) != 0 ||
         run({"ip", "link", "set", kOwnBus, "up"}) != 0) {
-      throw std::runtime_error("there is no bus for the witness");
+      throw std::runtime_error("there is no bus for candump");
     }
     while (candump_.text().find(frame + '\n') == std::string::npos) {
       if (run({"cansend", kOwnBus, frame}) != 0) throw std::runtime_error("cansend failed");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "core/turn_claim.hpp"
+#include "core/job_claim.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -16,28 +16,28 @@
 namespace trifinger {
 namespace {
 
-TEST(TurnClaim, IsNothingForARobotThatDoesNotRun) {
+TEST(JobClaim, IsNothingForARobotThatDoesNotRun) {
   const test::SessionFolder folder;
-  EXPECT_FALSE(TurnClaim::take("robot"));
-  EXPECT_THROW((void)TurnClaim::take("../robot"), InvalidArgument);
+  EXPECT_FALSE(JobClaim::take("robot"));
+  EXPECT_THROW((void)JobClaim::take("../robot"), InvalidArgument);
 }
 
-TEST(TurnClaim, IsHeldByOneAtATimeAndDoesNotHinderTheRobot) {
+TEST(JobClaim, IsHeldByOneAtATimeAndDoesNotHinderTheRobot) {
   const test::SessionFolder folder;
   std::optional<SessionHost> host(SessionHost::named("robot"));
-  std::optional<TurnClaim> claim = TurnClaim::take("robot");
+  std::optional<JobClaim> claim = JobClaim::take("robot");
   ASSERT_TRUE(claim);
-  EXPECT_THROW((void)TurnClaim::take("robot"), Error);
+  EXPECT_THROW((void)JobClaim::take("robot"), Error);
   // The back-end begins again meanwhile.
   host.reset();
-  EXPECT_THROW((void)TurnClaim::take("robot"), Error);
+  EXPECT_THROW((void)JobClaim::take("robot"), Error);
   host.emplace(SessionHost::named("robot"));
-  EXPECT_THROW((void)TurnClaim::take("robot"), Error);
+  EXPECT_THROW((void)JobClaim::take("robot"), Error);
   claim.reset();
-  EXPECT_TRUE(TurnClaim::take("robot"));
+  EXPECT_TRUE(JobClaim::take("robot"));
 }
 
-TEST(TurnClaim, IsForThoseOnlyWhoMayDriveTheRobot) {
+TEST(JobClaim, IsForThoseOnlyWhoMayDriveTheRobot) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can become another user";
   const test::SessionFolder folder;
   ASSERT_EQ(::chmod(folder.path().c_str(), 0777), 0);
@@ -46,14 +46,14 @@ TEST(TurnClaim, IsForThoseOnlyWhoMayDriveTheRobot) {
     constexpr uid_t kNobody = 65534;
     if (::setegid(kNobody) != 0 || ::seteuid(kNobody) != 0) return 2;
     try {
-      (void)TurnClaim::take("robot");
+      (void)JobClaim::take("robot");
     } catch (const SystemError& error) {
       return error.error_number() == EACCES ? 0 : 3;
     }
     return 4;
   });
   EXPECT_EQ(other.wait(), 0);
-  EXPECT_TRUE(TurnClaim::take("robot"));
+  EXPECT_TRUE(JobClaim::take("robot"));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "robot/wear_keeper.hpp"
+#include "robot/wear_recorder.hpp"
 
 #include <chrono>
 #include <filesystem>
@@ -16,17 +16,18 @@ constexpr Nanoseconds kInterval = std::chrono::minutes(1);
 
 }  // namespace
 
-WearKeeper::WearKeeper(const std::string& robot, boards::WearMeter& meter, const SessionHost& host)
+WearRecorder::WearRecorder(const std::string& robot, boards::WearMeter& meter,
+                           const SessionHost& host)
     : meter_(meter), host_(host), written_(std::chrono::steady_clock::now()) {
   try {
     open(robot);
   } catch (const Error& error) {
     file_.reset();
-    news_ = std::string("running hours are not kept: ") + error.what();
+    message_ = std::string("running hours are not kept: ") + error.what();
   }
 }
 
-WearKeeper::~WearKeeper() {
+WearRecorder::~WearRecorder() {
   try {
     static_cast<void>(write());
   } catch (...) {
@@ -35,49 +36,52 @@ WearKeeper::~WearKeeper() {
   }
 }
 
-void WearKeeper::open(const std::string& robot) {
+void WearRecorder::open(const std::string& robot) {
   const std::filesystem::path path = log_folder() / (robot + ".wear");
   const CompanionDescription& wear = meter_.wear_description();
   file_.emplace(path, boards::WearFile::Owner{.robot = robot, .type = wear.type}, wear.element);
-  news_ = file_->damage();
+  message_ = file_->damage();
   meter_.continue_wear(file_->newest());
   // Counts the start.
   take();
 }
 
-void WearKeeper::take() {
+void WearRecorder::take() {
   const auto bytes = meter_.wear_bytes();
   const std::lock_guard lock(mutex_);
   taken_.emplace(bytes.begin(), bytes.end());
 }
 
-bool WearKeeper::is_due() const { return std::chrono::steady_clock::now() - written_ >= kInterval; }
-
-std::string WearKeeper::look() {
-  // A disk that refuses is not asked all the time.
-  return is_failing_ && !is_due() ? std::exchange(news_, {}) : write();
+bool WearRecorder::is_due() const {
+  return std::chrono::steady_clock::now() - written_ >= kInterval;
 }
 
-std::string WearKeeper::write() {
+std::string WearRecorder::look() {
+  // A disk that refuses is not asked all the time.
+  return is_failing_ && !is_due() ? std::exchange(message_, {}) : write();
+}
+
+std::string WearRecorder::write() {
   std::optional<std::vector<std::byte>> element;
   if (file_) element = newest();
-  if (!element) return std::exchange(news_, {});
+  if (!element) return std::exchange(message_, {});
   written_ = std::chrono::steady_clock::now();
   try {
     file_->append(*element);
-    if (std::exchange(is_failing_, false)) news_ = "running hours are written again";
+    if (std::exchange(is_failing_, false)) message_ = "running hours are written again";
   } catch (const Error& error) {
     if (!std::exchange(is_failing_, true)) {
-      news_ = std::string("running hours cannot be written, they wait in memory: ") + error.what();
+      message_ =
+          std::string("running hours cannot be written, they wait in memory: ") + error.what();
     }
     const std::lock_guard lock(mutex_);
     if (!taken_) taken_ = std::move(element);
   }
-  return std::exchange(news_, {});
+  return std::exchange(message_, {});
 }
 
 // Returns what to write now.
-std::optional<std::vector<std::byte>> WearKeeper::newest() {
+std::optional<std::vector<std::byte>> WearRecorder::newest() {
   {
     const std::lock_guard lock(mutex_);
     if (taken_) return std::exchange(taken_, std::nullopt);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "shared_robot/robot_care.hpp"
+#include "shared_robot/robot_preparation.hpp"
 
 #include <fmt/core.h>
 
@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "robot/session_state.hpp"
-#include "shared_robot/cube_care.hpp"
+#include "shared_robot/cube_recovery.hpp"
 #include "sim/servo_plant.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
@@ -22,7 +22,7 @@
 namespace trifinger::apps {
 namespace {
 
-constexpr int kMostRecoveries = 3;
+constexpr int kMaxRecoveries = 3;
 constexpr Nanoseconds kPause = std::chrono::milliseconds(50);
 
 // Returns what carries the joints, from the model of the robot; nothing if it is not known.
@@ -40,8 +40,9 @@ WeightOf weights_of(const Session& session) {
 }
 
 // Waits until the robot is free. Adds faults that were cleared to `report`. Returns what is wrong.
-std::string wait_for(const std::string& robot, const CareOptions& options, CareReport& report) {
-  const Deadline deadline(options.patience);
+std::string wait_for(const std::string& robot, const PreparationOptions& options,
+                     PreparationReport& report) {
+  const Deadline deadline(options.timeout);
   std::string state = "there is no such robot";
   int recoveries = 0;
   for (; !deadline.passed(); std::this_thread::sleep_for(kPause)) {
@@ -56,12 +57,12 @@ std::string wait_for(const std::string& robot, const CareOptions& options, CareR
       }
       if (info.phase == SessionInfo::Phase::kEnded && info.fault.needs_recovery()) {
         if (!info.is_at_rest) continue;
-        if (recoveries++ == kMostRecoveries) {
+        if (recoveries++ == kMaxRecoveries) {
           return fmt::format("it has a fault again and again; look at it: {}", info.fault_text);
         }
-        options.tell("recovers from a fault: " + info.fault_text);
+        options.report("recovers from a fault: " + info.fault_text);
         report.recovered.push_back(info.fault_text);
-        recover(robot, deadline.remaining(options.patience));
+        recover(robot, deadline.remaining(options.timeout));
         continue;
       }
       if (info.phase != SessionInfo::Phase::kHolding) continue;
@@ -78,11 +79,11 @@ std::string wait_for(const std::string& robot, const CareOptions& options, CareR
       state = error.what();
     }
   }
-  return fmt::format("it is not ready for a user after {}: {}", duration_text(options.patience),
+  return fmt::format("it is not ready for a user after {}: {}", duration_text(options.timeout),
                      state);
 }
 
-RobotTestReport test(const std::string& robot, SelfTest kind, const CareOptions& options) {
+RobotTestReport test(const std::string& robot, SelfTest kind, const PreparationOptions& options) {
   try {
     UntypedFrontend frontend(robot);
     frontend.set_interrupt(options.look);
@@ -97,8 +98,8 @@ std::string place_text(const std::array<double, 3>& place) {
 }
 
 // Brings the cube to the middle. Returns what is wrong with the robot afterwards.
-std::string care_for_cube(const std::string& robot, const CareOptions& options,
-                          CareReport& report) {
+std::string recover_cube(const std::string& robot, const PreparationOptions& options,
+                         PreparationReport& report) {
   if (!report.test || !report.test->cube) return "";
   std::array<double, 3> place = *report.test->cube;
   if (is_in_middle(place)) {
@@ -109,8 +110,8 @@ std::string care_for_cube(const std::string& robot, const CareOptions& options,
     report.cube = place_text(place) + ", where every session of this simulation begins";
     return "";
   }
-  options.tell("brings the cube to the middle; it is " + place_text(place));
-  std::string trouble = bring_to_middle(robot, options.look);
+  options.report("brings the cube to the middle; it is " + place_text(place));
+  std::string reason = bring_to_middle(robot, options.look);
   if (std::string problem = wait_for(robot, options, report); !problem.empty()) return problem;
   const RobotTestReport again = test(robot, SelfTest::kHold, options);
   if (!again.problem.empty()) return again.problem;
@@ -121,36 +122,36 @@ std::string care_for_cube(const std::string& robot, const CareOptions& options,
     report.cube = "brought to the middle";
     return "";
   }
-  if (trouble.empty()) trouble = "it was lost on the way";
-  report.cube = fmt::format("{}, and could not be brought there: {}", place_text(place), trouble);
-  options.tell("the cube is " + report.cube);
-  return options.cube == CubeCare::kDemand ? "its cube is " + report.cube : "";
+  if (reason.empty()) reason = "it was lost on the way";
+  report.cube = fmt::format("{}, and could not be brought there: {}", place_text(place), reason);
+  options.report("the cube is " + report.cube);
+  return options.cube == CubeRecovery::kDemand ? "its cube is " + report.cube : "";
 }
 
 }  // namespace
 
-CareReport wait_until_free(const std::string& robot, const CareOptions& options) {
-  CareReport report;
+PreparationReport wait_until_free(const std::string& robot, const PreparationOptions& options) {
+  PreparationReport report;
   report.problem = wait_for(robot, options, report);
   report.is_fit = report.problem.empty();
   return report;
 }
 
-CareReport make_fit(const std::string& robot, const CareOptions& options) {
-  CareReport report = wait_until_free(robot, options);
+PreparationReport make_fit(const std::string& robot, const PreparationOptions& options) {
+  PreparationReport report = wait_until_free(robot, options);
   if (!report.is_fit) return report;
   report.is_fit = false;
-  const SelfTest kind = options.self_test == SelfTest::kOff && options.cube != CubeCare::kLeave
+  const SelfTest kind = options.self_test == SelfTest::kOff && options.cube != CubeRecovery::kLeave
                             ? SelfTest::kHold
                             : options.self_test;
   if (kind != SelfTest::kOff) {
-    if (kind == SelfTest::kJoints) options.tell("tests its joints, one after the other");
+    if (kind == SelfTest::kJoints) options.report("tests its joints, one after the other");
     report.test = test(robot, kind, options);
     report.problem = report.test->problem;
     if (report.problem.empty()) report.problem = wait_for(robot, options, report);
   }
-  if (report.problem.empty() && options.cube != CubeCare::kLeave) {
-    report.problem = care_for_cube(robot, options, report);
+  if (report.problem.empty() && options.cube != CubeRecovery::kLeave) {
+    report.problem = recover_cube(robot, options, report);
   }
   report.is_fit = report.problem.empty();
   return report;

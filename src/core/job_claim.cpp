@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "core/turn_claim.hpp"
+#include "core/job_claim.hpp"
 
 #include <cerrno>
 
@@ -10,7 +10,7 @@
 
 namespace trifinger {
 
-std::optional<TurnClaim> TurnClaim::take(const std::string& robot) {
+std::optional<JobClaim> JobClaim::take(const std::string& robot) {
   detail::require_valid_name(robot);
   const auto directory = detail::directory_in(session_folder());
   std::optional<ipc::SharedMemory> lock;
@@ -22,15 +22,15 @@ std::optional<TurnClaim> TurnClaim::take(const std::string& robot) {
     throw;
   }
   if (!lock) throw Error("'" + robot + "' is in use: another process is just starting it");
-  if (!ipc::try_lock(lock->file(), ipc::Lock::kTurn)) {
+  if (!ipc::try_lock(lock->file(), ipc::Lock::kJob)) {
     throw Error("'" + robot + "' is in use: another 'trifinger job' has not ended yet");
   }
   // Nobody removes the file from here on, so its claim is free for others.
   ipc::unlock(lock->file(), ipc::Lock::kClaim);
-  return TurnClaim(std::move(*lock));
+  return JobClaim(std::move(*lock));
 }
 
-TurnClaim::~TurnClaim() {
+JobClaim::~JobClaim() {
   if (!fork_.is_inherited()) detail::leave(lock_);
 }
 

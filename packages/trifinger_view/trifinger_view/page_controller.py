@@ -2,7 +2,7 @@
 """Who steers a robot from a page, and what they may ask of it.
 
 Of all browsers one is the driver. Only it moves the robot, by a Guide, and pulls at tips and
-objects of a simulation, by a Hand. If nothing is heard of the driver for PATIENCE, the robot holds
+objects of a simulation, by a Hand. If nothing is heard of the driver for TIMEOUT, the robot holds
 its pose, the hand lets go, and another browser can take over. Nothing here knows what a page is.
 """
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from trifinger._trifinger import Guide, GuideState, Hand
     from trifinger.arrays import Array
 
-PATIENCE = 1.0  # without a sign of life of the driver [s]
-WISH_PERIOD = 1 / 60  # between two wishes of a drag [s]
+TIMEOUT = 1.0  # without a sign of life of the driver [s]
+SETPOINT_PERIOD = 1 / 60  # between two setpoints of a drag [s]
 PULL_LENGTH = 0.5  # after which the hand lets go if this process stands still [s]
 CONNECT_TIMEOUT = 1.0  # [s]
 RECOVERY_TIMEOUT = 30.0  # some robots are homing before their next session [s]
@@ -37,7 +37,7 @@ MODE_WORDS = {
 }
 
 
-class Pilot:
+class PageController:
     """The driver of a robot. Any thread may call any function.
 
     Calls of a browser that is not the driver raise InvalidArgument, and so do points and numbers
@@ -49,13 +49,13 @@ class Pilot:
         name: str,
         *,
         with_guide: bool = True,
-        patience: float | None = None,
+        timeout: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Nobody drives yet. Without a guide, the driver pulls by the hand alone."""
         self.name = name
         self.with_guide = with_guide
-        self._patience = PATIENCE if patience is None else patience
+        self._timeout = TIMEOUT if timeout is None else timeout
         self._clock = clock
         self.closed = threading.Event()
         """Set when the control has ended for good."""
@@ -66,7 +66,7 @@ class Pilot:
         self._words = ""
         self._guide: Guide | None = None
         self._hand: Hand | None = None
-        self._wishes: dict[int, Array] = {}  # newest points of tips that are not yet sent
+        self._setpoints: dict[int, Array] = {}  # newest points of tips that are not yet sent
         self._sent = -np.inf
         self._joints: Array | None = None
         self._pull: tuple[str, Array] | None = None
@@ -103,7 +103,7 @@ class Pilot:
                 return
             guide = _trifinger.guide(self.name, timeout=timeout)
             with self._lock:
-                self._forget_wishes()
+                self._forget_setpoints()
                 self._guide = guide
 
     def take(self, browser: int) -> None:
@@ -121,14 +121,14 @@ class Pilot:
             self._words = ""
 
     def leave(self, browser: int, why: str = "") -> None:
-        """Ends the turn of a browser, if it drives: the robot holds its pose."""
+        """Ends the control of a browser, if it drives: the robot holds its pose."""
         with self._lock:
             if self._driver != browser:
                 return
             self._driver = None
             self._words = why
             self._let_go()
-            self._forget_wishes()
+            self._forget_setpoints()
             if self._guide is not None:
                 try:
                     self._guide.hold()
@@ -173,7 +173,7 @@ class Pilot:
         with self._lock:
             guide = self._require(browser)
             self._let_go()
-            self._forget_wishes()
+            self._forget_setpoints()
             {"home": guide.home, "hold": guide.hold, "float": guide.float_freely}[mode]()
             self._words = ""
 
@@ -187,7 +187,7 @@ class Pilot:
             if joints is None:
                 joints = np.array(guide.state(timeout=0).target_joints, float)
             joints[joint] = position
-            self._forget_wishes()
+            self._forget_setpoints()
             guide.move_joints(joints)
             self._joints, self._words = joints, ""
 
@@ -206,8 +206,8 @@ class Pilot:
                 self._begin_pull(f"tip_{finger}", where)
                 return
             self._joints = None
-            self._wishes[finger] = where
-            self._send_wishes()
+            self._setpoints[finger] = where
+            self._send_setpoints()
 
     def drag_object(self, browser: int, name: str, point: object) -> None:
         """Pulls at an object of a simulation, towards a point in the world frame [m]."""
@@ -220,33 +220,35 @@ class Pilot:
         """Lets go of what is dragged. A tip goes on to the last point that was asked for."""
         with self._lock:
             self._require_driver(browser)
-            if self._wishes:
-                self._send_wishes(at_once=True)
+            if self._setpoints:
+                self._send_setpoints(at_once=True)
             self._let_go()
 
     # ---- by itself ----
 
     def tick(self) -> None:
-        """Sends what waits, and ends the turn of a driver that is not heard; call it at 60 Hz."""
+        """Sends what waits, and ends the control of a driver that is not heard; call it at 60
+        Hz.
+        """
         with self._lock:
             driver = self._driver
-            if driver is not None and self._clock() - self._heard > self._patience:
+            if driver is not None and self._clock() - self._heard > self._timeout:
                 self.leave(
                     driver,
-                    f"nothing was heard of the browser that drove for {self._patience:g} s, so "
+                    f"nothing was heard of the browser that drove for {self._timeout:g} s, so "
                     + ("the robot holds its pose" if self.with_guide else "the hand let go"),
                 )
             guide = self._guide
             if guide is not None and not guide.is_running():
                 self._end_guide()
             try:
-                if self._wishes:
-                    self._send_wishes()
+                if self._setpoints:
+                    self._send_setpoints()
                 if self._pull is not None and self._hand is not None:
                     self._hand.pull(*self._pull, seconds=PULL_LENGTH)
             except Error as error:
                 self._let_go()
-                self._forget_wishes()
+                self._forget_setpoints()
                 self._words = str(error)
 
     def state(self) -> GuideState | None:
@@ -277,7 +279,7 @@ class Pilot:
         self.closed.set()
         with self._lock:
             self._driver = None
-            self._forget_wishes()
+            self._forget_setpoints()
             self._close_hand()
             guide, self._guide = self._guide, None
         if guide is not None:
@@ -300,18 +302,18 @@ class Pilot:
             raise InvalidArgument("nobody controls the robot from here")
         return self._guide
 
-    def _send_wishes(self, at_once: bool = False) -> None:
+    def _send_setpoints(self, at_once: bool = False) -> None:
         now = self._clock()
-        if self._guide is None or (not at_once and now - self._sent < WISH_PERIOD):
+        if self._guide is None or (not at_once and now - self._sent < SETPOINT_PERIOD):
             return
         self._sent = now
-        wishes, self._wishes = self._wishes, {}
-        for finger, point in wishes.items():
+        setpoints, self._setpoints = self._setpoints, {}
+        for finger, point in setpoints.items():
             self._guide.move_tip(finger, point)
         self._words = ""
 
-    def _forget_wishes(self) -> None:
-        self._wishes.clear()
+    def _forget_setpoints(self) -> None:
+        self._setpoints.clear()
         self._joints = None
 
     def _begin_pull(self, body: str, point: Array) -> None:
@@ -342,7 +344,7 @@ class Pilot:
         """Notes why the guide has ended. Nobody drives then."""
         guide, self._guide = self._guide, None
         self._driver = None
-        self._forget_wishes()
+        self._forget_setpoints()
         self._close_hand()
         if guide is None:
             return

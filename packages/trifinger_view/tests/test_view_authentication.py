@@ -17,8 +17,8 @@ import viser
 import websockets.exceptions
 from hypothesis import given, strategies
 from trifinger import Error, InvalidArgument
-from trifinger_view import gate as gates
-from trifinger_view.gate import Gate, page_server
+from trifinger_view import authentication as authentication_module
+from trifinger_view.authentication import Authentication, page_server
 from viewing import Viewing
 from websockets.sync.client import ClientConnection, connect
 
@@ -26,23 +26,28 @@ VERSION = f"viser-v{viser.__version__}"
 
 
 @pytest.fixture
-def gate() -> Iterator[Gate]:
-    gate = Gate(port=0)
-    yield gate
-    gate.close()
+def authentication() -> Iterator[Authentication]:
+    authentication = Authentication(port=0)
+    yield authentication
+    authentication.close()
 
 
 @pytest.fixture
-def server(gate: Gate) -> Iterator[Any]:
-    server = page_server(gate, "test")
+def server(authentication: Authentication) -> Iterator[Any]:
+    server = page_server(authentication, "test")
     yield server
     server.stop()
 
 
-def get(gate: Gate, path: str = "/", **headers: str) -> tuple[int, dict[str, str], bytes]:
+def get(
+    authentication: Authentication, path: str = "/", **headers: str
+) -> tuple[int, dict[str, str], bytes]:
     """Asks for a page; `headers` are added to those of a browser, or replace them."""
-    browser = {"Host": f"127.0.0.1:{gate.port}", "Cookie": f"{gate.cookie}={gate.token}"}
-    connection = http.client.HTTPConnection("127.0.0.1", gate.port)
+    browser = {
+        "Host": f"127.0.0.1:{authentication.port}",
+        "Cookie": f"{authentication.cookie}={authentication.token}",
+    }
+    connection = http.client.HTTPConnection("127.0.0.1", authentication.port)
     with contextlib.closing(connection):
         connection.putrequest("GET", path, skip_host=True)
         for name, value in (browser | headers).items():
@@ -54,17 +59,17 @@ def get(gate: Gate, path: str = "/", **headers: str) -> tuple[int, dict[str, str
 
 
 def browse(
-    gate: Gate | Viewing, *, max_queue: int | None = None, **headers: str
+    authentication: Authentication | Viewing, *, max_queue: int | None = None, **headers: str
 ) -> ClientConnection:
     """Connects as the page does, with other headers on request.
 
     As a browser, it answers the server's pings however late a test reads its messages. With a
     `max_queue` it takes no more than these, so the network fills up.
     """
-    origin = headers.pop("Origin", f"http://127.0.0.1:{gate.port}")
-    cookies = headers.pop("Cookie", f"{gate.cookie}={gate.token}")
+    origin = headers.pop("Origin", f"http://127.0.0.1:{authentication.port}")
+    cookies = headers.pop("Cookie", f"{authentication.cookie}={authentication.token}")
     return connect(
-        f"ws://127.0.0.1:{gate.port}",
+        f"ws://127.0.0.1:{authentication.port}",
         origin=origin or None,  # type: ignore[arg-type]
         additional_headers={"Cookie": cookies, **headers},
         subprotocols=[VERSION],  # type: ignore[list-item]
@@ -101,18 +106,18 @@ def wait_for(browser: ClientConnection, kind: str, **fields: Any) -> dict[str, A
 
 
 @pytest.mark.usefixtures("server")
-def test_the_address_with_the_token_leads_to_the_page(gate: Gate) -> None:
-    path = gate.url.removeprefix(f"http://127.0.0.1:{gate.port}")
-    status, headers, _ = get(gate, path, Cookie="")
+def test_the_address_with_the_token_leads_to_the_page(authentication: Authentication) -> None:
+    path = authentication.url.removeprefix(f"http://127.0.0.1:{authentication.port}")
+    status, headers, _ = get(authentication, path, Cookie="")
     assert (status, headers["Location"]) == (303, "/")
     cookie = headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite" in cookie
-    status, headers, page = get(gate, Cookie=cookie.split(";")[0])
+    status, headers, page = get(authentication, Cookie=cookie.split(";")[0])
     assert status == 200
     assert b"<html" in page.lower()
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-    with browse(gate) as browser:
+    with browse(authentication) as browser:
         wait_for(browser, "ReplayDoneMessage")
 
 
@@ -130,23 +135,31 @@ def test_the_address_with_the_token_leads_to_the_page(gate: Gate) -> None:
         {"Host": "["},
     ],
 )
-def test_fault_68_a_stranger_gets_no_page_and_no_connection(
-    gate: Gate, headers: dict[str, str]
+def test_fault_68_without_the_token_there_is_no_page_and_no_connection(
+    authentication: Authentication, headers: dict[str, str]
 ) -> None:
-    status, answer, page = get(gate, **headers)
+    status, answer, page = get(authentication, **headers)
     assert status == 403
-    assert gate.token not in str(answer)
-    assert gate.token.encode() not in page
+    assert authentication.token not in str(answer)
+    assert authentication.token.encode() not in page
     if "Host" not in headers:
-        with pytest.raises(websockets.exceptions.InvalidStatus) as refused, browse(gate, **headers):
+        with (
+            pytest.raises(websockets.exceptions.InvalidStatus) as refused,
+            browse(authentication, **headers),
+        ):
             pass
         assert refused.value.response.status_code == 403
 
 
 @pytest.mark.usefixtures("server")
 @pytest.mark.parametrize("origin", ["", "null", "http://evil.example", "http://127.0.0.1:1"])
-def test_fault_68_a_page_of_another_site_cannot_connect(gate: Gate, origin: str) -> None:
-    with pytest.raises(websockets.exceptions.InvalidStatus) as refused, browse(gate, Origin=origin):
+def test_fault_68_a_page_of_another_site_cannot_connect(
+    authentication: Authentication, origin: str
+) -> None:
+    with (
+        pytest.raises(websockets.exceptions.InvalidStatus) as refused,
+        browse(authentication, Origin=origin),
+    ):
         pass
     assert refused.value.response.status_code == 403
 
@@ -155,15 +168,19 @@ def test_fault_68_a_page_of_another_site_cannot_connect(gate: Gate, origin: str)
 @pytest.mark.parametrize(
     "path", ["/?token=guess", "/?token=", "/?token=%C3%A9%FF", "/other?token={}"]
 )
-def test_fault_68_a_wrong_token_or_place_is_refused(gate: Gate, path: str) -> None:
-    status, headers, _ = get(gate, path.format(gate.token), Cookie="")
+def test_fault_68_a_wrong_token_or_place_is_refused(
+    authentication: Authentication, path: str
+) -> None:
+    status, headers, _ = get(authentication, path.format(authentication.token), Cookie="")
     assert status == 403
     assert "Set-Cookie" not in headers
 
 
 @pytest.mark.usefixtures("server")
-def test_fault_68_the_address_cannot_tell_the_page_to_obey_another_server(gate: Gate) -> None:
-    status, headers, _ = get(gate, "/?websocket=ws://evil.example")
+def test_fault_68_the_address_cannot_tell_the_page_to_obey_another_server(
+    authentication: Authentication,
+) -> None:
+    status, headers, _ = get(authentication, "/?websocket=ws://evil.example")
     assert (status, headers["Location"]) == (303, "/")
 
 
@@ -172,33 +189,33 @@ ANYTHING = strategies.text(strategies.characters(), max_size=40)
 
 @given(ANYTHING, ANYTHING)
 def test_fault_68_only_the_token_is_known(name: str, value: str) -> None:
-    gate = GATE
-    headers = {"Host": [f"localhost:{gate.port}"], "Cookie": [f"{name}={value}"]}
+    authentication = AUTHENTICATION
+    headers = {"Host": [f"localhost:{authentication.port}"], "Cookie": [f"{name}={value}"]}
 
     class Headers:
         def get_all(self, key: str) -> list[str]:
             return headers.get(key, [])
 
-    assert gate.refusal("/", Headers(), False) is not None
-    headers["Cookie"] = [f"a=b; {gate.cookie}={gate.token}"]
-    assert gate.refusal("/", Headers(), False) is None
+    assert authentication.refusal("/", Headers(), False) is not None
+    headers["Cookie"] = [f"a=b; {authentication.cookie}={authentication.token}"]
+    assert authentication.refusal("/", Headers(), False) is None
     headers["Host"] *= 2
-    assert gate.refusal("/", Headers(), False) is not None
+    assert authentication.refusal("/", Headers(), False) is not None
 
 
-GATE = Gate(port=0)
+AUTHENTICATION = Authentication(port=0)
 
 
 def test_names_of_this_machine_are_known_and_foreign_addresses_only_on_the_network() -> None:
-    everywhere = Gate("0.0.0.0", 0)  # noqa: S104
+    everywhere = Authentication("0.0.0.0", 0)  # noqa: S104
     with contextlib.closing(everywhere.socket):
         assert not everywhere.is_local
         for host in ("localhost:1", "127.0.0.1", "[::1]:9", socket.gethostname(), "10.1.2.3:8"):
             assert everywhere._is_own(host), host
         assert not everywhere._is_own("evil.example")
         assert everywhere.url.startswith(f"http://{socket.gethostname()}:")
-    assert GATE.is_local
-    assert not GATE._is_own("10.1.2.3")
+    assert AUTHENTICATION.is_local
+    assert not AUTHENTICATION._is_own("10.1.2.3")
 
 
 # ---- what listens ----
@@ -225,33 +242,35 @@ def test_fault_68_nothing_listens_beyond_this_machine() -> None:
     assert listening() == {"127.0.0.1"}
 
 
-def test_a_port_in_use_is_named_and_without_a_choice_the_next_one_is_taken(gate: Gate) -> None:
-    with pytest.raises(Error, match=f"port {gate.port}.*--port"):
-        Gate(port=gate.port)
-    first, second = Gate(), Gate()
+def test_a_port_in_use_is_named_and_without_a_choice_the_next_one_is_taken(
+    authentication: Authentication,
+) -> None:
+    with pytest.raises(Error, match=f"port {authentication.port}.*--port"):
+        Authentication(port=authentication.port)
+    first, second = Authentication(), Authentication()
     with contextlib.closing(first.socket), contextlib.closing(second.socket):
         assert first.port != second.port
 
 
 def test_addresses_and_tokens_that_cannot_be_used_are_named() -> None:
     with pytest.raises(Error, match=r"192\.0\.2\.1"):
-        Gate("192.0.2.1", 0)
+        Authentication("192.0.2.1", 0)
     for token in ("short", "with a space and so on", "ümlaut-ümlaut-ümlaut"):
         with pytest.raises(InvalidArgument, match="at least 16"):
-            Gate(port=0, token=token)
+            Authentication(port=0, token=token)
 
 
 # ---- what a browser can do ----
 
 
 def test_fault_68_no_browser_opens_a_tunnel(
-    server: Any, gate: Gate, monkeypatch: pytest.MonkeyPatch
+    server: Any, authentication: Authentication, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
     for name in ("request_share_url", "disconnect_share_url"):
         monkeypatch.setattr(server, name, lambda name=name: asked.append(name))
     box = server.gui.add_checkbox("box", False)
-    with browse(gate) as browser:
+    with browse(authentication) as browser:
         wait_for(browser, "ReplayDoneMessage")
         pose = {"wxyz": [1, 0, 0, 0], "position": [0, 0, 1], "look_at": [0, 0, 0], "fov": 1.0}
         size = {"image_height": 10, "image_width": 10, "near": 0.1, "far": 9.0}
@@ -269,7 +288,9 @@ def test_fault_68_no_browser_opens_a_tunnel(
         type(server).request_share_url(server)
 
 
-def test_fault_68_a_browser_changes_values_alone(server: Any, gate: Gate) -> None:
+def test_fault_68_a_browser_changes_values_alone(
+    server: Any, authentication: Authentication
+) -> None:
     number = server.gui.add_number("number", 1.0)
     uuid, passed = number._impl.uuid, []
     tell = number._impl.sync_cb
@@ -279,7 +300,7 @@ def test_fault_68_a_browser_changes_values_alone(server: Any, gate: Gate) -> Non
         tell(client, updates)
 
     number._impl.sync_cb = note
-    with browse(gate) as browser, browse(gate) as other:
+    with browse(authentication) as browser, browse(authentication) as other:
         wait_for(browser, "ReplayDoneMessage")
         wait_for(other, "ReplayDoneMessage")
         for updates in (
@@ -307,9 +328,9 @@ def test_fault_68_a_browser_changes_values_alone(server: Any, gate: Gate) -> Non
     ],
 )
 def test_fault_68_a_message_that_makes_no_sense_ends_that_connection_alone(
-    server: Any, gate: Gate, data: bytes | str
+    server: Any, authentication: Authentication, data: bytes | str
 ) -> None:
-    with browse(gate) as browser, browse(gate) as other:
+    with browse(authentication) as browser, browse(authentication) as other:
         wait_for(browser, "ReplayDoneMessage")
         wait_for(other, "ReplayDoneMessage")
         with contextlib.suppress(websockets.exceptions.ConnectionClosed):
@@ -322,22 +343,24 @@ def test_fault_68_a_message_that_makes_no_sense_ends_that_connection_alone(
 
 
 @pytest.mark.usefixtures("server")
-def test_fault_68_connections_are_bounded(gate: Gate) -> None:
+def test_fault_68_connections_are_bounded(authentication: Authentication) -> None:
     with contextlib.ExitStack() as browsers:
-        for _ in range(gates.MOST_BROWSERS):
-            wait_for(browsers.enter_context(browse(gate)), "ReplayDoneMessage")
+        for _ in range(authentication_module.MAX_BROWSERS):
+            wait_for(browsers.enter_context(browse(authentication)), "ReplayDoneMessage")
         with pytest.raises(websockets.exceptions.InvalidStatus) as refused:
-            browsers.enter_context(browse(gate))
+            browsers.enter_context(browse(authentication))
         assert refused.value.response.status_code == 503
 
 
 @pytest.mark.slow
-def test_fault_68_a_slow_browser_loses_frames_alone(server: Any, gate: Gate) -> None:
+def test_fault_68_a_slow_browser_loses_frames_alone(
+    server: Any, authentication: Authentication
+) -> None:
     """One browser reads nothing while much more is sent than buffers hold; another sees it all."""
     frames, points = 100, np.zeros((20_000, 3), np.float32)  # 240 kB each
     cloud = server.scene.add_point_cloud("/cloud", points, (0, 0, 0))
     mark = server.gui.add_number("mark", -1.0)
-    with browse(gate, max_queue=1) as slow, browse(gate) as quick:
+    with browse(authentication, max_queue=1) as slow, browse(authentication) as quick:
         wait_for(slow, "ReplayDoneMessage")
         wait_for(quick, "ReplayDoneMessage")
         for number in range(frames):

@@ -11,10 +11,10 @@
 
 namespace trifinger::manipulation {
 
-// The way of one tip along straight legs, from rest to rest on each.
-class TipWay {
+// The trajectory of one tip along straight legs, from rest to rest on each.
+class TipTrajectory {
  public:
-  static constexpr std::size_t kMostLegs = 4;
+  static constexpr std::size_t kMaxLegs = 4;
 
   // Stays at `point`.
   void rest_at(const Eigen::Vector3d& point) noexcept {
@@ -23,12 +23,12 @@ class TipWay {
     time_ = duration_ = control::Seconds(0);
   }
 
-  // Goes through at most kMostLegs `points` from where the tip should be now, with a mean `speed`
+  // Goes through at most kMaxLegs `points` from where the tip should be now, with a mean `speed`
   // [m/s].
   void begin(std::initializer_list<Eigen::Vector3d> points, double speed) noexcept {
     next_ = legs_ = 0;
     for (const Eigen::Vector3d& point : points) {
-      if (legs_ < kMostLegs) points_[legs_++] = point;
+      if (legs_ < kMaxLegs) points_[legs_++] = point;
     }
     speed_ = speed;
     from_ = to_ = now_;
@@ -59,8 +59,8 @@ class TipWay {
     time_ = control::Seconds(0);
   }
 
-  std::array<Eigen::Vector3d, kMostLegs> points_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(),
-                                                 Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  std::array<Eigen::Vector3d, kMaxLegs> points_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(),
+                                                Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   std::size_t legs_{0};
   std::size_t next_{0};
   double speed_{0.1};
