@@ -122,10 +122,10 @@ std::vector<Target> driven_targets(const mjModel& model, const std::vector<Drive
   std::vector<Target> targets;
   for (std::size_t i = 0; i < drives.size(); ++i) {
     const auto& [target, problem] = drives[i];
-    require(problem.empty(), file + "no motor can take the place of actuator '" +
-                                 name_of(model, mjOBJ_ACTUATOR, static_cast<int>(i)) +
-                                 "', because " + problem +
-                                 "; name the joints to be driven (robot.joints), without it");
+    require(problem.empty(),
+            text_of(file, "no motor can take the place of actuator '",
+                    name_of(model, mjOBJ_ACTUATOR, static_cast<int>(i)), "', because ", problem,
+                    "; name the joints to be driven (robot.joints), without it"));
     if (std::ranges::find(targets, target) == targets.end()) targets.push_back(target);
   }
   for (int joint = 0; drives.empty() && joint < static_cast<int>(model.njnt); ++joint) {

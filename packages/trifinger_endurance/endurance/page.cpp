@@ -120,7 +120,7 @@ struct ValueRange {
 
 // Whether a value can be drawn.
 bool is_shown(const Chart& chart, const Value& value) {
-  return value && !(chart.is_logarithmic && *value <= 0.0);
+  return value && (!chart.is_logarithmic || *value > 0.0);
 }
 
 ValueRange values_of(const Chart& chart) {
