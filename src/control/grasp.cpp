@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/control/grasp.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <string>
 
+#include "model/symmetric_solve.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
@@ -62,7 +62,7 @@ Twist twist_of(const Grasp& grasp, const Eigen::Vector3d& centre,
   GraspMap map = grasp_map(grasp, centre);
   map.bottomRows<3>() /= kLength;
   const Eigen::Matrix<double, 6, 6> squares = map * map.transpose();
-  const Eigen::Matrix<double, 6, 1> twist = squares.ldlt().solve(map * velocities);
+  const Eigen::Matrix<double, 6, 1> twist = symmetric_solve(squares, map * velocities);
   return {.linear = twist.head<3>(), .angular = twist.tail<3>() / kLength};
 }
 

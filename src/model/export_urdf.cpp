@@ -13,6 +13,7 @@
 
 #include "blueprint.hpp"
 #include "model/export.hpp"
+#include "model/rotation_between.hpp"
 
 namespace trifinger {
 namespace {
@@ -163,8 +164,7 @@ class UrdfWriter {
     }
     // URDF has no capsules: a cylinder with a ball at each end replaces one.
     pose.translation() = (from + to) / 2;
-    pose.linear() =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), to - from).toRotationMatrix();
+    pose.linear() = rotation_between(Eigen::Vector3d::UnitZ(), to - from).toRotationMatrix();
     std::ostringstream text;
     text.imbue(std::locale::classic());
     text << "<cylinder radius=\"" << solid.radius << "\" length=\"" << (to - from).norm() << "\"/>";

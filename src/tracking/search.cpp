@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "search.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "model/symmetric_solve.hpp"
 
 namespace trifinger::tracking::detail {
 namespace {
@@ -233,7 +234,7 @@ Guess Search::fit(const std::vector<View>& views, const Place& place,
     constexpr double kKept = 0.25;  // [rad]
     sum.diagonal().head<3>().array() += 1e-6 * sum.diagonal().head<3>().maxCoeff() + 1e-9;
     sum.diagonal().tail<3>().array() += total * largest * largest / (kKept * kKept);
-    const Vector6 move = sum.ldlt().solve(right);
+    const Vector6 move = symmetric_solve(sum, right);
     guess.pose.translation() += move.head<3>();
     const double angle = move.tail<3>().norm();
     if (angle > 1e-9) {

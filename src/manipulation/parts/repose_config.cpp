@@ -6,8 +6,8 @@
 
 #include "manipulation/parts/grasp_config.hpp"
 #include "manipulation/parts/repose.hpp"
-#include "manipulation/parts/rotation_between.hpp"
 #include "manipulation/parts/settings.hpp"
+#include "model/rotation_between.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <utility>
 
-#include "manipulation/parts/rotation_between.hpp"
+#include "model/rotation_between.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::manipulation {

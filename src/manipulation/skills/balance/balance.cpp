@@ -12,13 +12,13 @@
 
 #include "manipulation/parts/object_of.hpp"
 #include "manipulation/parts/phase_clock.hpp"
-#include "manipulation/parts/rotation_between.hpp"
 #include "manipulation/parts/settings.hpp"
 #include "manipulation/parts/tip_servo.hpp"
 #include "manipulation/parts/tip_trajectory.hpp"
 #include "manipulation/parts/torque_action.hpp"
 #include "manipulation/skills/balance/tilt_observer.hpp"
 #include "manipulation/skills/makers.hpp"
+#include "model/rotation_between.hpp"
 #include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {

@@ -9,7 +9,7 @@
 #include <variant>
 
 #include "manipulation/parts/object_of.hpp"
-#include "manipulation/parts/rotation_between.hpp"
+#include "model/rotation_between.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "manipulation/parts/rotation_between.hpp"
 #include "manipulation/parts/torque_figure.hpp"
 #include "manipulation/skills/draw/drawing.hpp"
 #include "manipulation/skills/makers.hpp"
+#include "model/rotation_between.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::manipulation {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "evaluation/skill_rows.hpp"
-#include "manipulation/parts/rotation_between.hpp"
 #include "manipulation/skills/draw/drawing.hpp"
+#include "model/rotation_between.hpp"
 
 namespace trifinger::evaluation {
 namespace {
@@ -54,7 +54,7 @@ void vary_start(SkillTrial& trial, TrialRandom& random) {
                     std::cos(lean));
   const Eigen::Quaterniond turned =
       Eigen::AngleAxisd(random.between(-std::numbers::pi, std::numbers::pi), up) *
-      manipulation::rotation_between(Vector3d::UnitX(), -up);
+      rotation_between(Vector3d::UnitX(), -up);
   const double radius = pen.size[1] / 2;
   const Vector3d nib = place - (place.z() - radius) / up.z() * up;
   const Vector3d centre = nib + (pen.size[0] / 2 - radius) * up;

@@ -5,8 +5,8 @@
 
 #include "manipulation/parts/object_of.hpp"
 #include "manipulation/parts/repose.hpp"
-#include "manipulation/parts/rotation_between.hpp"
 #include "manipulation/skills/makers.hpp"
+#include "model/rotation_between.hpp"
 
 namespace trifinger::manipulation {
 
