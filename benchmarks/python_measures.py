@@ -275,7 +275,7 @@ def log(effort: Effort) -> list[Row]:
 def data_set(effort: Effort) -> list[Row]:
     """Exports ten minutes of a robot with three cameras, and encodes as many images alone."""
     from trifinger.log.images import LoggedCameras
-    from trifinger_data_sets import lerobot
+    from trifinger_data_sets import lerobot, lerobot_videos
     from trifinger_data_sets.episodes import find_episodes
 
     is_quick = effort.rounds == 1
@@ -293,7 +293,7 @@ def data_set(effort: Effort) -> list[Row]:
         log = trifinger.Log(folder / "logs")
         cameras = LoggedCameras(log.session())
         images = [[one[name] for name in cameras.names] for one in itertools.islice(cameras, 50)]
-        encoder = next(lerobot.encoders())
+        encoder = next(lerobot_videos.encoders())
         report(done=0, total=2)
         begin = time.perf_counter()
         result = lerobot.write(find_episodes([log]) * episodes, folder / "set")
@@ -301,7 +301,7 @@ def data_set(effort: Effort) -> list[Row]:
         report(done=1, total=2)
         begin = time.perf_counter()
         alone = folder / "alone"
-        videos = [lerobot.Videos(alone, name, rate, encoder) for name in cameras.names]
+        videos = [lerobot_videos.Videos(alone, name, rate, encoder) for name in cameras.names]
         for number in range(result.frames):
             for video, image in zip(videos, images[number % len(images)], strict=True):
                 video.add(image)

@@ -160,7 +160,7 @@ def counts_in(folder: Path) -> Counter[str]:
 
 
 def endurance(steps: float, processes: int) -> bool:
-    """Drives emulated robots at random in simulated time: no hand is needed and nothing grows.
+    """Drives emulated robots at random in simulated time: no operator is needed and nothing grows.
 
     Each process has a robot and a seed of its own; their steps add up. Every 10^6 steps a fault is
     injected, of each kind in turn.

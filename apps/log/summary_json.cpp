@@ -87,7 +87,7 @@ Json json_of(const SessionSummary& summary) {
        {"type", session.type()},
        {"session_id", header.session_id},
        {"is_real_time", header.is_real_time},
-       {"realtime_warnings", header.realtime_warnings ? Json(*header.realtime_warnings) : Json()},
+       {"realtime_lacks", header.realtime_warnings ? Json(*header.realtime_warnings) : Json()},
        {"period", seconds(header.period)},
        {"created", static_cast<double>(header.created) / 1e9},
        {"host", header.host},

@@ -172,8 +172,8 @@ int emulate(const EmulateOptions& options) {
     std::visit([](const auto& boards) { require_virtual(boards.names); }, config.boards->options);
   }
   const Signals signals;
-  for (const std::string& lack : enter_realtime(options.realtime)) {
-    print_safely(stderr, "{}: {}\n", config.name, lack);
+  for (const std::string& warning : enter_realtime(options.realtime)) {
+    print_safely(stderr, "{}: {}\n", config.name, warning);
   }
   std::visit(
       [&](const auto& boards) { run_boards(config.name, config, boards, options.faults, signals); },

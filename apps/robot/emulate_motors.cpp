@@ -44,7 +44,7 @@ constexpr auto kLineFaults = std::to_array<std::pair<std::string_view, double Li
      {"delays", &LineFaults::late}});
 
 // Something that goes wrong, and when.
-struct MotorFault {
+struct ScheduledFault {
   std::string text;
   std::optional<dynamixel::MotorId> motor{};  // otherwise the line
   std::optional<HardwareError> error{};       // of the motor; otherwise it is off
@@ -64,9 +64,9 @@ Nanoseconds in_nanoseconds(double seconds) {
   return std::chrono::round<Nanoseconds>(std::chrono::duration<double>(seconds));
 }
 
-MotorFault parse(const std::string& text) {
+ScheduledFault parse(const std::string& text) {
   std::istringstream words(text);
-  MotorFault fault{.text = text};
+  ScheduledFault fault{.text = text};
   std::string word;
   std::string what;
   words >> word;
@@ -115,20 +115,20 @@ MotorFault parse(const std::string& text) {
 }
 
 // The faults of an emulator, as they are given and as they happen.
-class MotorFaults {
+class ScheduledFaults {
  public:
-  MotorFaults(dynamixel::Emulator& emulator, std::string name)
+  ScheduledFaults(dynamixel::Emulator& emulator, std::string name)
       : emulator_(emulator), name_(std::move(name)) {}
 
-  void add(MotorFault fault, Nanoseconds now) {
+  void add(ScheduledFault fault, Nanoseconds now) {
     fault.at += now;
     require_motor(fault);
     faults_.push_back(std::move(fault));
   }
 
   void look(Nanoseconds now) {
-    for (MotorFault& fault : faults_) {
-      using enum MotorFault::Phase;
+    for (ScheduledFault& fault : faults_) {
+      using enum ScheduledFault::Phase;
       if (fault.phase == kWaits && now >= fault.at) change(fault, kLasts, "begins");
       if (fault.phase == kLasts && fault.length && now >= fault.at + *fault.length) {
         change(fault, kIsOver, "is over");
@@ -143,7 +143,7 @@ class MotorFaults {
     }
     return std::nullopt;
   }
-  void require_motor(const MotorFault& fault) {
+  void require_motor(const ScheduledFault& fault) {
     if (!fault.motor) return;
     bool is_there = false;
     emulator_.change([&](EmulatedBus& bus) { is_there = find(bus, *fault.motor).has_value(); });
@@ -152,9 +152,9 @@ class MotorFaults {
                                         int{*fault.motor}, fault.text));
     }
   }
-  void change(MotorFault& fault, MotorFault::Phase phase, const char* what) {
+  void change(ScheduledFault& fault, ScheduledFault::Phase phase, const char* what) {
     fault.phase = phase;
-    const bool begins = phase == MotorFault::Phase::kLasts;
+    const bool begins = phase == ScheduledFault::Phase::kLasts;
     emulator_.change([&](EmulatedBus& bus) {
       if (fault.what != nullptr) {
         line_.*fault.what = begins ? fault.share : 0.0;
@@ -175,7 +175,7 @@ class MotorFaults {
 
   dynamixel::Emulator& emulator_;
   std::string name_;
-  std::vector<MotorFault> faults_;
+  std::vector<ScheduledFault> faults_;
   LineFaults line_{};
 };
 
@@ -192,7 +192,7 @@ std::string_view motor_fault_texts() {
 
 void emulate_motors(const RobotConfig& config, const std::vector<std::string>& faults,
                     const RealtimeOptions& realtime) {
-  std::vector<MotorFault> given;
+  std::vector<ScheduledFault> given;
   given.reserve(faults.size());
   for (const std::string& text : faults) given.push_back(parse(text));
   const servos::ServoConfig& servos = *config.servos;
@@ -203,15 +203,15 @@ void emulate_motors(const RobotConfig& config, const std::vector<std::string>& f
   const Signals signals;
   ServoPlant plant(config.simulation, servos);
   // The emulator's thread takes over what this one has been granted.
-  for (const std::string& lack : enter_realtime(realtime)) {
-    print_safely(stderr, "{}: {}\n", config.name, lack);
+  for (const std::string& warning : enter_realtime(realtime)) {
+    print_safely(stderr, "{}: {}\n", config.name, warning);
   }
   dynamixel::Emulator emulator(servos::emulated_motors(servos), plant, {},
                                servos::emulated_port(config.name).string());
-  MotorFaults scheduled(emulator, config.name);
+  ScheduledFaults scheduled(emulator, config.name);
   const Instant begin = std::chrono::steady_clock::now();
   const auto elapsed = [begin] { return std::chrono::steady_clock::now() - begin; };
-  for (MotorFault& fault : given) scheduled.add(std::move(fault), Nanoseconds::zero());
+  for (ScheduledFault& fault : given) scheduled.add(std::move(fault), Nanoseconds::zero());
   print_safely("{}: {} emulated motors are on, at {}; Ctrl-C switches them off.\n", config.name,
                servos::emulated_motors(servos).size(), emulator.path());
   std::fflush(stdout);

@@ -257,7 +257,7 @@ void add_status(CLI::App& program, Action& action) {
       "  acausal    actions appended after the observation of their step was read\n"
       "  wear       the running hours of a robot on motor boards, joint by joint: time with the "
       "motor\n"
-      "             on, way of the motor, its mechanical work, the integral of its squared "
+      "             on, travel of the motor, its mechanical work, the integral of its squared "
       "current\n"
       "             (times a winding's resistance: its heat), and index pulses in a wrong place\n"
       "Example:\n"

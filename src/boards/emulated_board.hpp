@@ -46,7 +46,7 @@ class EmulatedBoard {
 
   /// Switches the supply on: positions count from where the rotors are, and the system is enabled
   /// but no motor is. The next tick sends the first status. Without effect if it is on. The
-  /// positions begin at `first` instead of 0 [revolutions], as after a long travel.
+  /// positions begin at `first` instead of 0 [revolutions], as after long travel.
   void switch_on(Instant now, const Rotors& rotors, double first = 0.0) noexcept;
   /// Switches the supply off: nothing is sent, no current flows, and the board forgets everything.
   void switch_off() noexcept;

@@ -75,7 +75,7 @@ class MotorMeter {
     bool has_slipped{false};
   };
 
-  /// Measures `elapsed` [s], at whose end the motor is at `motor`. A travel of more than
+  /// Measures `elapsed` [s], at whose end the motor is at `motor`. Travel of more than
   /// `most_revolutions` does not count: positions count from elsewhere then. Movements to and fro
   /// of less than 1/500 revolution do not count, because encoders are never quite still.
   [[nodiscard]] Step measure(const MotorReading& motor, double elapsed, double torque_constant,

@@ -281,8 +281,8 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
   const Deadline deadline(timeout);
   const Aravis& aravis = Aravis::instance();
   if (!is_there_) {
-    // Taking leave of a camera that does not answer takes many seconds, so its loss was told
-    // before.
+    // Taking leave of a camera that does not answer takes many seconds, so its loss was
+    // reported before.
     close();
     const Instant now = std::chrono::steady_clock::now();
     if (now < next_try_) {

@@ -16,9 +16,9 @@ using trifinger::detail::text_of;
 
 // The longest wait of a step: its caller has other things to look at.
 constexpr Nanoseconds kLongestWait = std::chrono::milliseconds(100);
-constexpr int kAbsent = 5;  // images in a row that are missing, before it is told
+constexpr int kAbsent = 5;  // images in a row that are missing, before it is reported
 
-// Silence of all cameras that is told.
+// Silence of all cameras that is reported.
 Nanoseconds timeout_of(Nanoseconds period) {
   return std::max<Nanoseconds>(kAbsent * period, kLongestWait);
 }

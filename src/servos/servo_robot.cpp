@@ -475,7 +475,7 @@ DriverReport ServoRobot::hold(const void* observation, void* action) noexcept {
 
 DriverReport ServoRobot::stop(TimeIndex step) noexcept {
   std::int32_t code = 0;
-  // What has happened is told already; the motors are without torque then.
+  // What has happened is reported already; the motors are without torque then.
   const bool is_fine = is_running_ && refresh(code) && snapshot_.phase == MotorPhase::kRunning;
   OrderlyStop::Phase next =
       is_fine ? stop_.next(step, observation_.position, target_) : OrderlyStop::Phase::kOver;

@@ -117,7 +117,7 @@ class GuideController {
   [[nodiscard]] const GuidedRobot& robot() const noexcept { return robot_; }
 
  private:
-  // The way of a tip to a point.
+  // The path of a tip to a point.
   struct Line {
     bool is_given{false};
     Eigen::Vector3d at{Eigen::Vector3d::Zero()};      // [m]

@@ -71,7 +71,7 @@ inline constexpr double kPlausible = 1e6;
 /// Heat above which the torque is limited.
 inline constexpr double kHeatOfDerating = 0.8;
 /// Heat that counts as a fault. A motor that obeys stays below 1, so this one has given more torque
-/// than it was told.
+/// than was commanded.
 inline constexpr double kHeatOfFault = 1.2;
 
 /// @name Is the measurement true, and is the joint where it may be?

@@ -47,8 +47,8 @@ class Simulation {
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot& robot() const noexcept { return parts_->robot; }
 
-  /// Lets `follower` see every session from the next one on. `log::Recorder` uses this to record
-  /// without loss. The simulation keeps the follower as long as it lives.
+  /// Lets `follower` see every session from the next one on. A recorder uses this to record without
+  /// loss. The simulation keeps the follower as long as it lives.
   void follow(std::shared_ptr<Follower> follower) const {
     parts_->followers.push_back(std::move(follower));
     parts_->backend.follow(*parts_->followers.back());

@@ -25,8 +25,8 @@ struct JobOptions {
 
 // One user's job on a robot: the robot is made fit, the program runs, and the robot is made fit
 // again. Prints what happens, leaves a report, and returns the exit code. Ends early, but in the
-// same order, at SIGINT, SIGTERM or SIGHUP; a second one ends this program at once, and the program
-// with it.
+// same order, at SIGINT, SIGTERM or SIGHUP; a second one ends this program at once, and the user's
+// program with it.
 int run_job(const JobOptions& options);
 
 // Makes the robot fit, as before and after a job. Returns the exit code.

@@ -71,11 +71,11 @@ def test_a_program_drives_the_robot_and_leaves_a_report(shared: Place) -> None:
     assert report["driving"]["steps"] == 100
     assert report["driving"]["sessions"] == 1
     assert report["driving"]["faults"] == []
-    for care in (report["before"], report["after"]):
-        assert care["is_fit"]
-        assert care["self_test"]["passes"]
-        assert care["self_test"]["steps"] > 9 * 2000
-        for joint in care["self_test"]["joints"]:  # the load is the weight that the model knows
+    for preparation in (report["before"], report["after"]):
+        assert preparation["is_fit"]
+        assert preparation["self_test"]["passes"]
+        assert preparation["self_test"]["steps"] > 9 * 2000
+        for joint in preparation["self_test"]["joints"]:  # the load is the weight that the model knows
             assert joint["load"] == pytest.approx(joint["weight"], abs=0.01)
     assert (shared.job / "output.txt").read_text() == "done\n"
     assert list((shared.job / "log").glob("*.mcap"))
@@ -253,7 +253,7 @@ def started(place: Place, start_program: StartProgram, *options: str, **others: 
 
 
 @pytest.mark.slow
-def test_control_that_is_held_ends_with_the_turn(
+def test_control_that_is_held_ends_with_the_job(
     shared: Place, start_program: StartProgram
 ) -> None:
     program = DRIVE + (

@@ -292,7 +292,7 @@ def _server_class() -> Callable[[Authentication, str, frozenset[str]], viser.Vis
             serve = websockets.asyncio.server.serve
             with (
                 _REPLACING,
-                _replaced(websockets.asyncio.server, "serve", _behind_gate(authentication, serve)),
+                _replaced(websockets.asyncio.server, "serve", _authenticated(authentication, serve)),
                 _replaced(infra, "WebsockServer", WebsockServer),
             ):
                 super().__init__(
@@ -306,8 +306,8 @@ def _server_class() -> Callable[[Authentication, str, frozenset[str]], viser.Vis
     return AuthenticatedServer
 
 
-def _behind_gate(authentication: Authentication, listen: Any) -> Any:
-    """The function `serve` of websockets, but at the socket of a authentication and with its
+def _authenticated(authentication: Authentication, listen: Any) -> Any:
+    """The function `serve` of websockets, but at the socket of an `Authentication` and with its
     checks.
     """
 

@@ -30,7 +30,7 @@ class SteeredState(Protocol):
 
     @property
     def refusal(self) -> str:
-        """Why the last requests cannot be fulfilled; empty if they can."""
+        """Why the last setpoints cannot be reached; empty if they can."""
 
 
 class Steered(Protocol):

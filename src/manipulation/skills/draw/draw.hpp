@@ -128,7 +128,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   void finish_part() noexcept;
   void lead(Seconds elapsed) noexcept;
   void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
-  void follow_ways(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+  void follow_trajectories(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
   [[nodiscard]] std::array<control::PointMotion, 3> motions_with_pen(Seconds elapsed) noexcept;
   void let_roll(const std::array<Eigen::Vector3d, 3>& errors, Seconds elapsed) noexcept;
   void add_grip(TipVectors& forces) noexcept;
@@ -164,8 +164,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
     if (!leads()) return expected;
     const Eigen::Vector3d from = felt_.nib - servo_.tip(grip_.fingers[k]);
     const Eigen::Vector3d across = (from - from.dot(felt_.up) * felt_.up).normalized();
-    constexpr double kMaxCosine = 0.5;  // Cosine; beyond, the tip is no longer at its side.
-    return across.dot(expected) > kMaxCosine ? across : expected;
+    constexpr double kMinCosine = 0.5;  // Below it the tip is no longer at its side.
+    return across.dot(expected) > kMinCosine ? across : expected;
   }
   [[nodiscard]] Drawing smoothed(std::span<const SeenPose> poses) const;
 

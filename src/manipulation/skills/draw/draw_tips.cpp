@@ -134,7 +134,8 @@ void Draw::add_grip(TipVectors& forces) noexcept {
 }
 
 // The forces of tips that do not touch the pen.
-void Draw::follow_ways(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept {
+void Draw::follow_trajectories(TipVectors& forces, TipVectors& accelerations,
+                               Seconds elapsed) noexcept {
   for (int i = 0; i < control::kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const PointMotion motion = trajectories_[k].advance(elapsed);
@@ -189,7 +190,7 @@ void Draw::let_roll(const std::array<Vector3d, 3>& errors, Seconds elapsed) noex
 
 void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept {
   if (!grips()) {
-    follow_ways(forces, accelerations, elapsed);
+    follow_trajectories(forces, accelerations, elapsed);
     return;
   }
   const std::array<PointMotion, 3> motions = motions_with_pen(elapsed);
