@@ -19,11 +19,11 @@
 #include "harness.hpp"
 #include "log/log_writer.hpp"
 #include "log/recorder.hpp"
-#include "mcap/sink.hpp"
 #include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/sink.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::benchmarks {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The program `trifinger-run-policy`: a trained policy on a robot that runs elsewhere.
-#include "trifinger/learning/run_policy.hpp"
+#include "learning/run_policy.hpp"
 
 #include <fmt/core.h>
 

@@ -20,6 +20,7 @@
 #include "can/motor_board.hpp"
 #include "can/socket_can.hpp"
 #include "can/unix_bus.hpp"
+#include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
 

@@ -11,12 +11,12 @@
 #include <string>
 
 #include "commands.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "robot/session_state.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "ipc/file_descriptor.hpp"
 #include "trifinger/core/description.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::boards {
 

@@ -14,8 +14,8 @@
 #include <cstring>
 #include <memory>
 
-#include "ipc/file_descriptor.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::can {
 namespace {

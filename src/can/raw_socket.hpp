@@ -7,8 +7,8 @@
 
 #include "arrival_time.hpp"
 #include "can/bus.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "messages.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::can {
 

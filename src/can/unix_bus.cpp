@@ -21,10 +21,10 @@
 
 #include "arrival_time.hpp"
 #include "base/regular_file.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "ipc/file_lock.hpp"
 #include "messages.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 // docs/decisions/bus_between_processes.md says why this is as it is.
 namespace trifinger::can {

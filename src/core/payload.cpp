@@ -17,7 +17,6 @@
 
 #include "base/regular_file.hpp"
 #include "base/text_of.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "ipc/file_lock.hpp"
 #include "ipc/shared_memory.hpp"
 #include "sensor_file.hpp"
@@ -26,6 +25,7 @@
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/fork.hpp"
 
 // docs/decisions/large_elements.md says why this is as it is.

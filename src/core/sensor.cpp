@@ -25,7 +25,6 @@
 #include "base/moved.hpp"
 #include "base/regular_file.hpp"
 #include "base/text_of.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "ipc/file_lock.hpp"
 #include "ipc/ring.hpp"
 #include "ipc/shared_memory.hpp"
@@ -34,6 +33,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/process.hpp"
 
 // docs/decisions/sensors_in_other_processes.md says why this is as it is.

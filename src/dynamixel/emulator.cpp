@@ -21,9 +21,9 @@
 #include <utility>
 
 #include "base/regular_file.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::dynamixel {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "ipc/file_descriptor.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::dynamixel {
 

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "ipc/file_descriptor.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger::ipc {

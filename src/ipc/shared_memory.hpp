@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/fork.hpp"
 
 namespace trifinger::ipc {

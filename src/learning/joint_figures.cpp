@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <numbers>
 
+#include "trifinger/learning/task.hpp"
 #include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::learning {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/learning/run_policy.hpp"
+#include "learning/run_policy.hpp"
 
 #include <algorithm>
 #include <memory>

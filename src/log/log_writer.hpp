@@ -9,14 +9,14 @@
 #include <vector>
 
 #include "log/message_layout.hpp"
-#include "mcap/sink.hpp"
-#include "mcap/writer.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/fault.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/log/event.hpp"
 #include "trifinger/log/session_header.hpp"
 #include "trifinger/mcap/records.hpp"
+#include "trifinger/mcap/sink.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
 

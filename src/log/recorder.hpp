@@ -12,7 +12,6 @@
 
 #include "log/image_storage.hpp"
 #include "log/message_layout.hpp"
-#include "mcap/sink.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/follower.hpp"
@@ -20,6 +19,7 @@
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/log/event.hpp"
 #include "trifinger/mcap/records.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::log {
 

@@ -10,8 +10,8 @@
 
 #include "base/regular_file.hpp"
 #include "ipc/file_lock.hpp"
-#include "mcap/sink.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::mcap {
 namespace {

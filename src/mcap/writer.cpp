@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mcap/writer.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 #include <algorithm>
 #include <cstring>

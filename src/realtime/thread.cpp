@@ -19,9 +19,9 @@
 #include <system_error>
 #include <utility>
 
-#include "ipc/file_descriptor.hpp"
 #include "realtime/limit_remedy.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger {
 namespace {

@@ -16,9 +16,9 @@
 
 #include "can/interface_state.hpp"
 #include "can/socket_can.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "support/message_of.hpp"
 #include "support/program.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::can::test {
 namespace {

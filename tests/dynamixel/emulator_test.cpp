@@ -16,9 +16,9 @@
 
 #include "dynamixel/port.hpp"
 #include "dynamixel/rig.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::dynamixel::test {
 namespace {

@@ -15,9 +15,9 @@
 #include <thread>
 #include <utility>
 
-#include "ipc/file_descriptor.hpp"
 #include "ipc/forkable_mutex.hpp"
 #include "support/child_process.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::ipc {
 namespace {

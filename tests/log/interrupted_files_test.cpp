@@ -12,9 +12,9 @@
 #include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
-#include "mcap/sink.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/log/log.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::test {
 namespace {

@@ -18,9 +18,9 @@
 
 #include "core/fake_robot.hpp"
 #include "log/recordings.hpp"
-#include "mcap/writer.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 // What is read equals what was written, however it is asked for.
 

@@ -19,12 +19,12 @@
 
 #include "core/odd_robot.hpp"
 #include "log/log_writer.hpp"
-#include "mcap/sink.hpp"
 #include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/robot.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/log/log.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::test {
 

@@ -13,9 +13,9 @@
 
 #include "log/copy.hpp"
 #include "log/recordings.hpp"
-#include "mcap/writer.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
 namespace {

@@ -11,10 +11,10 @@
 #include <string>
 
 #include "mcap/files.hpp"
-#include "mcap/sink.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::mcap::test {
 namespace {

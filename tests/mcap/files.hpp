@@ -13,9 +13,9 @@
 #include <string_view>
 #include <vector>
 
-#include "mcap/writer.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::mcap::test {
 

@@ -15,8 +15,8 @@
 #include "mcap/buffer.hpp"
 #include "mcap/compression.hpp"
 #include "mcap/encoding.hpp"
-#include "mcap/writer.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace {
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "mcap/files.hpp"
-#include "mcap/writer.hpp"
 #include "support/sanitizers.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::mcap::test {
 namespace {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "mcap/files.hpp"
-#include "mcap/writer.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::mcap::test {
 namespace {

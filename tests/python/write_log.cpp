@@ -15,9 +15,9 @@
 
 #include "core/odd_robot.hpp"
 #include "log/log_writer.hpp"
-#include "mcap/sink.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/log/log.hpp"
+#include "trifinger/mcap/sink.hpp"
 #include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "endurance/tally.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 

@@ -21,7 +21,7 @@
 #include <thread>
 #include <utility>
 
-#include "ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

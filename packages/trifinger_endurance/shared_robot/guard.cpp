@@ -26,11 +26,11 @@
 #include <system_error>
 #include <utility>
 
-#include "ipc/file_descriptor.hpp"
 #include "shared/child_program.hpp"
 #include "shared_robot/control_group.hpp"
 #include "shared_robot/process_tree.hpp"
 #include "shared_robot/system_call_filter.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

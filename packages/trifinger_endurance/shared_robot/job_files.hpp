@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "ipc/file_descriptor.hpp"
 #include "shared_robot/process_tree.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 

@@ -9,9 +9,9 @@
 #include <string>
 #include <utility>
 
-#include "ipc/file_descriptor.hpp"
 #include "shared/exit_code.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

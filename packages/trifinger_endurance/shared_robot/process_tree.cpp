@@ -20,7 +20,7 @@
 #include <system_error>
 #include <thread>
 
-#include "ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

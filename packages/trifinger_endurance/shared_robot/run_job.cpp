@@ -24,7 +24,6 @@
 #include <utility>
 
 #include "core/job_claim.hpp"
-#include "ipc/file_descriptor.hpp"
 #include "log/running_recorder.hpp"
 #include "shared/child_program.hpp"
 #include "shared/exit_code.hpp"
@@ -40,6 +39,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -5,7 +5,7 @@
 #include <system_error>
 #include <utility>
 
-#include "mcap/sink.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::log::detail {
 

@@ -12,8 +12,8 @@
 #include "log/format/records.hpp"
 #include "log/read/log_data.hpp"
 #include "log/repair/new_file.hpp"
-#include "mcap/writer.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
 

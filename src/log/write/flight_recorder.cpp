@@ -14,12 +14,12 @@
 #include "log/format/text.hpp"
 #include "log/log_writer.hpp"
 #include "log/write/next_date.hpp"
-#include "mcap/sink.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::log {
 

@@ -15,13 +15,13 @@
 #include <optional>
 #include <utility>
 
-#include "ipc/file_descriptor.hpp"
 #include "log/format/text.hpp"
 #include "log/write/recording_files.hpp"
 #include "log/write/session_copier.hpp"
 #include "log/write/session_counter.hpp"
 #include "log/write/session_inbox.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::log {
 

@@ -14,9 +14,9 @@
 #include "log/write/recorded_position.hpp"
 #include "log/write/recording_lock.hpp"
 #include "log/write/session_copier.hpp"
-#include "mcap/sink.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::log::detail {
 

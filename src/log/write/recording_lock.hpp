@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger::log::detail {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::log::detail {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <string>
 
-#include "mcap/writer.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/writer.hpp"
 
 int main(int argc, char** argv) {
   if (argc != 2) return 2;

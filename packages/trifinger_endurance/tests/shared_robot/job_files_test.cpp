@@ -14,9 +14,9 @@
 #include <string>
 #include <thread>
 
-#include "ipc/file_descriptor.hpp"
 #include "support/child_process.hpp"
 #include "support/folder.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "mcap/sink.hpp"
 #include "trifinger/mcap/records.hpp"
+#include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::mcap {
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <span>
 
-#include "ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::mcap {
 
