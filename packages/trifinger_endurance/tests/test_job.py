@@ -75,7 +75,8 @@ def test_a_program_drives_the_robot_and_leaves_a_report(shared: Place) -> None:
         assert preparation["is_fit"]
         assert preparation["self_test"]["passes"]
         assert preparation["self_test"]["steps"] > 9 * 2000
-        for joint in preparation["self_test"]["joints"]:  # the load is the weight that the model knows
+        # The load is the weight that the model knows.
+        for joint in preparation["self_test"]["joints"]:
             assert joint["load"] == pytest.approx(joint["weight"], abs=0.01)
     assert (shared.job / "output.txt").read_text() == "done\n"
     assert list((shared.job / "log").glob("*.mcap"))
@@ -253,9 +254,7 @@ def started(place: Place, start_program: StartProgram, *options: str, **others: 
 
 
 @pytest.mark.slow
-def test_control_that_is_held_ends_with_the_job(
-    shared: Place, start_program: StartProgram
-) -> None:
+def test_control_that_is_held_ends_with_the_job(shared: Place, start_program: StartProgram) -> None:
     program = DRIVE + (
         "import signal; signal.signal(15, signal.SIG_IGN); print('has begun', flush=True)\n"
         "time.sleep(1000)"

@@ -292,7 +292,9 @@ def _server_class() -> Callable[[Authentication, str, frozenset[str]], viser.Vis
             serve = websockets.asyncio.server.serve
             with (
                 _REPLACING,
-                _replaced(websockets.asyncio.server, "serve", _authenticated(authentication, serve)),
+                _replaced(
+                    websockets.asyncio.server, "serve", _authenticated(authentication, serve)
+                ),
                 _replaced(infra, "WebsockServer", WebsockServer),
             ):
                 super().__init__(

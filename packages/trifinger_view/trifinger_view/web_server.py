@@ -50,8 +50,8 @@ async def serve(
 ) -> AsyncIterator[Server]:
     """Runs a server of the package websockets at `listener` as long as the context lasts.
 
-    Who gets a websocket, or an answer with a status below 400, counts as authenticated, also where a server
-    asks for no token.
+    Who gets a websocket, or an answer with a status below 400, counts as authenticated, also where
+    a server asks for no token.
     `options` are those of websockets, and `listen` is its function if its name is another one's
     now. What other clients send, however malformed, is answered and never printed.
     """
