@@ -9,7 +9,7 @@
 
 namespace trifinger::control {
 
-// Where a rollout writes its states; null pointers for nowhere.
+// The arrays that a rollout writes its states to. A null pointer leaves that series out.
 struct RolloutRecord {
   double* positions{nullptr};
   double* velocities{nullptr};

@@ -68,7 +68,7 @@ struct SkillStep {
   Pose desired{};            ///< Desired pose of the object.
   Pose estimated{};          ///< Estimated pose of the object.
   double torque_share{0.0};  ///< Largest requested torque, as a share of its limit.
-  bool is_visible{true};     ///< As in `SkillState`.
+  bool is_visible{true};     ///< False: the object is known by touch.
   std::optional<FeltGrasp> grasp{};
   Seconds cycle_time{0};  ///< Time that the skill took to compute the step.
 };

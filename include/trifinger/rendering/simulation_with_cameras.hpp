@@ -51,13 +51,13 @@ struct VisionOptions {
 [[nodiscard]] inline TimeIndex oldest_sure_age(const CaptureOptions& capture) {
   return capture.pose_delay.value_or(capture.delay) + capture.period - 1;
 }
-/// The same age for poses that a simulation gives.
+/// This age, for poses that come from a simulation and not from images.
 [[nodiscard]] inline TimeIndex oldest_sure_age(const SimulationOptions& simulation) {
   return simulation.object_delay + simulation.object_period - 1;
 }
-/// The same age in a simulation of a configured robot, without real time.
+/// This age, in a simulation of a configured robot without real time.
 [[nodiscard]] TimeIndex oldest_sure_age(const RobotConfig& config);
-/// The same age for a configured robot that runs elsewhere. It is a period longer, because poses of
+/// This age, for a configured robot in another process. It is a period longer, because the poses of
 /// other processes may be late.
 [[nodiscard]] TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config);
 

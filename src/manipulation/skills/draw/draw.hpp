@@ -210,7 +210,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   TimeIndex last_seen_{-1};
 
   PenAxis felt_;  // Where the pen is: from how the tips move, corrected by poses.
-  std::array<PenAxis, 128> history_;  // The same by step, for poses that come late.
+  std::array<PenAxis, 128> history_;  // Where it was in recent steps, for late poses.
 };
 
 }  // namespace trifinger::manipulation
