@@ -5,6 +5,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
 #include <array>
@@ -416,33 +417,34 @@ void bind_environment(nb::module_& m) {
       "Default options of a task, as JSON.");
   m.def(
       "environment_overrides",
-      [](const std::optional<std::string>& task, const std::string& options, bool is_from_file) {
+      [](const std::variant<std::string, nb::dict>& task, const std::string& options,
+         const std::string& config, const nb::dict& own) {
         const nb::object loads = nb::module_::import_("json").attr("loads");
-        nb::dict overrides;
+        const bool is_from_file = is_robot_from_file(config, own);
+        const auto* const name = std::get_if<std::string>(&task);
         const TaskDescription described =
-            task ? find_task(*task) : TaskDescription{.config_overrides = {}};
+            name != nullptr ? find_task(*name) : TaskDescription{.config_overrides = {}};
+        nb::dict overrides;
         for (const std::string& text :
              config_overrides(described, read_options(options), is_from_file)) {
           const std::size_t end = text.find('=');
           overrides[text.substr(0, end).c_str()] = loads(text.substr(end + 1));
         }
+        if (name == nullptr && !is_from_file) overrides.update(std::get<nb::dict>(task));
+        overrides.update(own);
         return overrides;
       },
-      "task"_a, "options"_a, "is_from_file"_a = false,
-      nb::sig("def environment_overrides(task: str | None, options: str, is_from_file: bool = "
-              "False) -> dict[str, object]"),
-      "The overrides that a robot's configuration needs for options (JSON), and for a task.");
+      "task"_a, "options"_a, "config"_a = "trifinger_edu", "config_overrides"_a = nb::dict(),
+      nb::sig(
+          "def environment_overrides(task: str | dict[str, object], options: str, config: str = "
+          "'trifinger_edu', config_overrides: dict[str, object] = {}) -> dict[str, object]"),
+      "The overrides with which a robot's configuration is that of an environment: those that its\n"
+      "options (JSON) need, those of a task, and the user's own, which win. `task` is the name of "
+      "a\n"
+      "task in C++, or what one in Python needs of a TriFinger.");
   m.def(
       "robot_of_task", [](const std::string& task) { return find_task(task).robot; }, "task"_a,
       "Name of the configuration of the robot that a task is usually for.");
-  m.def(
-      "is_from_file",
-      [](const std::string& config, const nb::dict& overrides) {
-        return is_robot_from_file(config, overrides);
-      },
-      "config"_a, "overrides"_a = nb::dict(),
-      nb::sig("def is_from_file(config: str, overrides: dict[str, object] = {}) -> bool"),
-      "Whether the robot of a configuration is from a file.");
   m.def(
       "describe_environment_options",
       [] {

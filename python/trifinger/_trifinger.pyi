@@ -3801,16 +3801,15 @@ def num_processors() -> int:
 def default_environment_options(task: str) -> str:
     """Default options of a task, as JSON."""
 
-def environment_overrides(task: str | None, options: str, is_from_file: bool = False) -> dict[str, object]:
+def environment_overrides(task: str | dict[str, object], options: str, config: str = 'trifinger_edu', config_overrides: dict[str, object] = {}) -> dict[str, object]:
     """
-    The overrides that a robot's configuration needs for options (JSON), and for a task.
+    The overrides with which a robot's configuration is that of an environment: those that its
+    options (JSON) need, those of a task, and the user's own, which win. `task` is the name of a
+    task in C++, or what one in Python needs of a TriFinger.
     """
 
 def robot_of_task(task: str) -> str:
     """Name of the configuration of the robot that a task is usually for."""
-
-def is_from_file(config: str, overrides: dict[str, object] = {}) -> bool:
-    """Whether the robot of a configuration is from a file."""
 
 def describe_environment_options() -> list[tuple[str, str, str, str]]:
     """Name, type, default (JSON) and meaning of each option."""

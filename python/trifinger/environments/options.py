@@ -217,15 +217,9 @@ def overrides_of(
     own = {} if config_overrides is None else config_overrides
     allowed = 'keys and values: {"backend.period": 0.001}'
     require(isinstance(own, dict), "config_overrides", own, allowed)
-    is_from_file = _trifinger.is_from_file(config, own)
-    # A session with a short history begins faster.
-    needed: dict[str, object] = {} if is_from_file else {"backend.history": 1024}
     known = _known(task)
-    name = known if isinstance(known, str) else None
-    needed |= _trifinger.environment_overrides(name, options.to_json(), is_from_file)
-    if not isinstance(known, str) and not is_from_file:
-        needed |= known.config_overrides
-    return needed | own
+    named = known if isinstance(known, str) else dict(known.config_overrides)
+    return _trifinger.environment_overrides(named, options.to_json(), config, own)
 
 
 def default_options(task: AnyTask, **changes: Any) -> Options:
