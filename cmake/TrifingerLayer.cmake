@@ -107,7 +107,7 @@ endif()
 # trifinger_layer(NAME SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
 #
 # Defines the library trifinger_NAME with the alias trifinger::NAME. Installs it with its headers as the component NAME
-# of the CMake package: cmake/TrifingerInstall.cmake.
+# of the CMake package: cmake/TrifingerInstall.cmake. The folder that has src/NAME also has include/trifinger/NAME.
 function(trifinger_layer name)
   cmake_parse_arguments(PARSE_ARGV 1 layer "" "" "SOURCES;PUBLIC;PRIVATE")
   set(target trifinger_${name})
@@ -116,14 +116,15 @@ function(trifinger_layer name)
   trifinger_target_options(${target})
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
   target_compile_features(${target} PUBLIC cxx_std_20)
+  cmake_path(SET root NORMALIZE ${CMAKE_CURRENT_SOURCE_DIR}/../..)
+  cmake_path(GET root PARENT_PATH root)  # without a slash at its end
   target_include_directories(
-    ${target} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>
-                     $<INSTALL_INTERFACE:include>)
+    ${target} PUBLIC $<BUILD_INTERFACE:${root}/include> $<BUILD_INTERFACE:${root}/src> $<INSTALL_INTERFACE:include>)
   target_link_libraries(${target} PUBLIC ${layer_PUBLIC} PRIVATE ${layer_PRIVATE})
   trifinger_use_headers(${target} layer)
   install(TARGETS ${target} EXPORT trifinger-targets ARCHIVE DESTINATION lib/trifinger COMPONENT development)
-  if(EXISTS ${PROJECT_SOURCE_DIR}/include/trifinger/${name})  # some layers have no public headers
-    install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/trifinger/${name} DESTINATION include/trifinger
+  if(EXISTS ${root}/include/trifinger/${name})  # some layers have no public headers
+    install(DIRECTORY ${root}/include/trifinger/${name} DESTINATION include/trifinger
             COMPONENT development)
   endif()
   set_property(GLOBAL APPEND PROPERTY TRIFINGER_LAYERS ${name})

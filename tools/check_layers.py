@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks that layers include only layers below them, and use their own namespaces.
 
-A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. Programs of packages are
-part of `apps`, and their bindings part of `bindings`. The table of layers in
-ARCHITECTURE.md says which layers each one is directly above. A layer may also include all layers
-further down. Tests may open any namespace.
+A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER, in the root or in a
+package. Programs of packages are part of `apps`, and their bindings part of `bindings`. The table
+of layers in ARCHITECTURE.md says which layers each one is directly above. A layer may also include
+all layers further down, but only packages include a layer of a package. Tests may open any
+namespace.
 
 Public headers are those that docs/stability.md names, those that examples and templates of robots
 include, and what these include. No other header may be in include/trifinger.
@@ -15,12 +16,14 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tracked_files import ROOT, tracked_files
+from tracked_files import ROOT, in_room, public_header, tracked_files
 
 TABLE = "ARCHITECTURE.md"
 ROW = re.compile(r"^\| `(\w+)` \|.*\|([^|]*)\|$", re.MULTILINE)
 # These layers share the namespace `trifinger`; each other layer has one of its own name in it.
 SHARED = {"base", "realtime", "core", "joint", "model", "sim"}
+# Layers of packages, which only packages may include.
+OF_PACKAGES = {folder.name for folder in ROOT.glob("packages/*/src/*")}
 BENEATH = ("::detail", "::docs")  # docs has the texts that tools/write_docstrings.py writes
 NAMESPACE = re.compile(r"^\s*(?:inline\s+)?namespace\s+(trifinger[\w:]*)")
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<](trifinger/)?((\w+)/[\w/]+\.hpp)[">]')
@@ -46,7 +49,7 @@ def allowed_layers(layer: str) -> set[str]:
 
 def layer_of(path: Path) -> str | None:
     """Returns the layer that the file belongs to; None if the file may include anything."""
-    match path.parts:
+    match in_room(path).parts:
         case ("src", _, "skills", _, "judge.cpp"):
             return None  # It is compiled into `evaluation`, and only lies beside what it judges.
         case ("include", "trifinger", layer, _, *_) | ("src", layer, _, *_):
@@ -55,9 +58,7 @@ def layer_of(path: Path) -> str | None:
             return layer
         case (("apps" | "bindings") as layer, _, *_):
             return layer
-        case ("packages", _, "bindings", *_):
-            return "bindings"
-        case ("packages", _, folder, *_) if folder != "tests":
+        case (folder, *_) if path.parts[0] == "packages" and folder != "tests":
             return "apps"
     return None
 
@@ -70,7 +71,7 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
     if layer not in DIRECTLY_BELOW:
         yield f"{path}: the layer '{layer}' is not in the table of {TABLE}."
         return
-    allowed = allowed_layers(layer)
+    allowed = allowed_layers(layer) - (set() if path.parts[0] == "packages" else OF_PACKAGES)
     own = "trifinger" if layer in SHARED else f"trifinger::{layer}"
     namespaces = {own, *(own + beneath for beneath in BENEATH)}
     for number, line in enumerate(lines, start=1):
@@ -135,9 +136,7 @@ def main() -> int:
     paths = tracked_files(".hpp", ".cpp")
     layers = {layer for layer in map(layer_of, paths) if layer is not None}
     found = list(mistakes_of_table(DIRECTLY_BELOW, layers))
-    public = Path(PUBLIC)
-    headers = [path for path in paths if path.is_relative_to(public)]
-    texts = {path.relative_to(public).as_posix(): (ROOT / path).read_text() for path in headers}
+    texts = {name: (ROOT / path).read_text() for path in paths if (name := public_header(path))}
     users = [path for path in paths if path.parts[0] in ("examples", "config")]
     needed = {
         *PROMISED.findall((ROOT / PROMISES).read_text()),

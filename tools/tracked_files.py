@@ -20,6 +20,19 @@ def tracked_files(*suffixes: str) -> list[Path]:
     ]
 
 
+def in_room(path: Path) -> Path:
+    """Returns the path without the folder of a package: each is laid out as the root is."""
+    return Path(*path.parts[2:]) if path.parts[0] == "packages" else path
+
+
+def public_header(path: Path) -> str | None:
+    """Returns LAYER/x.hpp for a header that users include as trifinger/LAYER/x.hpp."""
+    match in_room(path).parts:
+        case ("include", "trifinger", *names) if path.suffix == ".hpp":
+            return "/".join(names)
+    return None
+
+
 if __name__ == "__main__":
     import sys
 

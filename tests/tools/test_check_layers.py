@@ -69,7 +69,13 @@ def test_names_the_place_and_what_is_allowed() -> None:
 @pytest.mark.parametrize("layer", DIRECTLY_BELOW)
 def test_a_layer_includes_itself_and_what_lies_below(layer: str) -> None:
     lines = [f'#include "trifinger/{below}/x.hpp"' for below in allowed_layers(layer)]
-    assert found(f"include/trifinger/{layer}/x.hpp", *lines) == []
+    assert found(f"packages/trifinger_x/include/trifinger/{layer}/x.hpp", *lines) == []
+
+
+def test_only_packages_include_a_layer_of_a_package() -> None:
+    line = '#include "trifinger/manipulation/skill.hpp"'
+    assert found("packages/trifinger_x/part/x.cpp", line) == []
+    assert found("apps/robot/run.cpp", line)
 
 
 @pytest.mark.parametrize("layer", DIRECTLY_BELOW)
@@ -97,6 +103,9 @@ def test_a_directory_without_a_place_in_the_table_is_an_error() -> None:
         ("src/ipc/detail/futex.cpp", "ipc"),
         ("tests/ipc/futex_test.cpp", "ipc"),
         ("apps/robot/run.cpp", "apps"),
+        ("packages/trifinger_x/include/trifinger/ipc/x.hpp", "ipc"),
+        ("packages/trifinger_x/src/ipc/parts/x.cpp", "ipc"),
+        ("packages/trifinger_x/tests/ipc/x_test.cpp", "ipc"),
         ("bindings/module.cpp", "bindings"),
         ("packages/trifinger_x/part/x.cpp", "apps"),
         ("packages/trifinger_x/bindings/x.cpp", "bindings"),

@@ -22,6 +22,10 @@ from website.contents import CONTENTS
         ("README.md", "readme"),
         ("benchmarks/README.md", "benchmarks"),
         ("include/trifinger/core/frontend.hpp", "reference/cpp/core/frontend"),
+        (
+            "packages/trifinger_skills/include/trifinger/manipulation/skill.hpp",
+            "reference/cpp/manipulation/skill",
+        ),
         ("config/sim.yml", "source/config/sim.yml"),
         ("config/skills", "source/config/skills/index"),
     ],

@@ -5,6 +5,8 @@ import os
 import shutil
 import tomllib
 
+from tracked_files import public_header, tracked_files
+
 from .build import build, jobs
 from .counting import Count
 from .setup import PYTHON, install_debian_packages, setup
@@ -61,7 +63,8 @@ def build_site() -> None:
 def comments_have_changed() -> bool:
     """Says whether a header is newer than what Doxygen has read; Sphinx reads that anew."""
     index = FOLDER / "doxygen" / "xml" / "index.xml"
-    sources = [ROOT / "docs" / "Doxyfile", *(ROOT / "include").rglob("*")]
+    headers = filter(public_header, tracked_files(".hpp"))
+    sources = [ROOT / "docs" / "Doxyfile", *(ROOT / header for header in headers)]
     newest = max(source.stat().st_mtime for source in sources)
     return not index.exists() or index.stat().st_mtime < newest
 

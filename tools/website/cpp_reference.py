@@ -4,9 +4,9 @@
 import re
 from pathlib import Path
 
-from tracked_files import ROOT, tracked_files
+from tracked_files import ROOT, public_header, tracked_files
 
-from .pages import ORPHAN, Pages, list_of
+from .pages import ORPHAN, Pages, list_of, name_of
 
 FILE = re.compile(r'(<compound refid="(\w+)" kind="file"><name>)[^<]*')
 LOCATION = re.compile(r'<location file="([^"]+)"/>\s*</compounddef>')
@@ -21,29 +21,27 @@ LAYER = re.compile(r"^\| `(\w+)` \| (.*?) \|", re.MULTILINE)
 
 def pages() -> Pages:
     """Returns a page for each public header, and the lists of the layers."""
-    headers: dict[str, list[str]] = {}
+    headers: dict[str, list[tuple[str, Path]]] = {}
     for path in tracked_files(".hpp"):
-        if path.parts[:2] == ("include", "trifinger"):
-            headers.setdefault(path.parts[2], []).append(path.stem)
+        if header := public_header(path):
+            headers.setdefault(header.partition("/")[0], []).append((header, path))
     result: Pages = {}
     layers: list[str] = []
     for layer, what in LAYER.findall((ROOT / "ARCHITECTURE.md").read_text()):
         if layer not in headers:
             continue
-        names = {f"{stem}.hpp": f"reference/cpp/{layer}/{stem}" for stem in headers[layer]}
-        result |= {name: page(f"{layer}/{header}") for header, name in names.items()}
+        names = {path.name: name_of(path) for _, path in headers[layer]}
+        result |= {name_of(path): page(header, path) for header, path in headers[layer]}
         layers.append(f"## `{layer}`\n\n{what}.\n\n{list_of(names)}")
     text = "A header has a page; a folder of headers is a [layer](/architecture.md#layers)."
     result["reference/cpp/index"] = "\n\n".join(["# C++", text, *layers])
     return result
 
 
-def page(header: str) -> str:
+def page(header: str, path: Path) -> str:
     """Returns the page of a header."""
     include = f'```cpp\n#include "trifinger/{header}"\n```'
-    return (
-        f"{ORPHAN}# {header}\n\n{include}\n\n```{{doxygenfile}} include/trifinger/{header}\n```\n"
-    )
+    return f"{ORPHAN}# {header}\n\n{include}\n\n```{{doxygenfile}} {path}\n```\n"
 
 
 def tidy(xml: Path) -> None:

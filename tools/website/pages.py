@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from tracked_files import ROOT, tracked_files
+from tracked_files import ROOT, public_header, tracked_files
 
 LINK = re.compile(r"\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 # What tests/python/pages.py does with a block: a file to be saved, an output, and so on.
@@ -43,8 +43,8 @@ Copies = dict[str, Path]
 
 def name_of(path: Path) -> str:
     """Returns the name on the site of a file or folder of the repository."""
-    if path.parts[:2] == ("include", "trifinger") and path.suffix == ".hpp":
-        return f"reference/cpp/{path.relative_to('include/trifinger').with_suffix('')}"
+    if header := public_header(path):
+        return f"reference/cpp/{header.removesuffix('.hpp')}"
     if path.suffix == ".md" and path.parts[0] == "docs":
         return str(path.relative_to("docs").with_suffix(""))
     if path.name == "README.md":

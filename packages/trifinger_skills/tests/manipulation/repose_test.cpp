@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "../support/allocation_counter.hpp"
+#include "support/allocation_counter.hpp"
 #include "manipulation/parts/carrier.hpp"
 #include "manipulation/parts/fetcher.hpp"
 #include "manipulation/parts/object_observer.hpp"
