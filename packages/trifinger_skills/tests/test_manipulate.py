@@ -139,7 +139,7 @@ def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
     command = [BUILD / "evaluation/evaluate_teach", "turn", "--output", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    shipped = Path(__file__).parents[2] / "config/skills/taught/turn.csv"
+    shipped = Path(__file__).parents[3] / "config/skills/taught/turn.csv"
     made, taught = (
         np.genfromtxt(file, delimiter=",", skip_header=1)
         for file in (tmp_path / "turn.csv", shipped)
