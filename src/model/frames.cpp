@@ -61,7 +61,11 @@ void move(const mjModel& model, int joint, const double* qpos, Pose& pose) noexc
   for (std::size_t i = 0; i < 3; ++i) pose.position[i] += fixed[i] - moved[i];
 }
 
-void go_to(const mjModel& model, int body, const double* qpos, Pose& pose) noexcept {
+// Goes from the pose of its parent to that of a body. `visit` is called with each joint and the
+// pose before it.
+template <class Visit>
+void go_to(const mjModel& model, int body, const double* qpos, Pose& pose,
+           const Visit& visit) noexcept {
   const int first = model.body_jntadr[body];
   if (model.body_jntnum[body] == 1 && model.jnt_type[first] == mjJNT_FREE) {
     const double* const values = qpos + model.jnt_qposadr[first];
@@ -72,7 +76,10 @@ void go_to(const mjModel& model, int body, const double* qpos, Pose& pose) noexc
   }
   pose.position = point_of(pose, model.body_pos + 3 * body);
   turn(pose, model.body_quat + 4 * body);
-  for (int i = 0; i < model.body_jntnum[body]; ++i) move(model, first + i, qpos, pose);
+  for (int i = 0; i < model.body_jntnum[body]; ++i) {
+    visit(first + i, pose);
+    move(model, first + i, qpos, pose);
+  }
 }
 
 std::string names_of(const mjModel& model, mjtObj type, int count) {
@@ -116,16 +123,90 @@ Frames::Frames(std::shared_ptr<const SceneModel> model, std::span<const std::str
   }
 }
 
+std::array<double, 3> Frames::position(std::size_t frame,
+                                       std::span<const double> configuration) const noexcept {
+  const auto& [bodies, offset] = chains_[frame];
+  Pose pose;
+  for (const int body : bodies) {
+    go_to(*model_->mujoco(), body, configuration.data(), pose, [](int, const Pose&) {});
+  }
+  return offset != nullptr ? point_of(pose, offset) : pose.position;
+}
+
 void Frames::positions(std::span<const double> configuration,
                        std::span<double> positions) const noexcept {
-  const mjModel& model = *model_->mujoco();
   for (std::size_t i = 0; i < chains_.size(); ++i) {
-    Pose pose;
-    for (const int body : chains_[i].bodies) go_to(model, body, configuration.data(), pose);
-    const std::array<double, 3> point =
-        chains_[i].offset != nullptr ? point_of(pose, chains_[i].offset) : pose.position;
-    std::ranges::copy(point, positions.begin() + static_cast<std::ptrdiff_t>(3 * i));
+    std::ranges::copy(position(i, configuration),
+                      positions.begin() + static_cast<std::ptrdiff_t>(3 * i));
   }
+}
+
+void Frames::jacobian(std::size_t frame, std::span<const double> configuration,
+                      std::span<double> jacobian) const noexcept {
+  const mjModel& model = *model_->mujoco();
+  const std::array<double, 3> point = position(frame, configuration);
+  Pose pose;
+  const auto add = [&](int joint, const Pose& before) {
+    const int type = model.jnt_type[joint];
+    if (type != mjJNT_HINGE && type != mjJNT_SLIDE) return;
+    std::array<double, 3> axis{};
+    mju_rotVecQuat(axis.data(), model.jnt_axis + 3 * joint, before.orientation.data());
+    std::array<double, 3> column = axis;
+    if (type == mjJNT_HINGE) {
+      std::array<double, 3> arm{};
+      mju_sub3(arm.data(), point.data(), point_of(before, model.jnt_pos + 3 * joint).data());
+      mju_cross(column.data(), axis.data(), arm.data());
+    }
+    for (std::size_t row = 0; row < 3; ++row) {
+      jacobian[row * static_cast<std::size_t>(model.nv) +
+               static_cast<std::size_t>(model.jnt_dofadr[joint])] = column[row];
+    }
+  };
+  for (const int body : chains_[frame].bodies) {
+    go_to(model, body, configuration.data(), pose, add);
+  }
+}
+
+std::vector<std::string> end_frames(const SceneModel& model) {
+  const mjModel& mujoco = *model.mujoco();
+  std::vector<std::string> names;
+  const auto add = [&](mjtObj type, int id) {
+    const char* const name = mj_id2name(&mujoco, type, id);
+    if (name != nullptr && *name != '\0') names.emplace_back(name);
+    return name != nullptr && *name != '\0';
+  };
+  for (const int site : model.tip_sites()) add(mjOBJ_SITE, site);
+  if (!names.empty()) return names;
+
+  const auto count = static_cast<std::size_t>(mujoco.nbody);
+  std::vector<bool> is_moved(count, false);    // by a driven joint
+  std::vector<bool> has_bodies(count, false);  // beneath it
+  std::vector<double> unit(static_cast<std::size_t>(mujoco.nv), 0.0);
+  for (std::size_t body = 1; body < count; ++body) {
+    const auto parent = static_cast<std::size_t>(mujoco.body_parentid[body]);
+    has_bodies[parent] = true;
+    is_moved[body] = is_moved[parent];
+    for (int i = 0; i < mujoco.body_dofnum[body]; ++i) {
+      const auto dof = static_cast<std::size_t>(mujoco.body_dofadr[body] + i);
+      unit[dof] = 1.0;
+      for (std::size_t joint = 0; joint < model.joints().size(); ++joint) {
+        if (model.torque_of(joint, unit.data()) != 0.0) is_moved[body] = true;
+      }
+      unit[dof] = 0.0;
+    }
+  }
+  for (std::size_t body = 1; body < count; ++body) {
+    if (!is_moved[body] || has_bodies[body]) continue;
+    int site = 0;
+    while (site < static_cast<int>(mujoco.nsite) &&
+           mujoco.site_bodyid[site] != static_cast<int>(body)) {
+      ++site;
+    }
+    if (site == static_cast<int>(mujoco.nsite) || !add(mjOBJ_SITE, site)) {
+      add(mjOBJ_BODY, static_cast<int>(body));
+    }
+  }
+  return names;
 }
 
 }  // namespace trifinger

@@ -19,6 +19,7 @@
 #include "trifinger/base/random.hpp"
 #include "trifinger/model/contact_check.hpp"
 #include "trifinger/model/model_file.hpp"
+#include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -83,6 +84,49 @@ TEST_F(FramesTest, AreWhereMujocoSays) {
       EXPECT_NEAR(points[i], expected[i / 3][i % 3], 1e-12) << names[i / 3];
     }
   }
+}
+
+TEST_F(FramesTest, HaveTheJacobianOfMujoco) {
+  const auto file = model(kJoints);
+  const mjModel& mujoco = *file->mujoco();
+  const std::vector<std::string> names{"tip", "wrist", "block"};
+  const Frames frames(file, names);
+  const SceneModel::Data data = file->make_data();
+  Random random{.seed = 6};
+  const auto size = static_cast<std::size_t>(mujoco.nv);
+  std::vector<double> expected(3 * size);
+  for (int pose = 0; pose < 100; ++pose) {
+    std::vector<double> configuration(static_cast<std::size_t>(mujoco.nq));
+    for (double& number : configuration) number = random.uniform(-2.0, 2.0);
+    std::ranges::copy(configuration, data->qpos);
+    mj_kinematics(&mujoco, data.get());
+    mj_comPos(&mujoco, data.get());
+    for (std::size_t frame = 0; frame < names.size(); ++frame) {
+      const std::array<double, 3> point = frames.position(frame, configuration);
+      const int body = mj_name2id(&mujoco, mjOBJ_BODY, frame < 2 ? "wrist" : "rail");
+      mj_jac(&mujoco, data.get(), expected.data(), nullptr, point.data(), body);
+      std::vector<double> jacobian(3 * size, 0.0);
+      const AllocationCounter allocations;
+      frames.jacobian(frame, configuration, jacobian);
+      EXPECT_EQ(allocations.count(), 0);
+      for (std::size_t row = 0; row < 3; ++row) {
+        for (std::size_t dof = 0; dof < 2; ++dof) {  // the slide and the hinge
+          EXPECT_NEAR(jacobian[row * size + dof], expected[row * size + dof], 1e-12)
+              << names[frame] << ' ' << row << ' ' << dof;
+        }
+      }
+    }
+  }
+}
+
+TEST(EndFrames, AreTheTipsOrTheLastBodiesThatMotorsMove) {
+  const Folder folder;
+  write(folder / "joints.xml", kJoints);
+  write(folder / "arm.xml", kArm);
+  const ModelFile joints({.path = folder / "joints.xml"});
+  EXPECT_EQ(end_frames(joints), std::vector<std::string>{"tip"});  // the site, not its body
+  EXPECT_EQ(end_frames(ModelFile({.path = folder / "arm.xml"})), std::vector<std::string>{"flap"});
+  EXPECT_EQ(end_frames(RobotModel(RobotDescription{})), tip_names(RobotDescription{}));
 }
 
 TEST_F(FramesTest, NamesWhatIsThereAndWhatCannotMove) {

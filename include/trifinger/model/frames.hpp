@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -24,6 +25,14 @@ class Frames {
   /// Computes x, y, z of each frame in the world frame [m], in the order of the names.
   /// `configuration` are positions in the order of MuJoCo's `qpos`.
   void positions(std::span<const double> configuration, std::span<double> positions) const noexcept;
+  /// Computes x, y, z of one frame [m].
+  [[nodiscard]] std::array<double, 3> position(
+      std::size_t frame, std::span<const double> configuration) const noexcept;
+  /// Computes the derivative of the position of one frame by the hinges and slides of its chain
+  /// [m/rad], [m/m]: three rows of as many numbers as MuJoCo's `qvel` has. Other numbers are left
+  /// alone.
+  void jacobian(std::size_t frame, std::span<const double> configuration,
+                std::span<double> jacobian) const noexcept;
 
  private:
   // A frame: the bodies from the world to it, and its place in the last one.
@@ -35,5 +44,10 @@ class Frames {
   std::shared_ptr<const SceneModel> model_;
   std::vector<Chain> chains_;
 };
+
+/// Names the frames at the ends of a robot: the tips of a TriFinger; for a file each body without
+/// further bodies that a driven joint moves, or the first site of such a body. Bodies and sites
+/// without a name are left out.
+[[nodiscard]] std::vector<std::string> end_frames(const SceneModel& model);
 
 }  // namespace trifinger
