@@ -253,6 +253,7 @@ PATIENT = [
     *("--set", "backend.late_action.max_repeats=1000000"),
     *("--set", "backend.max_skipped_ticks=1000000"),
 ]
+PATIENT_DCLAW = PATIENT[6:]
 PATIENT_FAKE = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
 PATIENT_BOARDS = [
     *PATIENT,
@@ -260,6 +261,22 @@ PATIENT_BOARDS = [
     *("--set", "boards.receive_timeout=10"),
     *("--set", "boards.move_time=1"),
 ]
+
+
+@pytest.fixture
+def patient_arm(tmp_path: Path) -> Path:
+    """The configuration of an arm of two joints from a file, which forgives being late."""
+    arm = Path(__file__).parent / "examples" / "arm.yml"
+    path = tmp_path / "patient_arm.yml"
+    path.write_text(
+        f"extends: {arm}\n"
+        "backend:\n"
+        "  {mode: real_time, period: 0.001, history: 16384, access: owner,\n"
+        "   late_action: {policy: repeat, max_repeats: 1000000}, max_skipped_ticks: 1000000,\n"
+        "   max_late_steps: 1000000, max_measurement_age: .inf, max_rejected_actions: 10,\n"
+        "   first_action_timeout: .inf}\n"
+    )
+    return path
 
 
 @pytest.fixture(autouse=True)

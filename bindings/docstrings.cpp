@@ -395,31 +395,31 @@ guide has ended.
 
 Raises what ended the guide, if that was a fault; TimedOut if the back-end does not answer:
 the guide has then ended, and its session may not have.)";
-const char* const float_freely = R"(Lets a hand move the robot: motors carry the weight of the fingers and overcome the friction
-that the model knows. The robot's safety damping (`safety_kd`) still acts, and its soft
-limits push back.
+const char* const float_freely = R"(Lets a hand move the robot: motors carry its weight and overcome the friction that its model
+knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits push back.
 
-Raises like `move_tip`.)";
+Raises like `move_frame`.)";
 const char* const frontend = R"(The front-end of the robot, for reading.)";
 const char* const hold = R"(Brakes and keeps the pose.
 
-Raises like `move_tip`.)";
+Raises like `move_frame`.)";
 const char* const home = R"(Moves to the robot's initial pose.
 
-Raises like `move_tip`.)";
+Raises like `move_frame`.)";
 const char* const is_running = R"(True until the guide has ended, for whatever reason.)";
-const char* const move_joints = R"(Moves all joints to `positions` [rad]. Positions beyond soft limits are clamped: see
+const char* const move_frame = R"(Moves a frame on a straight line to `position` in the world frame [m]. If the frame cannot
+get there, it goes near it: see `GuideState.refusal`. Joints of other frames keep their
+targets.
+
+A setpoint returns at once. It replaces earlier ones for the same frames.
+
+Raises InvalidArgument for numbers that are not finite, a frame that does not exist, or
+after the end of the guide; otherwise what ended the guide.)";
+const char* const move_joints = R"(Moves all joints to `positions` [rad], [m]. Positions beyond soft limits are clamped: see
 `GuideState.refusal`.
 
-Raises like `move_tip`.)";
-const char* const move_tip = R"(Moves the tip of `finger` on a straight line to `position` in the world frame [m]. If the
-tip cannot get there, it goes near it: see `GuideState.refusal`. The other fingers keep
-their targets.
-
-A setpoint returns at once. It replaces earlier ones for the same fingers.
-
-Raises InvalidArgument for numbers that are not finite, a finger that does not exist, or
-after the end of the guide; otherwise what ended the guide.)";
+Raises like `move_frame`.)";
+const char* const move_tip = R"(`move_frame` for the tip of a finger.)";
 const char* const realtime_warnings = R"(What keeps the guide's thread from being a real-time thread: sentences with the remedies.)";
 const char* const state = R"(Returns where the robot is. Waits for the first measurement: a robot may first be homing.
 
@@ -434,18 +434,19 @@ Raises InvalidArgument if the robot floats, what ended the guide, TimedOut.)";
 }
 
 namespace GuideState {
-const char* const GuideState = R"(Where a guided robot is and where it goes.)";
+const char* const GuideState = R"(Where a guided robot is and where it goes. Positions of joints are in rad, those of slides
+in m.)";
+const char* const frames = R"(Points that follow from `joints` [m].)";
 const char* const has_arrived = R"(The robot has reached all setpoints so far and rests at their target. Always False while
 floating.)";
-const char* const joints = R"(Measured positions [rad].)";
-const char* const reference_joints = R"(Where the joints should be now [rad].)";
-const char* const reference_tips = R"(Points that follow from `reference_joints` [m].)";
-const char* const refusal = R"(One sentence per finger whose last setpoint cannot be reached: why, and what is done
-instead.)";
+const char* const joints = R"(Measured positions.)";
+const char* const reference_frames = R"(Points that follow from `reference_joints` [m].)";
+const char* const reference_joints = R"(Where the joints should be now.)";
+const char* const refusal = R"(One sentence per frame or joint whose last setpoint cannot be reached: what is done instead,
+and why. For a point it comes up to tens of milliseconds after `mode`.)";
 const char* const step = R"(Step of the newest measurement; -1 before step 0.)";
-const char* const target_joints = R"(Where the joints should end [rad].)";
-const char* const target_tips = R"(Points that follow from `target_joints` [m].)";
-const char* const tips = R"(Points that follow from `joints` [m].)";
+const char* const target_frames = R"(Points that follow from `target_joints` [m].)";
+const char* const target_joints = R"(Where the joints should end.)";
 }
 
 namespace HandWriter {

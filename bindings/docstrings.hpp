@@ -247,6 +247,7 @@ extern const char* const frontend;
 extern const char* const hold;
 extern const char* const home;
 extern const char* const is_running;
+extern const char* const move_frame;
 extern const char* const move_joints;
 extern const char* const move_tip;
 extern const char* const realtime_warnings;
@@ -257,15 +258,15 @@ extern const char* const wait_until_arrived;
 
 namespace GuideState {
 extern const char* const GuideState;
+extern const char* const frames;
 extern const char* const has_arrived;
 extern const char* const joints;
+extern const char* const reference_frames;
 extern const char* const reference_joints;
-extern const char* const reference_tips;
 extern const char* const refusal;
 extern const char* const step;
+extern const char* const target_frames;
 extern const char* const target_joints;
-extern const char* const target_tips;
-extern const char* const tips;
 }
 
 namespace HandWriter {

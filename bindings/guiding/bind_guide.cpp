@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
 
+#include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
@@ -23,6 +30,9 @@ using namespace nanobind::literals;
 namespace trifinger::bindings {
 namespace {
 
+using guiding::FramePoints;
+using guiding::Guide;
+using guiding::GuidedJoints;
 using guiding::GuideOptions;
 using guiding::GuideSpeeds;
 using guiding::GuideState;
@@ -30,51 +40,85 @@ using guiding::GuideState;
 // The enumerators of `Demand`.
 constexpr std::array<std::string_view, 3> kDemands{"require", "try", "off"};
 
-GuideOptions options_of(double joint_speed, double joint_acceleration, double tip_speed,
-                        double max_lead, const std::string& scheduling) {
+GuideOptions options_of(std::vector<std::string> frames, double joint_speed,
+                        double joint_acceleration, double tip_speed, double max_lead,
+                        const std::string& scheduling) {
   GuideOptions options{.speeds = {.joint_speed = joint_speed,
                                   .joint_acceleration = joint_acceleration,
                                   .tip_speed = tip_speed,
-                                  .max_lead = max_lead}};
+                                  .max_lead = max_lead},
+                       .frames = std::move(frames)};
   options.realtime.demand = choice<Demand>("scheduling", kDemands, scheduling);
   return options;
 }
 
 constexpr const char* kSettings =
-    R"(`joint_speed` [rad/s] and `joint_acceleration` [rad/s^2] limit how joints move, `tip_speed` [m/s] how
-tips move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. `scheduling`
-says whether the guide's thread must have real-time priority: "require", "try" or "off".)";
+    R"(`frames` are the frames that move_frame() can move: names of sites, bodies or geoms of the robot's
+model, 8 at most; by default the tips of a TriFinger, or the ends of a robot from a file.
 
-// One row of three numbers for each tip.
-auto tips_of(TipPositions GuideState::* member) {
-  return [member](const GuideState& state) {
-    const TipPositions& tips = state.*member;
-    Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(tips.size() / 3, 3);
-    for (Eigen::Index i = 0; i < rows.rows(); ++i) rows.row(i) = tips.segment<3>(3 * i);
-    return Array{RowMajor(rows)};
-  };
+`joint_speed` [rad/s] and `joint_acceleration` [rad/s^2] limit how joints move, `tip_speed` [m/s] how
+frames move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. For a joint
+that slides, 0.1 m counts as 1 rad. `scheduling` says whether the guide's thread must have real-time
+priority: "require", "try" or "off".)";
+
+// One row of three numbers for each frame.
+auto points_of(FramePoints GuideState::* member) {
+  return [member](const GuideState& state) { return Array{RowMajor((state.*member).transpose())}; };
+}
+
+// The number of a frame, which may be given by its name.
+int frame_of(const Guide& guide, const std::variant<int, std::string>& frame) {
+  if (const int* const number = std::get_if<int>(&frame)) return *number;
+  const std::vector<std::string>& frames = guide.robot().frames;
+  const std::vector<std::string_view> names(frames.begin(), frames.end());
+  const std::string& name = std::get<std::string>(frame);
+  const auto found = std::ranges::find(names, name);
+  if (found == names.end()) {
+    throw InvalidArgument(trifinger::detail::text_of("there is no frame '", name, "'; there are ",
+                                                     trifinger::quoted_list(names, "and")));
+  }
+  return static_cast<int>(found - names.begin());
+}
+
+nb::tuple names_of(const std::vector<std::string>& names) {
+  nb::list list;
+  for (const std::string& name : names) list.append(to_message(name));
+  return nb::tuple(list);
+}
+
+GuidedJoints limits_of(const Guide& guide, double JointLimit::* limit) {
+  GuidedJoints values(guide.num_joints());
+  std::ranges::transform(guide.robot().limits, values.begin(), limit);
+  return values;
 }
 
 void bind_guide_state(nb::module_& m) {
   using State = GuideState;
   nb::class_<State>(
       m, "GuideState",
-      also(docs::GuideState::GuideState,
-           R"(Arrays of joints have the shape (num_joints,), arrays of tips (num_fingers, 3).)")
+      also(
+          docs::GuideState::GuideState,
+          R"(Arrays of joints have the shape (num_joints,), arrays of frames (number of frames, 3).)")
           .c_str())
       .def_ro("step", &State::step, docs::GuideState::step)
       .def_prop_ro(
           "mode", [](const State& state) { return std::string(name_of(state.mode)); },
-          R"(What the robot does: "hold", "move_joints", "move_tip", "float" or "home".)")
+          R"(What the robot does: "hold", "move_joints", "move_frame", "float" or "home".)")
       .def_prop_ro("joints", array_of(&State::joints), docs::GuideState::joints)
       .def_prop_ro("reference_joints", array_of(&State::reference_joints),
                    docs::GuideState::reference_joints)
       .def_prop_ro("target_joints", array_of(&State::target_joints),
                    docs::GuideState::target_joints)
-      .def_prop_ro("tips", tips_of(&State::tips), docs::GuideState::tips)
-      .def_prop_ro("reference_tips", tips_of(&State::reference_tips),
-                   docs::GuideState::reference_tips)
-      .def_prop_ro("target_tips", tips_of(&State::target_tips), docs::GuideState::target_tips)
+      .def_prop_ro("frames", points_of(&State::frames), docs::GuideState::frames)
+      .def_prop_ro("reference_frames", points_of(&State::reference_frames),
+                   docs::GuideState::reference_frames)
+      .def_prop_ro("target_frames", points_of(&State::target_frames),
+                   docs::GuideState::target_frames)
+      .def_prop_ro("tips", points_of(&State::frames), "`frames`, for the tips of a TriFinger.")
+      .def_prop_ro("reference_tips", points_of(&State::reference_frames),
+                   "`reference_frames`, for the tips of a TriFinger.")
+      .def_prop_ro("target_tips", points_of(&State::target_frames),
+                   "`target_frames`, for the tips of a TriFinger.")
       .def_ro("has_arrived", &State::has_arrived, docs::GuideState::has_arrived)
       .def_ro("refusal", &State::refusal, docs::GuideState::refusal);
 }
@@ -93,33 +137,71 @@ makes a guide of a running robot by its name.)")
           .c_str());
   type.def(
           "__init__",
-          [](PythonGuide* self, nb::object frontend, double joint_speed, double joint_acceleration,
-             double tip_speed, double max_lead, const std::string& scheduling) {
+          [](PythonGuide* self, nb::object frontend, std::vector<std::string> frames,
+             double joint_speed, double joint_acceleration, double tip_speed, double max_lead,
+             const std::string& scheduling) {
             if (!nb::isinstance<PythonFrontend>(frontend)) {
               throw nb::type_error(
                   "a guide needs a Frontend; trifinger.guide() takes the name of a robot");
             }
-            new (self) PythonGuide(
-                std::move(frontend), false,
-                options_of(joint_speed, joint_acceleration, tip_speed, max_lead, scheduling));
+            new (self) PythonGuide(std::move(frontend), false,
+                                   options_of(std::move(frames), joint_speed, joint_acceleration,
+                                              tip_speed, max_lead, scheduling));
           },
-          "frontend"_a, nb::kw_only(), "joint_speed"_a = usual.joint_speed,
-          "joint_acceleration"_a = usual.joint_acceleration, "tip_speed"_a = usual.tip_speed,
-          "max_lead"_a = usual.max_lead, "scheduling"_a = "try",
-          nb::sig("def __init__(self, frontend: Frontend, *, joint_speed: float = ..., "
-                  "joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., "
-                  "scheduling: str = 'try') -> None"),
+          "frontend"_a, nb::kw_only(), "frames"_a = nb::tuple(),
+          "joint_speed"_a = usual.joint_speed, "joint_acceleration"_a = usual.joint_acceleration,
+          "tip_speed"_a = usual.tip_speed, "max_lead"_a = usual.max_lead, "scheduling"_a = "try",
+          nb::sig(
+              "def __init__(self, frontend: Frontend, *, frames: collections.abc.Sequence[str] = "
+              "(), joint_speed: float = ..., "
+              "joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., "
+              "scheduling: str = 'try') -> None"),
           also(
               R"(Drives the robot of `frontend`, which must control it. Until the guide has ended, nobody else can
 append actions with `frontend`; everybody can read.)",
               kSettings)
               .c_str())
       .def_prop_ro(
-          "num_fingers", [](const PythonGuide& guide) { return guide.guide().num_fingers(); },
-          "Number of fingers: 1 or 3.")
-      .def_prop_ro(
           "num_joints", [](const PythonGuide& guide) { return guide.guide().num_joints(); },
-          "Number of joints: three for each finger.")
+          "Number of joints.")
+      .def_prop_ro(
+          "joint_names",
+          [](const PythonGuide& guide) {
+            return names_of(guide.guide().robot().model->joint_names());
+          },
+          nb::sig("def joint_names(self) -> tuple[str, ...]"),
+          "Names of the joints, in the order of actions.")
+      .def_prop_ro(
+          "joint_units",
+          [](const PythonGuide& guide) {
+            std::vector<std::string> units;
+            for (const DrivenJoint& joint : guide.guide().robot().model->joints())
+              units.emplace_back(joint.is_slide ? "m" : "rad");
+            return names_of(units);
+          },
+          nb::sig("def joint_units(self) -> tuple[str, ...]"),
+          R"(The unit of each joint's position: "rad", or "m" of a joint that slides.)")
+      .def_prop_ro(
+          "soft_lower",
+          [](const PythonGuide& guide) {
+            return Array{limits_of(guide.guide(), &JointLimit::soft_lower)};
+          },
+          "Lower soft limits of the joints [rad], [m].")
+      .def_prop_ro(
+          "soft_upper",
+          [](const PythonGuide& guide) {
+            return Array{limits_of(guide.guide(), &JointLimit::soft_upper)};
+          },
+          "Upper soft limits of the joints [rad], [m].")
+      .def_prop_ro(
+          "frame_names",
+          [](const PythonGuide& guide) { return names_of(guide.guide().robot().frames); },
+          nb::sig("def frame_names(self) -> tuple[str, ...]"),
+          "Names of the frames that move_frame() moves.")
+      .def_prop_ro(
+          "num_fingers",
+          [](const PythonGuide& guide) { return guide.guide().robot().frames.size(); },
+          "Number of frames; of a TriFinger that of its fingers.")
       .def_prop_ro(
           "frontend", [](const PythonGuide& guide) { return guide.frontend(); },
           nb::sig("def frontend(self) -> Frontend"), docs::Guide::frontend)
@@ -133,6 +215,14 @@ append actions with `frontend`; everybody can read.)",
           },
           nb::sig("def realtime_warnings(self) -> list[str]"), docs::Guide::realtime_warnings)
       .def(
+          "move_frame",
+          [](const PythonGuide& guide, const std::variant<int, std::string>& frame,
+             const Vector3& position) {
+            guide.guide().move_frame(frame_of(guide.guide(), frame), position.value);
+          },
+          "frame"_a, "position"_a,
+          also(docs::Guide::move_frame, "A frame is given by number or by name.").c_str())
+      .def(
           "move_tip",
           [](const PythonGuide& guide, int finger, const Vector3& position) {
             guide.guide().move_tip(finger, position.value);
@@ -140,7 +230,7 @@ append actions with `frontend`; everybody can read.)",
           "finger"_a, "position"_a, docs::Guide::move_tip)
       .def(
           "move_joints",
-          [](const PythonGuide& guide, const Array<JointValues>& positions) {
+          [](const PythonGuide& guide, const Array<GuidedJoints>& positions) {
             guide.guide().move_joints(positions.value);
           },
           "positions"_a, docs::Guide::move_joints)
@@ -170,17 +260,19 @@ append actions with `frontend`; everybody can read.)",
 
   m.def(
       "guide",
-      [](const std::string& name, double joint_speed, double joint_acceleration, double tip_speed,
-         double max_lead, const std::string& scheduling, nb::handle timeout) {
-        GuideOptions options =
-            options_of(joint_speed, joint_acceleration, tip_speed, max_lead, scheduling);
+      [](const std::string& name, std::vector<std::string> frames, double joint_speed,
+         double joint_acceleration, double tip_speed, double max_lead,
+         const std::string& scheduling, nb::handle timeout) {
+        GuideOptions options = options_of(std::move(frames), joint_speed, joint_acceleration,
+                                          tip_speed, max_lead, scheduling);
         nb::object frontend = nb::cast(attach(name, {.control = true}, timeout));
         return std::make_unique<PythonGuide>(std::move(frontend), true, std::move(options));
       },
-      "name"_a, nb::kw_only(), "joint_speed"_a = usual.joint_speed,
+      "name"_a, nb::kw_only(), "frames"_a = nb::tuple(), "joint_speed"_a = usual.joint_speed,
       "joint_acceleration"_a = usual.joint_acceleration, "tip_speed"_a = usual.tip_speed,
       "max_lead"_a = usual.max_lead, "scheduling"_a = "try", "timeout"_a.none() = 5.0,
-      nb::sig("def guide(name: str, *, joint_speed: float = ..., joint_acceleration: float = ..., "
+      nb::sig("def guide(name: str, *, frames: collections.abc.Sequence[str] = (), joint_speed: "
+              "float = ..., joint_acceleration: float = ..., "
               "tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try', timeout: "
               "float | None = 5.0) -> Guide"),
       also(

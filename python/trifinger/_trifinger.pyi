@@ -3039,9 +3039,10 @@ class OnlinePlanner:
 
 class GuideState:
     """
-    Where a guided robot is and where it goes.
+    Where a guided robot is and where it goes. Positions of joints are in rad, those of slides
+    in m.
 
-    Arrays of joints have the shape (num_joints,), arrays of tips (num_fingers, 3).
+    Arrays of joints have the shape (num_joints,), arrays of frames (number of frames, 3).
     """
 
     @property
@@ -3051,32 +3052,44 @@ class GuideState:
     @property
     def mode(self) -> str:
         """
-        What the robot does: "hold", "move_joints", "move_tip", "float" or "home".
+        What the robot does: "hold", "move_joints", "move_frame", "float" or "home".
         """
 
     @property
     def joints(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Measured positions [rad]."""
+        """Measured positions."""
 
     @property
     def reference_joints(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Where the joints should be now [rad]."""
+        """Where the joints should be now."""
 
     @property
     def target_joints(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Where the joints should end [rad]."""
+        """Where the joints should end."""
 
     @property
-    def tips(self) -> numpy.typing.NDArray[numpy.float64]:
+    def frames(self) -> numpy.typing.NDArray[numpy.float64]:
         """Points that follow from `joints` [m]."""
 
     @property
-    def reference_tips(self) -> numpy.typing.NDArray[numpy.float64]:
+    def reference_frames(self) -> numpy.typing.NDArray[numpy.float64]:
         """Points that follow from `reference_joints` [m]."""
 
     @property
-    def target_tips(self) -> numpy.typing.NDArray[numpy.float64]:
+    def target_frames(self) -> numpy.typing.NDArray[numpy.float64]:
         """Points that follow from `target_joints` [m]."""
+
+    @property
+    def tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """`frames`, for the tips of a TriFinger."""
+
+    @property
+    def reference_tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """`reference_frames`, for the tips of a TriFinger."""
+
+    @property
+    def target_tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """`target_frames`, for the tips of a TriFinger."""
 
     @property
     def has_arrived(self) -> bool:
@@ -3088,8 +3101,8 @@ class GuideState:
     @property
     def refusal(self) -> str:
         """
-        One sentence per finger whose last setpoint cannot be reached: why, and what is done
-        instead.
+        One sentence per frame or joint whose last setpoint cannot be reached: what is done instead,
+        and why. For a point it comes up to tens of milliseconds after `mode`.
         """
 
 class Guide:
@@ -3107,23 +3120,49 @@ class Guide:
     makes a guide of a running robot by its name.
     """
 
-    def __init__(self, frontend: Frontend, *, joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try') -> None:
+    def __init__(self, frontend: Frontend, *, frames: Sequence[str] = (), joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try') -> None:
         """
         Drives the robot of `frontend`, which must control it. Until the guide has ended, nobody else can
         append actions with `frontend`; everybody can read.
 
+        `frames` are the frames that move_frame() can move: names of sites, bodies or geoms of the robot's
+        model, 8 at most; by default the tips of a TriFinger, or the ends of a robot from a file.
+
         `joint_speed` [rad/s] and `joint_acceleration` [rad/s^2] limit how joints move, `tip_speed` [m/s] how
-        tips move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. `scheduling`
-        says whether the guide's thread must have real-time priority: "require", "try" or "off".
+        frames move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. For a joint
+        that slides, 0.1 m counts as 1 rad. `scheduling` says whether the guide's thread must have real-time
+        priority: "require", "try" or "off".
         """
 
     @property
-    def num_fingers(self) -> int:
-        """Number of fingers: 1 or 3."""
+    def num_joints(self) -> int:
+        """Number of joints."""
 
     @property
-    def num_joints(self) -> int:
-        """Number of joints: three for each finger."""
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of actions."""
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """
+        The unit of each joint's position: "rad", or "m" of a joint that slides.
+        """
+
+    @property
+    def soft_lower(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Lower soft limits of the joints [rad], [m]."""
+
+    @property
+    def soft_upper(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Upper soft limits of the joints [rad], [m]."""
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Names of the frames that move_frame() moves."""
+
+    @property
+    def num_fingers(self) -> int:
+        """Number of frames; of a TriFinger that of its fingers."""
 
     @property
     def frontend(self) -> Frontend:
@@ -3135,47 +3174,51 @@ class Guide:
         What keeps the guide's thread from being a real-time thread: sentences with the remedies.
         """
 
-    def move_tip(self, finger: int, position: numpy.typing.ArrayLike) -> None:
+    def move_frame(self, frame: int | str, position: numpy.typing.ArrayLike) -> None:
         """
-        Moves the tip of `finger` on a straight line to `position` in the world frame [m]. If the
-        tip cannot get there, it goes near it: see `GuideState.refusal`. The other fingers keep
-        their targets.
+        Moves a frame on a straight line to `position` in the world frame [m]. If the frame cannot
+        get there, it goes near it: see `GuideState.refusal`. Joints of other frames keep their
+        targets.
 
-        A setpoint returns at once. It replaces earlier ones for the same fingers.
+        A setpoint returns at once. It replaces earlier ones for the same frames.
 
-        Raises InvalidArgument for numbers that are not finite, a finger that does not exist, or
+        Raises InvalidArgument for numbers that are not finite, a frame that does not exist, or
         after the end of the guide; otherwise what ended the guide.
+
+        A frame is given by number or by name.
         """
+
+    def move_tip(self, finger: int, position: numpy.typing.ArrayLike) -> None:
+        """`move_frame` for the tip of a finger."""
 
     def move_joints(self, positions: numpy.typing.ArrayLike) -> None:
         """
-        Moves all joints to `positions` [rad]. Positions beyond soft limits are clamped: see
+        Moves all joints to `positions` [rad], [m]. Positions beyond soft limits are clamped: see
         `GuideState.refusal`.
 
-        Raises like `move_tip`.
+        Raises like `move_frame`.
         """
 
     def home(self) -> None:
         """
         Moves to the robot's initial pose.
 
-        Raises like `move_tip`.
+        Raises like `move_frame`.
         """
 
     def hold(self) -> None:
         """
         Brakes and keeps the pose.
 
-        Raises like `move_tip`.
+        Raises like `move_frame`.
         """
 
     def float_freely(self) -> None:
         """
-        Lets a hand move the robot: motors carry the weight of the fingers and overcome the friction
-        that the model knows. The robot's safety damping (`safety_kd`) still acts, and its soft
-        limits push back.
+        Lets a hand move the robot: motors carry its weight and overcome the friction that its model
+        knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits push back.
 
-        Raises like `move_tip`.
+        Raises like `move_frame`.
         """
 
     def state(self, timeout: float | None = None) -> GuideState:
@@ -3223,7 +3266,7 @@ class Guide:
 
     def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
-def guide(name: str, *, joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try', timeout: float | None = 5.0) -> Guide:
+def guide(name: str, *, frames: Sequence[str] = (), joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try', timeout: float | None = 5.0) -> Guide:
     """
     Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`), and
     guides it: see Guide.
@@ -3234,9 +3277,13 @@ def guide(name: str, *, joint_speed: float = ..., joint_acceleration: float = ..
 
     `timeout` is how long to wait for a session that is about to begin [s].
 
+    `frames` are the frames that move_frame() can move: names of sites, bodies or geoms of the robot's
+    model, 8 at most; by default the tips of a TriFinger, or the ends of a robot from a file.
+
     `joint_speed` [rad/s] and `joint_acceleration` [rad/s^2] limit how joints move, `tip_speed` [m/s] how
-    tips move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. `scheduling`
-    says whether the guide's thread must have real-time priority: "require", "try" or "off".
+    frames move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. For a joint
+    that slides, 0.1 m counts as 1 rad. `scheduling` says whether the guide's thread must have real-time
+    priority: "require", "try" or "off".
     """
 
 class Lens:

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <cstddef>
 #include <exception>
 #include <future>
 #include <mutex>
@@ -14,10 +15,10 @@
 #include <utility>
 
 #include "base/text_of.hpp"
+#include "guiding/joint_elements.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
-#include "trifinger/joint/types.hpp"
 
 namespace trifinger::guiding {
 namespace {
@@ -51,16 +52,16 @@ struct OwnThread {
 };
 thread_local OwnThread* own_thread = nullptr;
 
-// The setpoints that the thread has not seen yet: at most one for the whole robot, then one per
-// tip.
+// The setpoints that the thread has not seen yet: at most one for the whole robot, then a point per
+// frame.
 class Mailbox {
  public:
   void put(const Setpoint& setpoint) noexcept {
-    if (setpoint.mode == Mode::kMoveTip) {
-      tips_[static_cast<std::size_t>(setpoint.finger)] = setpoint;
+    if (setpoint.mode == Mode::kMoveFrame) {
+      points_[static_cast<std::size_t>(setpoint.frame)] = setpoint.point;
     } else {
       whole_ = setpoint;
-      tips_.fill(std::nullopt);
+      points_.fill(std::nullopt);
     }
     is_empty_ = false;
   }
@@ -72,9 +73,10 @@ class Mailbox {
     if (is_empty_) return;
     if (whole_) take(*whole_);
     whole_.reset();
-    for (std::optional<Setpoint>& tip : tips_) {
-      if (tip) take(*tip);
-      tip.reset();
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      if (!points_[i]) continue;
+      take({.mode = Mode::kMoveFrame, .frame = static_cast<int>(i), .point = *points_[i]});
+      points_[i].reset();
     }
     is_empty_ = true;
   }
@@ -82,7 +84,7 @@ class Mailbox {
  private:
   bool is_empty_{true};
   std::optional<Setpoint> whole_;
-  std::array<std::optional<Setpoint>, kMaxFingers> tips_;
+  std::array<std::optional<Eigen::Vector3d>, kMaxGuidedFrames> points_;
 };
 
 std::string point_text(const Eigen::Vector3d& point) {
@@ -92,47 +94,39 @@ std::string point_text(const Eigen::Vector3d& point) {
                  coordinate(point.z()), ") m");
 }
 
-std::string refusal_of(const ControllerState& state, int finger, const Eigen::Vector3d& tip) {
-  const Shortfall& shortfall = state.shortfalls[static_cast<std::size_t>(finger)];
-  if (shortfall.reach == Reach::kYes && !shortfall.is_clamped) return {};
-  std::string reason;
-  switch (shortfall.reach) {
-    case Reach::kYes:
-      break;
-    case Reach::kTooFar:
-      reason = "its point is too far away";
-      break;
-    case Reach::kTooClose:
-      reason = "its point is too close to the axis of joint 0";
-      break;
-    case Reach::kOutsideLimits:
-      reason = "its point needs joints beyond their hard limits";
-      break;
+// One sentence for each frame and joint that does not get where it was sent.
+std::string refusal_of(const ControllerState& state, const GuidedRobot& robot) {
+  std::string text;
+  const auto add = [&text](const std::string& sentence) {
+    text += (text.empty() ? "" : "; ") + sentence;
+  };
+  std::string at_limits;
+  for (std::size_t i = 0; i < robot.limits.size(); ++i) {
+    const DrivenJoint& joint = robot.model->joints()[i];
+    const double target = state.target[static_cast<Eigen::Index>(i)];
+    if (state.is_clamped[i]) {
+      add(text_of(joint.name, " goes only to its soft limit of ", target,
+                  joint.is_slide ? " m" : " rad"));
+    }
+    if (target == robot.limits[i].soft_lower || target == robot.limits[i].soft_upper)
+      at_limits += (at_limits.empty() ? "" : ", ") + joint.name;
   }
-  if (reason.empty()) reason = "its setpoint needs joints beyond their soft limits";
-  return text_of("finger ", finger, " goes only to ", point_text(tip), ": ", reason);
+  for (std::size_t i = 0; i < robot.frames.size(); ++i) {
+    if (state.missing[i] == 0.0) continue;
+    add(text_of(robot.frames[i], " goes only to ",
+                point_text(state.target_frames.col(static_cast<Eigen::Index>(i))),
+                ": its point cannot be reached",
+                at_limits.empty() ? "" : " from here within the soft limits of " + at_limits));
+  }
+  return text;
 }
 
-void require_finite_numbers(const char* what, const JointValues& numbers) {
+template <class Numbers>
+void require_finite_numbers(const char* what, const Numbers& numbers) {
   for (Eigen::Index i = 0; i < numbers.size(); ++i) {
     if (std::isfinite(numbers[i])) continue;
     throw InvalidArgument(text_of(what, " ", i, " is ", numbers[i], ", must be a finite number"));
   }
-}
-
-// Returns the number of joints of a robot whose type guides know.
-int num_joints_of(const Session& session) {
-  const SessionInfo info = session.info();
-  if (info.type == TriFinger::kType) {
-    require_same_robot(session, describe_robot<TriFinger>());
-    return TriFinger::kJoints;
-  }
-  if (info.type == Finger::kType) {
-    require_same_robot(session, describe_robot<Finger>());
-    return Finger::kJoints;
-  }
-  throw InvalidArgument("robot '" + info.name + "' is of type '" + info.type +
-                        "'; a guide knows 'trifinger' and 'finger'");
 }
 
 // Returns `frontend` if a guide can steer its robot.
@@ -147,7 +141,6 @@ std::shared_ptr<UntypedFrontend> steerable(std::shared_ptr<UntypedFrontend> fron
                           "' is not in real-time mode: it waits for every action, so nobody can "
                           "steer it; 'trifinger run' runs robots in real time");
   }
-  static_cast<void>(num_joints_of(frontend->session()));
   return frontend;
 }
 
@@ -168,12 +161,12 @@ class Guide::Implementation {
       : options_(std::move(options)),
         frontend_(std::move(frontend)),
         name_(frontend_->session().info().name),
+        elements_(frontend_->session()),
         controller_(robot, options_.speeds, frontend_->session().info().period),
         seen_(controller_.state()) {
-    const int joints = num_joints_of(frontend_->session());
-    if (joints != controller_.kinematics().num_joints()) {
-      throw InvalidArgument(text_of("robot '", name_, "' has ", joints, " joints, its description ",
-                                    controller_.kinematics().num_joints()));
+    if (elements_.num_joints() != robot.limits.size()) {
+      throw InvalidArgument(text_of("robot '", name_, "' has ", elements_.num_joints(),
+                                    " joints, its description ", robot.limits.size()));
     }
     std::promise<std::vector<std::string>> entered;
     std::future<std::vector<std::string>> warnings = entered.get_future();
@@ -208,16 +201,10 @@ class Guide::Implementation {
     state.joints = seen.measured;
     state.reference_joints = seen.reference;
     state.target_joints = seen.target;
-    // Any number of threads may compute this at once.
-    const Kinematics& kinematics = controller_.kinematics();
-    state.tips = kinematics.tip_positions(seen.measured);
-    state.reference_tips = kinematics.tip_positions(seen.reference);
-    state.target_tips = kinematics.tip_positions(seen.target);
-    for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
-      const std::string refusal =
-          refusal_of(seen, finger, state.target_tips.segment<3>(3 * finger));
-      if (!refusal.empty()) state.refusal += (state.refusal.empty() ? "" : "; ") + refusal;
-    }
+    state.frames = seen.measured_frames;
+    state.reference_frames = seen.reference_frames;
+    state.target_frames = seen.target_frames;
+    state.refusal = refusal_of(seen, controller_.robot());
     return state;
   }
 
@@ -351,10 +338,7 @@ class Guide::Implementation {
     bool is_abandoned = false;
     try {
       try {
-        if (frontend_->session().info().type == Finger::kType)
-          drive<Finger>();
-        else
-          drive<TriFinger>();
+        drive();
       } catch (const Stop&) {
         // Somebody wants the guide to end, whatever it waits for.
         if (end_.load(std::memory_order_relaxed) == End::kAbandon) throw;
@@ -376,11 +360,9 @@ class Guide::Implementation {
   }
 
   // Drives the robot until somebody wants the guide to end.
-  template <class R>
   void drive() {
-    typename R::Observation observation;
-    frontend_->latest_observation(&observation, kForever);
-    if (!controller_.begin(measured<R>(observation))) {
+    frontend_->latest_observation(elements_.observation(), kForever);
+    if (!controller_.begin(elements_.measured())) {
       throw Error("robot '" + name_ +
                   "' measures positions that are no numbers; a guide cannot begin there");
     }
@@ -400,25 +382,13 @@ class Guide::Implementation {
         if (++braked == 0) static_cast<void>(controller_.accept({.mode = Mode::kHold}));
         if (braked > most || (braked > 0 && controller_.state().has_arrived)) return;
       }
-      const GuideCommand& command = controller_.update(measured<R>(observation));
-      typename R::Action action;
-      for (std::size_t i = 0; i < R::kJoints; ++i) {
-        action.torque[i] = command.torque[static_cast<Eigen::Index>(i)];
-        action.position[i] = command.position[static_cast<Eigen::Index>(i)];
-      }
-      const TimeIndex next = frontend_->append_desired_action(&action, kForever);
+      const void* const action = elements_.action(controller_.update(elements_.measured()));
+      const TimeIndex next = frontend_->append_desired_action(action, kForever);
       has_appended_ = true;
       exchange(step, end == End::kNone);
       step = next;
-      frontend_->get(Series::kObservation, step, &observation, kForever);
+      frontend_->get(Series::kObservation, step, elements_.observation(), kForever);
     }
-  }
-
-  template <class R>
-  [[nodiscard]] static MeasuredJoints measured(
-      const typename R::Observation& observation) noexcept {
-    return {.position = joint_values(observation.position),
-            .velocity = joint_values(observation.velocity)};
   }
 
   // Takes new setpoints and shows the newest state. If a caller is just then at it, the next step
@@ -442,6 +412,7 @@ class Guide::Implementation {
   std::atomic<End> end_{End::kNone};
 
   // The thread uses these without a lock.
+  detail::JointElements elements_;
   GuideController controller_;
   bool has_appended_{false};
 
@@ -475,7 +446,7 @@ Guide::Guide(UntypedFrontend frontend, GuideOptions options)
 
 Guide::Guide(std::shared_ptr<UntypedFrontend> frontend, GuideOptions options) {
   frontend = steerable(std::move(frontend));
-  const GuidedRobot robot = guided_robot(frontend->session());
+  const GuidedRobot robot = guided_robot(frontend->session(), options.frames);
   implementation_ =
       std::make_unique<Implementation>(std::move(frontend), robot, std::move(options));
 }
@@ -497,24 +468,22 @@ Guide::Implementation& Guide::own() const {
   return *implementation_;
 }
 
-int Guide::num_fingers() const noexcept {
-  return implementation_->controller().kinematics().num_fingers();
-}
+int Guide::num_joints() const noexcept { return static_cast<int>(robot().limits.size()); }
+const GuidedRobot& Guide::robot() const noexcept { return implementation_->controller().robot(); }
 
-int Guide::num_joints() const noexcept {
-  return implementation_->controller().kinematics().num_joints();
-}
-
-void Guide::move_tip(int finger, const Eigen::Vector3d& position) {
-  if (finger < 0 || finger >= num_fingers()) {
-    throw InvalidArgument(
-        text_of("finger ", finger, " does not exist; fingers are 0 to ", num_fingers() - 1));
+void Guide::move_frame(int frame, const Eigen::Vector3d& position) {
+  const int count = static_cast<int>(robot().frames.size());
+  if (frame < 0 || frame >= count) {
+    throw InvalidArgument(text_of(
+        "frame ", frame, " does not exist; ",
+        count == 0 ? "this robot's frames have no names: name some when you make the guide (frames)"
+                   : text_of("frames are 0 to ", count - 1)));
   }
   require_finite_numbers("coordinate", position);
-  own().put({.mode = Mode::kMoveTip, .finger = finger, .tip = position});
+  own().put({.mode = Mode::kMoveFrame, .frame = frame, .point = position});
 }
 
-void Guide::move_joints(const JointValues& positions) {
+void Guide::move_joints(const GuidedJoints& positions) {
   if (positions.size() != num_joints()) {
     throw InvalidArgument(text_of(positions.size(), " positions were given, the robot has ",
                                   num_joints(), " joints"));

@@ -5,27 +5,39 @@
 #include <cmath>
 #include <limits>
 
+#include "guiding/frame_kinematics.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::guiding {
 namespace {
 
-using detail::require;
-using detail::require_positive;
+using trifinger::detail::require;
+using trifinger::detail::require_finite;
+using trifinger::detail::require_positive;
 
-// A finger's line waits while its joints are further behind than this [rad].
+// A frame's line waits while its joints are further behind than this [rad].
 constexpr double kMaxLag = 0.15;
 // A reference that leads the joint by no more than this merely lags, without an obstacle [rad].
 constexpr double kUsualLag = 0.05;
 // Joints have arrived within this distance [rad] and below this speed [rad/s].
 constexpr double kArrivalDistance = 0.02;
 constexpr double kArrivalSpeed = 0.1;
-// A tip that is so near to its point is at its point [m].
+// A point of a line that is so near to its end is at its end [m].
 constexpr double kSamePoint = 1e-9;
+// The search for a target does so many steps in one step of the robot, each so far ahead [m]. At
+// the end of the line it goes on until the frame is as near as this, or as often as this.
+constexpr int kSearchesPerStep = 6;
+constexpr double kSearchStride = 0.01;
+constexpr double kFound = 1e-7;
+constexpr int kMaxSettling = 100;
+// A frame that stays further away from its point than this does not get there [m].
+constexpr double kReached = 1e-4;
+// So often a step of the robot brings the joints nearer to the frames' places on their lines.
+constexpr int kApproaches = 2;
 // Dry friction is compensated fully from this speed on [rad/s]. Below it grows from zero, so that
 // noise of the velocity at rest moves nothing.
 constexpr double kSlidingSpeed = 0.05;
-// A tip accelerates on its line as if its joints were this far away [m].
+// A frame accelerates on its line as if its joints were this far away [m].
 constexpr double kArm = 0.1;
 // The safety checks end a session whose measurements are larger.
 constexpr double kLargestMeasurement = 1e6;
@@ -37,6 +49,19 @@ double stoppable_speed(double distance, double change, double period) noexcept {
   return std::min(change * (std::sqrt(0.25 + 2 * distance / (change * period)) - 0.5),
                   distance / period);
 }
+
+// What the frames are to get to in one step of least squares.
+class Goals {
+ public:
+  void add(const detail::FrameGoal& goal) noexcept { goals_[count_++] = goal; }
+  [[nodiscard]] std::span<const detail::FrameGoal> all() const noexcept {
+    return std::span(goals_).first(count_);
+  }
+
+ private:
+  std::array<detail::FrameGoal, kMaxGuidedFrames> goals_;
+  std::size_t count_{0};
+};
 
 bool is_plausible(double number) noexcept {
   return std::isfinite(number) && std::abs(number) <= kLargestMeasurement;
@@ -50,8 +75,8 @@ std::string_view name_of(Mode mode) noexcept {
       return "hold";
     case Mode::kMoveJoints:
       return "move_joints";
-    case Mode::kMoveTip:
-      return "move_tip";
+    case Mode::kMoveFrame:
+      return "move_frame";
     case Mode::kFloat:
       return "float";
     case Mode::kHome:
@@ -72,23 +97,25 @@ GuideController::GuideController(const GuidedRobot& robot, const GuideSpeeds& sp
     : robot_(robot),
       speeds_(speeds),
       period_(std::chrono::duration<double>(period).count()),
-      kinematics_(robot.description),
-      joints_(kinematics_.num_joints()),
-      actuator_(actuator(robot.description)) {
+      kinematics_(std::make_unique<detail::FrameKinematics>(robot)),
+      joints_(kinematics_->num_joints()),
+      frames_(kinematics_->num_frames()) {
   speeds.validate();
   require_positive("period", period_);
   require(robot.home.size() == joints_, "home has " + std::to_string(robot.home.size()) +
                                             " joints, the robot has " + std::to_string(joints_));
-  detail::require_finite("home", robot.home);
-  trifinger::validate(std::span(robot_.limits).first(static_cast<std::size_t>(joints_)));
-  state_.measured.setZero(joints_);
-  state_.reference.setZero(joints_);
-  state_.target.setZero(joints_);
-  velocity_.setZero(joints_);
-  reference_velocity_.setZero(joints_);
-  command_.torque.setZero(joints_);
+  require_finite("home", robot.home);
+  trifinger::validate(robot_.limits);
+  for (GuidedJoints* const joints :
+       {&state_.measured, &state_.reference, &state_.target, &velocity_, &reference_velocity_,
+        &path_, &path_rates_, &command_.torque}) {
+    joints->setZero(joints_);
+  }
   command_.position.setConstant(joints_, kNotGiven);
+  find_frames();
 }
+
+GuideController::~GuideController() = default;
 
 bool GuideController::begin(const MeasuredJoints& measured) noexcept TRIFINGER_REALTIME {
   if (measured.position.size() != joints_) return false;
@@ -103,6 +130,7 @@ bool GuideController::begin(const MeasuredJoints& measured) noexcept TRIFINGER_R
   reference_velocity_.setZero();
   is_held_back_.fill(false);
   aim_at_rest();
+  find_frames();
   return true;
 }
 
@@ -112,9 +140,8 @@ bool GuideController::accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTI
       (setpoint.joints.size() != joints_ || !setpoint.joints.allFinite())) {
     return false;
   }
-  if (setpoint.mode == Mode::kMoveTip &&
-      (setpoint.finger < 0 || setpoint.finger >= kinematics_.num_fingers() ||
-       !setpoint.tip.allFinite())) {
+  if (setpoint.mode == Mode::kMoveFrame &&
+      (setpoint.frame < 0 || setpoint.frame >= frames_ || !setpoint.point.allFinite())) {
     return false;
   }
   const bool has_floated = state_.mode == Mode::kFloat;
@@ -137,12 +164,11 @@ bool GuideController::accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTI
     case Mode::kHome:
       aim(robot_.home);
       break;
-    case Mode::kMoveTip:
-      aim_tip(setpoint.finger, setpoint.tip);
+    case Mode::kMoveFrame:
+      aim_frame(setpoint.frame, setpoint.point);
       break;
     case Mode::kFloat:
-      for (Line& line : lines_) line = {};
-      state_.shortfalls.fill({});
+      forget_lines();
       break;
   }
   state_.mode = setpoint.mode;
@@ -154,29 +180,34 @@ const GuideCommand& GuideController::update(const MeasuredJoints& measured) noex
     TRIFINGER_REALTIME {
   if (!has_begun_) return command_;
   measure(measured);
-  kinematics_.update(state_.measured);
   if (state_.mode == Mode::kFloat) {
     command_float();
   } else {
-    for (int finger = 0; finger < kinematics_.num_fingers(); ++finger) advance_line(finger);
+    search();
+    advance_lines();
     command_reference();
   }
   find_arrival();
+  find_frames();
   return command_;
 }
 
+double GuideController::radian(int joint) const noexcept { return kinematics_->radian(joint); }
+
 double GuideController::max_speed(int joint) const noexcept {
-  return std::min(speeds_.joint_speed, robot_.limits[static_cast<std::size_t>(joint)].max_velocity);
+  return std::min(speeds_.joint_speed * radian(joint), limit(joint).max_velocity);
 }
 
 double GuideController::max_acceleration(int joint) const noexcept {
-  return std::min(speeds_.joint_acceleration,
-                  robot_.limits[static_cast<std::size_t>(joint)].braking);
+  return std::min(speeds_.joint_acceleration * radian(joint), limit(joint).braking);
+}
+
+const JointLimit& GuideController::limit(int joint) const noexcept {
+  return robot_.limits[static_cast<std::size_t>(joint)];
 }
 
 double GuideController::inside(int joint, double position) const noexcept {
-  const JointLimit& limit = robot_.limits[static_cast<std::size_t>(joint)];
-  return std::clamp(position, limit.soft_lower, limit.soft_upper);
+  return std::clamp(position, limit(joint).soft_lower, limit(joint).soft_upper);
 }
 
 void GuideController::measure(const MeasuredJoints& measured) noexcept {
@@ -186,81 +217,156 @@ void GuideController::measure(const MeasuredJoints& measured) noexcept {
     if (i < measured.velocity.size() && is_plausible(measured.velocity[i]))
       velocity_[i] = measured.velocity[i];
   }
+  kinematics_->measure(state_.measured, measured.all);
 }
 
 // Aims where the joints are once they have braked.
 void GuideController::aim_at_rest() noexcept {
-  JointValues rest(joints_);
+  GuidedJoints rest(joints_);
   for (int i = 0; i < joints_; ++i) {
     // If something blocks a joint, its reference is somewhere else, and the joint must not go
     // there.
-    const bool is_led = std::abs(state_.reference[i] - state_.measured[i]) <= kUsualLag;
+    const bool is_led = std::abs(state_.reference[i] - state_.measured[i]) <= kUsualLag * radian(i);
     const double begin = is_led ? state_.reference[i] : state_.measured[i];
     const double speed =
         is_led ? reference_velocity_[i] : std::clamp(velocity_[i], -max_speed(i), max_speed(i));
     rest[i] = inside(i, begin + speed * std::abs(speed) / (2 * max_acceleration(i)));
   }
   aim(rest);
-  state_.shortfalls.fill({});
 }
 
-void GuideController::aim(const JointValues& target) noexcept {
-  for (Line& line : lines_) line = {};
-  state_.shortfalls.fill({});
+void GuideController::aim(const GuidedJoints& target) noexcept {
+  forget_lines();
   for (int i = 0; i < joints_; ++i) {
     state_.target[i] = inside(i, target[i]);
-    if (state_.target[i] != target[i])
-      state_.shortfalls[static_cast<std::size_t>(i / kJointsPerFinger)].is_clamped = true;
+    state_.is_clamped[static_cast<std::size_t>(i)] = state_.target[i] != target[i];
   }
 }
 
-Eigen::Vector3d GuideController::inside(int finger, const Eigen::Vector3d& joints) const noexcept {
-  Eigen::Vector3d result;
-  for (int j = 0; j < kJointsPerFinger; ++j)
-    result[j] = inside(kJointsPerFinger * finger + j, joints[j]);
-  return result;
+void GuideController::forget_lines() noexcept {
+  lines_.fill({});
+  is_led_.fill(false);
+  state_.missing.fill(0.0);
+  state_.is_clamped.fill(false);
 }
 
-Eigen::Vector3d GuideController::tip_of(int finger, const JointValues& joints) const noexcept {
-  return kinematics_.tip_positions(joints).segment<3>(3 * finger);
-}
-
-void GuideController::aim_tip(int finger, const Eigen::Vector3d& tip) noexcept {
-  const int first = kJointsPerFinger * finger;
-  Line& line = lines_[static_cast<std::size_t>(finger)];
-  const bool is_held_back =
-      std::any_of(is_held_back_.begin() + first, is_held_back_.begin() + first + kJointsPerFinger,
-                  [](bool is) { return is; });
+void GuideController::aim_frame(int frame, const Eigen::Vector3d& point) noexcept {
+  Line& line = lines_[static_cast<std::size_t>(frame)];
+  bool is_held_back = false;
+  for (int i = 0; i < joints_; ++i) {
+    is_held_back = is_held_back ||
+                   (kinematics_->moves(i, frame) && is_held_back_[static_cast<std::size_t>(i)]);
+  }
   // A line goes on from its own last point. The reference is behind that point, and would slow down
   // at each of many setpoints.
-  if (!line.is_given || is_held_back) {
-    line = {.at = tip_of(finger, state_.reference), .joints = state_.reference.segment<3>(first)};
-  }
-  FingerPose pose = kinematics_.inverse_kinematics(finger, tip, line.joints);
-  Eigen::Vector3d joints = inside(finger, pose.position);
-  if (joints != pose.position) {
-    // The finger may get there in another way, which is not the nearest.
-    const FingerPose other = kinematics_.inverse_kinematics(finger, tip);
-    if (const Eigen::Vector3d others = inside(finger, other.position);
-        other && others == other.position) {
-      pose = other;
-      joints = others;
+  if (!line.is_given || is_held_back) begin_line(frame);
+  line.end = point;
+  // All frames that share joints are searched together.
+  for (int other = 0; other < frames_; ++other) {
+    Line& searched = lines_[static_cast<std::size_t>(other)];
+    if (!searched.is_given || !kinematics_->moves_with(frame, other)) continue;
+    searched.is_found = false;
+    searched.ahead = searched.at;
+    for (int i = 0; i < joints_; ++i) {
+      if (!kinematics_->moves(i, other)) continue;
+      state_.target[i] = path_[i];
+      state_.is_clamped[static_cast<std::size_t>(i)] = false;
     }
   }
-  const bool is_clamped = joints != pose.position;
-  state_.target.segment<3>(first) = joints;
-  state_.shortfalls[static_cast<std::size_t>(finger)] = {.reach = pose.reach,
-                                                         .is_clamped = is_clamped};
-  line.is_given = true;
-  line.end = pose && !is_clamped ? tip : tip_of(finger, state_.target);
+  search_steps_ = 0;
 }
 
-void GuideController::advance_line(int finger) noexcept {
-  Line& line = lines_[static_cast<std::size_t>(finger)];
+// Begins the line of a frame where the reference is.
+void GuideController::begin_line(int frame) noexcept {
+  for (int i = 0; i < joints_; ++i) {
+    if (!kinematics_->moves(i, frame)) continue;
+    is_led_[static_cast<std::size_t>(i)] = true;
+    path_[i] = inside(i, state_.reference[i]);
+  }
+  lines_[static_cast<std::size_t>(frame)] = {.is_given = true};
+  for (int other = 0; other < frames_; ++other) {
+    Line& line = lines_[static_cast<std::size_t>(other)];
+    if (line.is_given && kinematics_->moves_with(frame, other))
+      line.at = kinematics_->point(other, path_);
+  }
+}
+
+// Goes on to search the joints with which the frames are at the ends of their lines. It goes ahead
+// on the lines, so it finds the posture to which they lead.
+void GuideController::search() noexcept {
+  for (int i = 0; i < kSearchesPerStep; ++i) {
+    Goals goals;
+    bool is_ahead = true;  // at the ends of all lines
+    for (int frame = 0; frame < frames_; ++frame) {
+      Line& line = lines_[static_cast<std::size_t>(frame)];
+      if (!line.is_given || line.is_found) continue;
+      const Eigen::Vector3d rest = line.end - line.ahead;
+      const double distance = rest.norm();
+      line.ahead = distance <= kSearchStride
+                       ? line.end
+                       : Eigen::Vector3d(line.ahead + rest * (kSearchStride / distance));
+      goals.add({.frame = frame, .point = line.ahead});
+      is_ahead = is_ahead && line.ahead == line.end;
+    }
+    if (goals.all().empty()) return;
+    const double farthest = kinematics_->approach(goals.all(), state_.target);
+    if (is_ahead && (farthest <= kFound || ++search_steps_ >= kMaxSettling)) end_search();
+  }
+}
+
+void GuideController::end_search() noexcept {
+  for (int frame = 0; frame < frames_; ++frame) {
+    Line& line = lines_[static_cast<std::size_t>(frame)];
+    if (!line.is_given || line.is_found) continue;
+    line.is_found = true;
+    const Eigen::Vector3d point = kinematics_->point(frame, state_.target);
+    const double missing = (point - line.end).norm();
+    const bool is_reached =
+        missing <= kReached ||
+        kinematics_->find_posture({.frame = frame, .point = line.end}, state_.target);
+    state_.missing[static_cast<std::size_t>(frame)] = is_reached ? 0.0 : missing;
+    if (!is_reached) line.end = point;
+  }
+}
+
+// True if this frame, and each other one that moves with it, is at the end of its line.
+bool GuideController::is_at_end(int frame) const noexcept {
+  for (int other = 0; other < frames_; ++other) {
+    const Line& line = lines_[static_cast<std::size_t>(other)];
+    if (line.is_given && !line.is_at_end() && kinematics_->moves_with(frame, other)) return false;
+  }
+  return true;
+}
+
+void GuideController::advance_lines() noexcept {
+  path_rates_ = path_;
+  for (int frame = 0; frame < frames_; ++frame) advance_line(frame);
+  Goals goals;
+  for (int frame = 0; frame < frames_; ++frame) {
+    const Line& line = lines_[static_cast<std::size_t>(frame)];
+    if (line.is_given && !is_at_end(frame)) goals.add({.frame = frame, .point = line.at});
+  }
+  for (int i = 0; i < kApproaches; ++i) kinematics_->approach(goals.all(), path_);
+  path_rates_ = (path_ - path_rates_) / period_;
+  for (int frame = 0; frame < frames_; ++frame) {
+    if (!lines_[static_cast<std::size_t>(frame)].is_given || !is_at_end(frame)) continue;
+    for (int i = 0; i < joints_; ++i) {
+      if (!kinematics_->moves(i, frame)) continue;
+      path_[i] = state_.target[i];
+      path_rates_[i] = 0.0;
+    }
+  }
+}
+
+// Moves the point of a line by one step.
+void GuideController::advance_line(int frame) noexcept {
+  Line& line = lines_[static_cast<std::size_t>(frame)];
   if (!line.is_given) return;
-  const int first = kJointsPerFinger * finger;
-  const double lag = (line.joints - state_.reference.segment<3>(first)).cwiseAbs().maxCoeff();
-  line.rates.setZero();
+  double lag = 0.0;
+  for (int i = 0; i < joints_; ++i) {
+    if (kinematics_->moves(i, frame))
+      lag = std::max(lag, std::abs(path_[i] - state_.reference[i]) / radian(i));
+  }
   if (lag > kMaxLag) {
     line.speed = 0.0;
     return;
@@ -271,7 +377,6 @@ void GuideController::advance_line(int finger) noexcept {
   if (distance <= kSamePoint) {
     line.at = line.end;
     line.speed = 0.0;
-    line.joints = state_.target.segment<3>(first);
     return;
   }
   const Eigen::Vector3d along = displacement / distance;
@@ -281,10 +386,6 @@ void GuideController::advance_line(int finger) noexcept {
   const double wanted = std::min(speeds_.tip_speed, stoppable_speed(distance, change, period_));
   line.speed = std::clamp(wanted, line.speed - change, line.speed + change);
   line.at += along * std::min(line.speed * period_, distance);
-  const Eigen::Vector3d before = line.joints;
-  line.joints =
-      inside(finger, kinematics_.inverse_kinematics(finger, line.at, line.joints).position);
-  line.rates = (line.joints - before) / period_;
 }
 
 // Moves the reference of a joint by one step towards `goal`, which itself moves with `rate`.
@@ -304,13 +405,13 @@ void GuideController::advance(int joint, double goal, double rate) noexcept {
   // What is further away than the largest lead comes back, but no faster than any reference.
   const double measured = state_.measured[joint];
   const double most = speed * period_;
-  const double lead = std::clamp(next, measured - speeds_.max_lead, measured + speeds_.max_lead);
+  const double max_lead = speeds_.max_lead * radian(joint);
+  const double lead = std::clamp(next, measured - max_lead, measured + max_lead);
   is_held_back_[static_cast<std::size_t>(joint)] = lead != next;
   next = std::clamp(lead, reference - most, reference + most);
   // Nothing leads beyond a soft limit, or further beyond it.
-  const JointLimit& limit = robot_.limits[static_cast<std::size_t>(joint)];
-  next = std::clamp(next, std::min(limit.soft_lower, reference),
-                    std::max(limit.soft_upper, reference));
+  next = std::clamp(next, std::min(limit(joint).soft_lower, reference),
+                    std::max(limit(joint).soft_upper, reference));
   const double moved = (next - reference) / period_;
   // A reference that was held back does not go on with a speed that it does not have.
   velocity = std::clamp(moved, std::min(asked, 0.0), std::max(asked, 0.0));
@@ -322,37 +423,44 @@ void GuideController::command_float() noexcept {
   state_.target = state_.measured;
   reference_velocity_.setZero();
   is_held_back_.fill(false);
-  command_.torque = kinematics_.gravity_torques();
+  kinematics_->weight(command_.torque);
   for (int i = 0; i < joints_; ++i) {
-    const double slides = std::tanh(velocity_[i] / kSlidingSpeed);
-    command_.torque[i] += actuator_.damping * velocity_[i] + actuator_.friction * slides;
+    const double slides = std::tanh(velocity_[i] / (kSlidingSpeed * radian(i)));
+    command_.torque[i] +=
+        kinematics_->damping(i) * velocity_[i] + kinematics_->friction(i) * slides;
   }
   command_.position.setConstant(joints_, kNotGiven);
 }
 
 void GuideController::command_reference() noexcept {
-  command_.torque = kinematics_.gravity_torques();
+  kinematics_->weight(command_.torque);
   for (int i = 0; i < joints_; ++i) {
-    const Line& line = lines_[static_cast<std::size_t>(i / kJointsPerFinger)];
-    const int j = i % kJointsPerFinger;
-    advance(i, line.is_given ? line.joints[j] : state_.target[i],
-            line.is_given ? line.rates[j] : 0.0);
+    const bool is_led = is_led_[static_cast<std::size_t>(i)];
+    advance(i, is_led ? path_[i] : state_.target[i], is_led ? path_rates_[i] : 0.0);
     // Everything that damps the joint would otherwise hold it back on its way.
-    const JointLimit& limit = robot_.limits[static_cast<std::size_t>(i)];
-    const double damping = limit.default_kd + limit.safety_kd + actuator_.damping;
+    const double damping = limit(i).default_kd + limit(i).safety_kd + kinematics_->damping(i);
     command_.torque[i] += damping * reference_velocity_[i];
   }
   command_.position = state_.reference;
 }
 
 void GuideController::find_arrival() noexcept {
-  state_.has_arrived =
-      state_.mode != Mode::kFloat && state_.reference == state_.target &&
-      reference_velocity_.isZero(0.0) &&
-      (state_.measured - state_.target).cwiseAbs().maxCoeff() <= kArrivalDistance &&
-      velocity_.cwiseAbs().maxCoeff() <= kArrivalSpeed;
+  state_.has_arrived = state_.mode != Mode::kFloat && state_.reference == state_.target &&
+                       reference_velocity_.isZero(0.0);
+  for (int i = 0; i < joints_; ++i) {
+    state_.has_arrived =
+        state_.has_arrived &&
+        std::abs(state_.measured[i] - state_.target[i]) <= kArrivalDistance * radian(i) &&
+        std::abs(velocity_[i]) <= kArrivalSpeed * radian(i);
+  }
   for (const Line& line : lines_)
-    state_.has_arrived = state_.has_arrived && (!line.is_given || line.at == line.end);
+    state_.has_arrived = state_.has_arrived && (!line.is_given || line.is_at_end());
+}
+
+void GuideController::find_frames() noexcept {
+  kinematics_->points(state_.measured, state_.measured_frames);
+  kinematics_->points(state_.reference, state_.reference_frames);
+  kinematics_->points(state_.target, state_.target_frames);
 }
 
 }  // namespace trifinger::guiding

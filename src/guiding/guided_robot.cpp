@@ -3,36 +3,40 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <span>
 
+#include "trifinger/model/frames.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::guiding {
-namespace {
 
-GuidedRobot make(const RobotDescription& description, std::span<const JointLimit> limits) {
-  GuidedRobot robot{.description = description,
-                    .home = JointValues(static_cast<int>(limits.size()))};
-  const VariantFigures& variant = figures(description);
-  for (std::size_t i = 0; i < limits.size(); ++i) {
-    robot.limits[i] = limits[i];
-    robot.home[static_cast<int>(i)] = std::clamp(variant.initial_position[i % kJointsPerFinger],
-                                                 limits[i].soft_lower, limits[i].soft_upper);
+GuidedRobot guided_robot(const SimulationOptions& options, std::span<const std::string> frames) {
+  SimulationOptions bare = options;
+  bare.description.objects.clear();
+  GuidedRobot robot{.model = make_model(bare),
+                    .limits = options.limits.value_or(std::vector<JointLimit>{}),
+                    .home = {},
+                    .frames = {frames.begin(), frames.end()},
+                    .description = {}};
+  if (robot.limits.empty()) robot.limits = default_limits(options.description);
+  if (frames.empty()) {
+    robot.frames = end_frames(*robot.model);
+    if (robot.frames.size() > kMaxGuidedFrames) robot.frames.resize(kMaxGuidedFrames);
+    if (options.file == nullptr) robot.description = bare.description;
+  }
+  const SceneModel::Data start = robot.model->make_data();
+  robot.model->reset(*start);
+  robot.home.resize(std::ssize(robot.limits));
+  for (std::size_t i = 0; i < robot.limits.size(); ++i) {
+    const double position = options.initial_position ? options.initial_position->at(i)
+                                                     : robot.model->position(i, *start);
+    robot.home[static_cast<Eigen::Index>(i)] =
+        std::clamp(position, robot.limits[i].soft_lower, robot.limits[i].soft_upper);
   }
   return robot;
 }
 
-}  // namespace
-
-GuidedRobot guided_robot(const RobotDescription& description) {
-  return make(description, default_limits(description));
-}
-
-GuidedRobot guided_robot(const Session& session) {
-  const RobotConfig config = robot_config_of(session);
-  const RobotDescription& description = description_of(config);
-  return make(description, config.simulation.limits.value_or(default_limits(description)));
+GuidedRobot guided_robot(const Session& session, std::span<const std::string> frames) {
+  return guided_robot(read_robot_config(config_file_of(session)).simulation, frames);
 }
 
 }  // namespace trifinger::guiding

@@ -3,23 +3,25 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <exception>
 #include <functional>
 #include <future>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "core/fake_robot.hpp"
+#include "guiding/frame_kinematics.hpp"
 #include "guiding/robots.hpp"
-#include "model/file_robots.hpp"
 #include "support/child_process.hpp"
-#include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -30,11 +32,13 @@ namespace {
 
 using namespace guiding;
 using namespace std::chrono_literals;
-using ::testing::Test;
+using ::testing::TestWithParam;
+using ::testing::ValuesIn;
 
 // Real time that forgives a busy machine everything.
-BackendOptions patient() {
+BackendOptions patient(Nanoseconds period) {
   return {.mode = BackendOptions::Mode::kRealTime,
+          .period = period,
           .max_action_repeats = BackendOptions::kUnlimited,
           .max_skipped_ticks = BackendOptions::kUnlimited,
           .driver_timeout = 60s};
@@ -43,32 +47,42 @@ BackendOptions patient() {
 GuideOptions ordinary_thread() { return {.realtime = {.demand = Demand::kOff}}; }
 
 // A simulated robot that homes until somebody lets it, and breaks when somebody wants it to.
-template <class R>
-class Breakable final : public Driver<R> {
+class Breakable final : public UntypedDriver {
  public:
-  using Driver<R>::get_latest_observation;
-  using Driver<R>::apply_action;
-  using Driver<R>::hold;
+  Breakable(std::string_view name, const std::vector<double>& begin) : robot(guided_options(name)) {
+    robot.reset(begin, Random{1});
+  }
 
-  explicit Breakable(const JointVector<R::kJoints>& begin) { robot.reset(begin, Random{1}); }
-
-  DriverReport prepare(TimeIndex step) noexcept override {
+  [[nodiscard]] const RobotTypes& description() const noexcept override {
+    return robot.description();
+  }
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
+    return robot.companions();
+  }
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override {
+    return robot.get_companion_element(index, time_index, element);
+  }
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override {
     return is_homing ? DriverReport::busy() : robot.prepare(step);
   }
-  DriverReport get_latest_observation(typename R::Observation& observation) noexcept override {
-    DriverReport report = robot.get_latest_observation(&observation);
-    if (measures_nothing) observation.position.fill(std::numeric_limits<double>::quiet_NaN());
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override {
+    const DriverReport report = robot.get_latest_observation(observation);
+    if (measures_nothing) {
+      // The positions come first.
+      std::ranges::fill(std::span(static_cast<double*>(observation), robot.model().joints().size()),
+                        std::numeric_limits<double>::quiet_NaN());
+    }
     return report;
   }
-  DriverReport apply_action(const typename R::Action& desired,
-                            typename R::AppliedAction& applied) noexcept override {
-    if (breaks) return DriverReport::fault(7);
-    return robot.apply_action(&desired, &applied);
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override {
+    return breaks ? DriverReport::fault(7) : robot.apply_action(desired, applied);
   }
-  DriverReport hold(const typename R::Observation& observation,
-                    typename R::Action& action) noexcept override {
-    return robot.hold(&observation, &action);
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override {
+    return robot.hold(observation, action);
   }
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override { return robot.stop(step); }
+  void cut() noexcept override {}
   [[nodiscard]] std::string_view fault_text(std::int32_t) const noexcept override {
     return "a cable broke";
   }
@@ -76,24 +90,28 @@ class Breakable final : public Driver<R> {
   std::atomic<bool> is_homing{false};
   std::atomic<bool> breaks{false};
   std::atomic<bool> measures_nothing{false};
-  SimulatedRobot robot{guided_options<R>()};
+  SimulatedRobot robot;
 };
 
 // A robot in real time, in a thread of this process.
-template <class R>
 struct RunningRobot {
-  explicit RunningRobot(bool is_homing = false, Clock& clock = MonotonicClock::instance())
-      : driver(begin_pose()), backend(driver, host, patient(), clock) {
+  explicit RunningRobot(const char* robot_name, bool is_homing = false,
+                        Clock& clock = MonotonicClock::instance())
+      : name(robot_name),
+        driver(name, begin_pose(name)),
+        backend(driver, host, patient(driver.robot.options().period), clock) {
     driver.is_homing = is_homing;
     thread.emplace(backend);
   }
 
   // Not the initial pose, so that a jump to it would be seen.
-  static JointVector<R::kJoints> begin_pose() {
-    const GuidedRobot robot = guided_robot(guided_options<R>().description);
-    JointVector<R::kJoints> pose{};
-    for (std::size_t i = 0; i < R::kJoints; ++i)
-      pose[i] = robot.home[static_cast<Eigen::Index>(i)] + (i % 3 == 0 ? 0.2 : 0.1);
+  static std::vector<double> begin_pose(const char* name) {
+    const GuidedRobot robot = guided(name);
+    std::vector<double> pose;
+    for (std::size_t i = 0; i < robot.limits.size(); ++i) {
+      const double radian = robot.model->joints()[i].is_slide ? 0.1 : 1.0;
+      pose.push_back(robot.home[static_cast<Eigen::Index>(i)] + (i % 3 == 0 ? 0.2 : 0.1) * radian);
+    }
     return pose;
   }
   [[nodiscard]] std::shared_ptr<UntypedFrontend> connect() const {
@@ -103,11 +121,11 @@ struct RunningRobot {
   }
   [[nodiscard]] std::unique_ptr<Guide> guide(
       const GuideOptions& options = ordinary_thread()) const {
-    return std::make_unique<Guide>(connect(), guided_robot(guided_options<R>().description),
-                                   options);
+    return std::make_unique<Guide>(connect(), guided(name), options);
   }
 
-  Breakable<R> driver;
+  const char* name;
+  Breakable driver;
   SessionHost host{SessionHost::anonymous()};
   Backend backend;
   std::optional<BackendThread> thread;
@@ -117,26 +135,31 @@ void wait_for_step(const Guide& guide, TimeIndex step) {
   while (guide.state().step < step) std::this_thread::yield();
 }
 
-template <class R>
-class GuideOf : public Test {};
-using Robots = ::testing::Types<TriFinger, Finger>;
-TYPED_TEST_SUITE(GuideOf, Robots);
+class GuideOf : public TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Robots, GuideOf, ValuesIn(kGuidedRobots),
+                         [](const auto& robot) { return std::string(robot.param); });
 
-TYPED_TEST(GuideOf, FollowsSetpointsOneAfterTheOther) {
-  const RunningRobot<TypeParam> robot;
+TEST_P(GuideOf, FollowsSetpointsOneAfterTheOther) {
+  const RunningRobot robot(GetParam());
   const auto guide = robot.guide();
   const GuideState begin = guide->state();
   EXPECT_EQ(begin.mode, Mode::kHold);
-  for (int finger = 0; finger < guide->num_fingers(); ++finger) {
-    const Eigen::Vector3d tip = begin.tips.template segment<3>(3 * finger);
-    guide->move_tip(finger, tip + Eigen::Vector3d(0.0, 0.0, 0.03));
+  if (const auto displacement = line_of(GetParam())) {
+    // Frames that share joints could not all go there.
+    const bool are_fingers = GetParam() == std::string("trifinger");
+    const int count = are_fingers ? static_cast<int>(begin.frames.cols()) : 1;
+    for (int frame = 0; frame < count; ++frame) {
+      guide->move_frame(frame, begin.frames.col(frame) + *displacement / 2);
+    }
+    guide->wait_until_arrived();
+    const GuideState moved = guide->state();
+    EXPECT_EQ(moved.mode, Mode::kMoveFrame);
+    EXPECT_EQ(moved.refusal, "");
+    for (int frame = 0; frame < count; ++frame) {
+      EXPECT_LT((moved.frames.col(frame) - begin.frames.col(frame) - *displacement / 2).norm(),
+                0.004);
+    }
   }
-  guide->wait_until_arrived();
-  const GuideState raised = guide->state();
-  EXPECT_EQ(raised.mode, Mode::kMoveTip);
-  EXPECT_EQ(raised.refusal, "");
-  for (int finger = 0; finger < guide->num_fingers(); ++finger)
-    EXPECT_NEAR(raised.tips[3 * finger + 2], begin.tips[3 * finger + 2] + 0.03, 0.004);
 
   guide->home();
   guide->wait_until_arrived();
@@ -155,30 +178,32 @@ TYPED_TEST(GuideOf, FollowsSetpointsOneAfterTheOther) {
   EXPECT_NO_THROW(guide->check());
 }
 
-TYPED_TEST(GuideOf, SaysWhatCannotBeDone) {
-  const RunningRobot<TypeParam> robot;
+TEST_P(GuideOf, SaysWhatCannotBeDone) {
+  const RunningRobot robot(GetParam());
   const auto guide = robot.guide();
-  EXPECT_THROW(guide->move_tip(guide->num_fingers(), {0.0, 0.0, 0.1}), InvalidArgument);
+  const auto frames = static_cast<int>(guide->robot().frames.size());
+  EXPECT_THROW(guide->move_frame(frames, {0.0, 0.0, 0.1}), InvalidArgument);
   EXPECT_THROW(guide->move_tip(0, {0.0, std::nan(""), 0.1}), InvalidArgument);
-  EXPECT_THROW(guide->move_joints(JointValues::Zero(1)), InvalidArgument);
-  EXPECT_THROW(guide->move_joints(JointValues::Constant(guide->num_joints(), std::nan(""))),
+  EXPECT_THROW(guide->move_joints(GuidedJoints::Zero(2)), InvalidArgument);
+  EXPECT_THROW(guide->move_joints(GuidedJoints::Constant(guide->num_joints(), std::nan(""))),
                InvalidArgument);
-  guide->move_tip(0, {0.0, 0.0, 3.0});
-  // The robot arrives where its tip is nearest, and the state shows that point.
-  while (guide->state().mode != Mode::kMoveTip) std::this_thread::yield();
-  EXPECT_NE(guide->state().refusal.find("finger 0 goes only to ("), std::string::npos);
-  EXPECT_LT(guide->state().target_tips.template head<3>().norm(), 1.0);
+  guide->move_tip(0, {2.0, 0.0, 3.0});
+  // The robot arrives where its frame is nearest, and the state shows that point.
+  while (guide->state().refusal.empty()) std::this_thread::yield();
+  EXPECT_NE(guide->state().refusal.find(guide->robot().frames[0] + " goes only to ("),
+            std::string::npos);
+  EXPECT_LT(guide->state().target_frames.col(0).norm(), 2.0);
 }
 
-TYPED_TEST(GuideOf, ActionsNeverJump) {
-  const RunningRobot<TypeParam> robot;
+TEST_P(GuideOf, ActionsNeverJump) {
+  const RunningRobot robot(GetParam());
   const auto guide = robot.guide();
   // Put before anything is measured.
-  const Kinematics kinematics(guided_options<TypeParam>().description);
-  const Eigen::Vector3d tip =
-      kinematics.tip_positions(joint_values(RunningRobot<TypeParam>::begin_pose()))
-          .template head<3>();
-  guide->move_tip(0, tip + Eigen::Vector3d(0.0, 0.02, 0.03));
+  const std::vector<double> pose = RunningRobot::begin_pose(GetParam());
+  guiding::detail::FrameKinematics kinematics(guided(GetParam()));
+  const Eigen::Vector3d point =
+      kinematics.point(0, GuidedJoints::Map(pose.data(), std::ssize(pose)));
+  guide->move_frame(0, point + line_of(GetParam()).value_or(Eigen::Vector3d(0.1, 0.0, 0.1)) / 2);
   guide->wait_until_arrived();
   guide->float_freely();
   while (guide->state().mode != Mode::kFloat) std::this_thread::yield();
@@ -189,29 +214,36 @@ TYPED_TEST(GuideOf, ActionsNeverJump) {
   const auto& frontend = guide->frontend();
   const auto [first, end] = frontend.range(Series::kDesiredAction);
   ASSERT_EQ(first, 0);
-  typename TypeParam::Observation begin;
-  JointVector<TypeParam::kJoints> before = RunningRobot<TypeParam>::begin_pose();
+  guiding::detail::JointElements elements(frontend.session());
+  std::vector<double> before = pose;
+  std::vector<std::byte> action(frontend.session().element(Series::kDesiredAction).size());
+  const std::size_t place =
+      frontend.session().element(Series::kDesiredAction).find("position")->offset;
+  const double period = period_of(guided_options(GetParam()));
   bool is_floating = false;
   for (TimeIndex t = first; t < end; ++t) {
-    typename TypeParam::Action action;
-    frontend.get(Series::kDesiredAction, t, &action, kForever);
-    const bool floats = std::isnan(action.position[0]);
+    frontend.get(Series::kDesiredAction, t, action.data(), kForever);
+    std::vector<double> position(pose.size());
+    std::memcpy(position.data(), action.data() + place, position.size() * sizeof(double));
+    const bool floats = std::isnan(position[0]);
     if (!floats && is_floating) {
-      frontend.get(Series::kObservation, t, &begin, kForever);
-      before = begin.position;
+      frontend.get(Series::kObservation, t, elements.observation(), kForever);
+      std::ranges::copy(elements.measured().position, before.begin());
     }
     is_floating = floats;
     if (floats) continue;
-    for (std::size_t i = 0; i < TypeParam::kJoints; ++i) {
+    for (std::size_t i = 0; i < pose.size(); ++i) {
+      const bool is_slide = guide->robot().model->joints()[i].is_slide;
       // After floating, the measurement of this step is not exactly that of the first reference.
-      ASSERT_NEAR(action.position[i], before[i], 2e-3) << "at step " << t << ", joint " << i;
+      ASSERT_NEAR(position[i], before[i], 2.0 * (is_slide ? 0.1 : 1.0) * period)
+          << "at step " << t << ", joint " << i;
     }
-    before = action.position;
+    before = position;
   }
 }
 
-TYPED_TEST(GuideOf, TellsOfAFaultEverywhere) {
-  RunningRobot<TypeParam> robot;
+TEST_P(GuideOf, TellsOfAFaultEverywhere) {
+  RunningRobot robot(GetParam());
   const auto guide = robot.guide();
   guide->wait_until_arrived();
   robot.driver.breaks = true;
@@ -232,8 +264,8 @@ TYPED_TEST(GuideOf, TellsOfAFaultEverywhere) {
             std::string::npos);
 }
 
-TYPED_TEST(GuideOf, HoldsAfterMeasurementsFailedWhileItFloated) {
-  RunningRobot<TypeParam> robot;
+TEST_P(GuideOf, HoldsAfterMeasurementsFailedWhileItFloated) {
+  RunningRobot robot(GetParam());
   const auto guide = robot.guide();
   guide->float_freely();
   while (guide->state().mode != Mode::kFloat) std::this_thread::yield();
@@ -247,7 +279,7 @@ TYPED_TEST(GuideOf, HoldsAfterMeasurementsFailedWhileItFloated) {
 }
 
 TEST(Guide, EndsDuringHoming) {
-  const RunningRobot<Finger> robot(true);
+  const RunningRobot robot("finger", true);
   {
     const auto guide = robot.guide();
     guide->home();
@@ -267,7 +299,7 @@ TEST(Guide, EndsDuringHoming) {
 TEST(Guide, GivesUpABackendThatDoesNotAnswer) {
   // Time stands still for this back-end, as if its process had been stopped.
   ManualClock clock;
-  RunningRobot<Finger> robot(false, clock);
+  RunningRobot robot("finger", false, clock);
   {
     auto guide = robot.guide();
     std::atomic<bool> stands_still{false};
@@ -285,7 +317,7 @@ TEST(Guide, GivesUpABackendThatDoesNotAnswer) {
 }
 
 TEST(Guide, StopsWhateverOthersWaitFor) {
-  const RunningRobot<Finger> robot;
+  const RunningRobot robot("finger");
   const auto guide = robot.guide();
   wait_for_step(*guide, 0);
   guide->move_tip(0, {0.0, 0.0, 0.4});
@@ -306,7 +338,7 @@ TEST(Guide, StopsWhateverOthersWaitFor) {
 }
 
 TEST(Guide, LetsAnInterruptEndAWait) {
-  const RunningRobot<Finger> robot(true);
+  const RunningRobot robot("finger", true);
   struct Interrupt : std::exception {};
   GuideOptions options = ordinary_thread();
   options.interrupt = [] { throw Interrupt(); };
@@ -316,7 +348,7 @@ TEST(Guide, LetsAnInterruptEndAWait) {
 }
 
 TEST(Guide, ReleasesTheRobotForTheNextOne) {
-  const RunningRobot<Finger> robot;
+  const RunningRobot robot("finger");
   for (int i = 0; i < 3; ++i) {
     const auto guide = robot.guide();
     guide->wait_until_arrived();
@@ -325,18 +357,18 @@ TEST(Guide, ReleasesTheRobotForTheNextOne) {
 }
 
 TEST(Guide, DrivesOnlyRobotsThatItCanSteer) {
-  const GuidedRobot known = guided_robot(guided_options<Finger>().description);
+  const GuidedRobot known = guided("finger");
   const auto refusal_of = [&](std::shared_ptr<UntypedFrontend> frontend) {
     return message_of<InvalidArgument>(
         [&] { return std::make_unique<Guide>(std::move(frontend), known, ordinary_thread()); });
   };
-  SimulatedRobot simulation{guided_options<Finger>()};
+  SimulatedRobot simulation{guided_options("finger")};
   SessionHost host{SessionHost::anonymous()};
   Backend backend(simulation, host);
   EXPECT_NE(refusal_of(std::make_shared<UntypedFrontend>(backend)).find("not in real-time mode"),
             std::string::npos);
 
-  const RunningRobot<TriFinger> other;
+  const RunningRobot other("trifinger");
   EXPECT_NE(
       refusal_of(std::make_shared<UntypedFrontend>(other.host, FrontendOptions{.control = false}))
           .find("only observes"),
@@ -350,7 +382,7 @@ TEST(Guide, DrivesOnlyRobotsThatItCanSteer) {
 }
 
 TEST(Guide, IsOfNoUseInAForkedChild) {
-  const RunningRobot<Finger> robot;
+  const RunningRobot robot("finger");
   auto guide = robot.guide();
   guide->wait_until_arrived();
   ChildProcess child([&] {
@@ -376,20 +408,53 @@ TEST(Guide, IsOfNoUseInAForkedChild) {
 }
 
 TEST(GuidedRobot, NeedsAConfiguration) {
-  const RunningRobot<Finger> robot;
+  const RunningRobot robot("finger");
   EXPECT_THROW(static_cast<void>(guided_robot(robot.connect()->session())), InvalidArgument);
 }
 
-TEST(GuidedRobot, IsNotFromAFile) {
+TEST(GuidedRobot, MayBeFromAFile) {
   const Folder folder;
   write(folder / "arm.xml", kArm);
   write(folder / "arm.yml",
-        std::string("name: arm\ndriver: simulation\nrobot: {mjcf: arm.xml}\n") + kArmSafety);
+        std::string("name: arm\ndriver: simulation\nrobot: {mjcf: arm.xml, initial_position: "
+                    "{elbow: 0.7}}\n") +
+            kArmSafety);
   const RobotConfig config = load_robot_config((folder / "arm.yml").string());
   const Simulation simulation(config.simulation, config.session);
-  EXPECT_EQ(message_of<InvalidArgument>(
-                [&] { return guided_robot(simulation.connect_untyped().session()).home.size(); }),
-            "robot 'arm' is from a file; this is for a TriFinger or one of its fingers");
+  const UntypedFrontend frontend = simulation.connect_untyped();
+  const GuidedRobot arm = guided_robot(frontend.session());
+  EXPECT_EQ(arm.home[1], 0.7);
+  EXPECT_EQ(arm.limits[0].default_kp, 20.0);
+  EXPECT_EQ(arm.frames, std::vector<std::string>{"flap"});
+  const auto refusal_of = [&](const char* frame) {
+    return message_of<InvalidArgument>([&] {
+      const std::vector<std::string> frames{frame};
+      return std::make_unique<GuideController>(guided_robot(frontend.session(), frames),
+                                               GuideSpeeds{});
+    });
+  };
+  EXPECT_EQ(refusal_of("ball"), "no motor moves the frame 'ball'");
+  EXPECT_NE(refusal_of("hand").find("the model has no frame 'hand'"), std::string::npos);
+}
+
+TEST(GuidedRobot, BeginsWhereItsSessionsBegin) {
+  SimulationOptions options = guided_options("finger");
+  options.initial_position = {0.1, 1.0, -1.5};
+  EXPECT_EQ(guided_robot(options).home, Eigen::Vector3d(0.1, 1.0, -1.5));
+  EXPECT_EQ(guided("finger").home, Eigen::Vector3d(0.0, 0.9, -1.7));
+}
+
+TEST(Guide, SaysWhyItSteersOnlyJoints) {
+  FakeDriver driver;
+  SessionHost host{SessionHost::anonymous()};
+  Backend backend(driver, host, patient(std::chrono::milliseconds(1)));
+  const BackendThread thread(backend);
+  const std::string refusal = message_of<InvalidArgument>([&] {
+    return std::make_unique<Guide>(std::make_shared<UntypedFrontend>(host), guided("finger"),
+                                   ordinary_thread());
+  });
+  EXPECT_NE(refusal.find("a guide steers joints by torques and positions"), std::string::npos)
+      << refusal;
 }
 
 }  // namespace

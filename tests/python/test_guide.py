@@ -3,11 +3,12 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
-from conftest import PATIENT, Running, StartChild, StartProgram
+from conftest import PATIENT, PATIENT_DCLAW, Running, StartChild, StartProgram
 
 
 @pytest.fixture(params=["sim", "finger_pro"])
@@ -42,8 +43,10 @@ def test_a_robot_follows_setpoints() -> None:
         guide.home()
         guide.wait_until_arrived()
         guide.move_tip(0, (0.0, 0.0, 3.0))
-        wait_for_mode(guide, "move_tip")
-        assert "finger 0 goes only to (" in guide.state().refusal
+        wait_for_mode(guide, "move_frame")
+        while not (refusal := guide.state().refusal):
+            time.sleep(0.001)
+        assert f"{guide.frame_names[0]} goes only to (" in refusal
         guide.float_freely()
         wait_for_mode(guide, "float")
         with pytest.raises(trifinger.InvalidArgument, match="floats"):
@@ -56,7 +59,7 @@ def test_a_robot_follows_setpoints() -> None:
 @pytest.mark.usefixtures("running")
 def test_setpoints_that_make_no_sense_are_refused() -> None:
     with trifinger.guide("g") as guide:
-        with pytest.raises(trifinger.InvalidArgument, match="finger 7 does not exist"):
+        with pytest.raises(trifinger.InvalidArgument, match="frame 7 does not exist"):
             guide.move_tip(7, (0.0, 0.0, 0.1))
         with pytest.raises(trifinger.InvalidArgument, match="finite"):
             guide.move_tip(0, (0.0, np.nan, 0.1))
@@ -65,6 +68,51 @@ def test_setpoints_that_make_no_sense_are_refused() -> None:
         with pytest.raises(TypeError):
             guide.move_tip(0, (0.0, 0.1))  # type: ignore[arg-type, unused-ignore]
         assert guide.state().mode == "hold"
+
+
+@pytest.mark.parametrize("robot", ["dclaw", "arm"])
+def test_robots_from_files_follow_setpoints(
+    start_program: StartProgram, patient_arm: Path, robot: str
+) -> None:
+    step: tuple[float, float, float]
+    if robot == "dclaw":
+        words, frames, step = ["dclaw", *PATIENT_DCLAW], ("FFtip", "MFtip", "THtip"), (0, 0.01, 0.02)
+    else:
+        words, frames, step = [str(patient_arm)], ("hand",), (0.03, 0, 0.03)
+    start_program("run", *words, "--name", "f").wait_for("waits for a user")
+    with trifinger.guide("f") as guide:
+        assert guide.frame_names == frames
+        assert guide.num_joints == len(guide.joint_names) == len(guide.soft_lower)
+        assert set(guide.joint_units) == {"rad"}
+        begin = guide.state()
+        assert begin.frames.shape == (len(frames), 3)
+        for number, frame in enumerate(frames):
+            guide.move_frame(frame, begin.frames[number] + step)
+        guide.wait_until_arrived()
+        moved = guide.state()
+        assert moved.refusal == ""
+        assert moved.target_frames == pytest.approx(begin.frames + step, abs=1e-6)
+        assert moved.frames == pytest.approx(begin.frames + step, abs=0.006)
+        guide.move_joints(np.full(guide.num_joints, 10.0))
+        wait_for_mode(guide, "move_joints")
+        last = guide.joint_names[-1]
+        assert f"{last} goes only to its soft limit of" in guide.state().refusal
+        guide.home()
+        guide.wait_until_arrived()
+        assert guide.state().joints == pytest.approx(begin.joints, abs=0.03)
+        with pytest.raises(trifinger.InvalidArgument, match="there is no frame 'toe'"):
+            guide.move_frame("toe", (0.0, 0.0, 0.0))
+
+
+def test_frames_are_chosen_by_name(start_program: StartProgram) -> None:
+    start_program("run", "dclaw", "--name", "f", *PATIENT_DCLAW).wait_for("waits for a user")
+    with pytest.raises(trifinger.InvalidArgument, match="no frame 'toe'; its sites are"):
+        trifinger.guide("f", frames=["toe"])
+    with pytest.raises(trifinger.InvalidArgument, match="no motor moves the frame 'valve'"):
+        trifinger.guide("f", frames=["valve"])
+    with trifinger.guide("f", frames=["THtip"]) as guide:
+        assert guide.frame_names == ("THtip",)
+        assert guide.state().frames.shape == (1, 3)
 
 
 @pytest.mark.usefixtures("running")

@@ -19,6 +19,9 @@ namespace trifinger::guiding {
 /// Settings of a guide.
 struct GuideOptions {
   GuideSpeeds speeds{};
+  /// The frames that can be moved to points: sites, bodies or geoms of the robot's model, at most
+  /// `kMaxGuidedFrames`. Default: the ends of the robot, see `end_frames`.
+  std::vector<std::string> frames{};
   /// What the guide's thread requests from the machine. Its priority is below that of back-ends.
   RealtimeOptions realtime{.demand = Demand::kTry,
                            .priority = 70,
@@ -29,20 +32,21 @@ struct GuideOptions {
   std::function<void()> interrupt{};
 };
 
-/// Where a guided robot is and where it goes.
+/// Where a guided robot is and where it goes. Positions of joints are in rad, those of slides in m.
 struct GuideState {
   TimeIndex step{-1};  ///< Step of the newest measurement; -1 before step 0.
   Mode mode{Mode::kHold};
-  JointValues joints;            ///< Measured positions [rad].
-  JointValues reference_joints;  ///< Where the joints should be now [rad].
-  JointValues target_joints;     ///< Where the joints should end [rad].
-  TipPositions tips;             ///< Points that follow from `joints` [m].
-  TipPositions reference_tips;   ///< Points that follow from `reference_joints` [m].
-  TipPositions target_tips;      ///< Points that follow from `target_joints` [m].
+  GuidedJoints joints;            ///< Measured positions.
+  GuidedJoints reference_joints;  ///< Where the joints should be now.
+  GuidedJoints target_joints;     ///< Where the joints should end.
+  FramePoints frames;             ///< Points that follow from `joints` [m].
+  FramePoints reference_frames;   ///< Points that follow from `reference_joints` [m].
+  FramePoints target_frames;      ///< Points that follow from `target_joints` [m].
   /// The robot has reached all setpoints so far and rests at their target. Always false while
   /// floating.
   bool has_arrived{false};
-  /// One sentence per finger whose last setpoint cannot be reached: why, and what is done instead.
+  /// One sentence per frame or joint whose last setpoint cannot be reached: what is done instead,
+  /// and why. For a point it comes up to tens of milliseconds after `mode`.
   std::string refusal;
 };
 
@@ -57,15 +61,15 @@ struct GuideState {
 class Guide {
  public:
   /// Takes control of the robot `name`.
-  /// @throws what `connect` throws; InvalidArgument if the robot is not in real-time mode, is of an
-  /// unknown type, or has no configuration
+  /// @throws what `connect` throws; InvalidArgument if the robot is not in real-time mode, has no
+  /// joints that are driven by torques and positions, has no configuration, or has no such frame
   explicit Guide(const std::string& name, GuideOptions options = {});
   /// Takes over `frontend`, which controls its robot.
   explicit Guide(UntypedFrontend frontend, GuideOptions options = {});
   /// Drives the robot of `frontend`, which others may use to read. Until the guide ends, nobody
   /// else may append actions. The interrupt of `frontend` must call `interrupt_guide`.
   explicit Guide(std::shared_ptr<UntypedFrontend> frontend, GuideOptions options = {});
-  /// For a robot whose session has no configuration.
+  /// For a robot whose session has no configuration; the frames are those of `robot`.
   Guide(std::shared_ptr<UntypedFrontend> frontend, const GuidedRobot& robot,
         GuideOptions options = {});
   Guide(const Guide&) = delete;
@@ -74,31 +78,33 @@ class Guide {
   /// back-end that does not answer, nor for a robot that is still homing.
   ~Guide();
 
-  [[nodiscard]] int num_fingers() const noexcept;
   [[nodiscard]] int num_joints() const noexcept;
+  /// What is known of the robot: its model, limits and frames.
+  [[nodiscard]] const GuidedRobot& robot() const noexcept;
 
-  /// Moves the tip of `finger` on a straight line to `position` in the world frame [m]. If the tip
-  /// cannot get there, it goes near it: see `GuideState::refusal`. The other fingers keep their
-  /// targets.
+  /// Moves a frame on a straight line to `position` in the world frame [m]. If the frame cannot get
+  /// there, it goes near it: see `GuideState::refusal`. Joints of other frames keep their targets.
   ///
-  /// A setpoint returns at once. It replaces earlier ones for the same fingers.
-  /// @throws InvalidArgument for numbers that are not finite, a finger that does not exist, or
-  /// after the end of the guide; otherwise what ended the guide
-  void move_tip(int finger, const Eigen::Vector3d& position);
-  /// Moves all joints to `positions` [rad]. Positions beyond soft limits are clamped: see
+  /// A setpoint returns at once. It replaces earlier ones for the same frames.
+  /// @throws InvalidArgument for numbers that are not finite, a frame that does not exist, or after
+  /// the end of the guide; otherwise what ended the guide
+  void move_frame(int frame, const Eigen::Vector3d& position);
+  /// `move_frame` for the tip of a finger.
+  void move_tip(int finger, const Eigen::Vector3d& position) { move_frame(finger, position); }
+  /// Moves all joints to `positions` [rad], [m]. Positions beyond soft limits are clamped: see
   /// `GuideState::refusal`.
-  /// @throws like `move_tip`
-  void move_joints(const JointValues& positions);
+  /// @throws like `move_frame`
+  void move_joints(const GuidedJoints& positions);
   /// Moves to the robot's initial pose.
-  /// @throws like `move_tip`
+  /// @throws like `move_frame`
   void home();
   /// Brakes and keeps the pose.
-  /// @throws like `move_tip`
+  /// @throws like `move_frame`
   void hold();
-  /// Lets a hand move the robot: motors carry the weight of the fingers and overcome the friction
-  /// that the model knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits
+  /// Lets a hand move the robot: motors carry its weight and overcome the friction that its model
+  /// knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits
   /// push back.
-  /// @throws like `move_tip`
+  /// @throws like `move_frame`
   void float_freely();
 
   /// Returns where the robot is. Waits for the first measurement: a robot may first be homing.

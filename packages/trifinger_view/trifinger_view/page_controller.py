@@ -31,7 +31,7 @@ MODES = ("home", "hold", "float")
 MODE_WORDS = {
     "hold": "holds",
     "move_joints": "moves its joints",
-    "move_tip": "moves its tips",
+    "move_frame": "moves to a point",
     "float": "floats",
     "home": "moves home",
 }
