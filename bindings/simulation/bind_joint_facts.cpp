@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/vector.h>
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <iterator>
 #include <string>
 #include <string_view>
-#include <variant>
+#include <vector>
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/text.hpp"
 #include "simulation.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/read_limits.hpp"
 #include "trifinger/model/kinematics.hpp"
 
 namespace nb = nanobind;
@@ -20,15 +25,8 @@ using namespace nanobind::literals;
 namespace trifinger::bindings {
 namespace {
 
-RobotConfig parse(const std::string& text) {
-  return read_robot_config(config::File::parse(text, "configuration.yml"));
-}
-
-// All limits of the section `safety`: by the names of its keys, a number for each joint.
-nb::dict limits_of(const RobotConfig& config) {
-  const SimulationOptions& options = config.simulation;
-  const std::vector<JointLimit> limits =
-      options.limits.value_or(default_limits(options.description));
+// All limits: by the names of their keys in `safety`, a number for each joint.
+nb::dict dict_of(const std::vector<JointLimit>& limits) {
   nb::dict values;
   for (const JointLimitField& field : JointLimit::fields()) {
     Array<Eigen::VectorXd> of_joints{Eigen::VectorXd(std::ssize(limits))};
@@ -39,13 +37,45 @@ nb::dict limits_of(const RobotConfig& config) {
   return values;
 }
 
-nb::object facts_of(const std::string& text) {
-  const RobotConfig config = parse(text);
-  const RobotDescription description = description_of(config);
-  nb::list joints;
-  for (const std::string& name : joint_names(description)) joints.append(name);
-  return nb::make_tuple("trifinger-" + std::string(figures(description).name), nb::tuple(joints),
-                        limits_of(config));
+nb::object facts_of(const std::string& robot, const std::vector<std::string>& joints,
+                    const std::vector<JointLimit>& limits) {
+  nb::list names;
+  for (const std::string& name : joints) names.append(to_message(name));
+  return nb::make_tuple(robot, nb::tuple(names), dict_of(limits));
+}
+
+// What the text of a robot from a file says of joints with these names. What only its file says
+// counts as no limit.
+std::vector<JointLimit> limits_in(const config::File& file,
+                                  const std::vector<std::string>& joints) {
+  std::vector<NamedJoint> named;
+  for (const std::string& name : joints) {
+    named.push_back({.name = name,
+                     .kind = JointKind::kHinge,
+                     .known = {.max_torque = kLargestJointLimit,
+                               .hard_lower = -kLargestJointLimit,
+                               .hard_upper = kLargestJointLimit,
+                               .default_kp = 0.0,
+                               .default_kd = 0.0}});
+  }
+  return read_limits_by_name(file.root(), named);
+}
+
+nb::object read_facts(const std::string& text, const std::string& robot,
+                      const std::vector<std::string>& joints, bool opens_file) {
+  const config::File file = config::File::parse(text, "configuration.yml");
+  if (is_from_file(file) && !opens_file) {
+    detail::require(!joints.empty(),
+                    "the robot is from a file, which is not opened here: say which configuration "
+                    "it has (JointFacts.load, --config)");
+    return facts_of(robot, joints, limits_in(file, joints));
+  }
+  const SimulationOptions options = read_robot_config(file).simulation;
+  if (options.file != nullptr)
+    return facts_of(options.file->name(), options.file->joint_names(), options.limits.value());
+  return facts_of("trifinger-" + std::string(figures(options.description).name),
+                  joint_names(options.description),
+                  options.limits.value_or(default_limits(options.description)));
 }
 
 }  // namespace
@@ -62,14 +92,34 @@ void bind_joint_facts(nb::module_& m) {
       "The whole configuration of that name, or in that file, as a session's document\n"
       "\"configuration.yml\" has it.");
   m.def(
-      "read_joint_facts", &facts_of, "configuration"_a,
-      nb::sig("def read_joint_facts(configuration: str) -> tuple[str, tuple[str, ...], dict[str, "
-              "numpy.typing.NDArray[numpy.float64]]]"),
+      "read_joint_facts", &read_facts, "configuration"_a, "robot"_a = "", "joints"_a = nb::tuple(),
+      "opens_file"_a = false,
+      nb::sig("def read_joint_facts(configuration: str, robot: str = '', joints: "
+              "collections.abc.Sequence[str] = (), opens_file: bool = False) -> tuple[str, "
+              "tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]"),
       "Name of the robot, names of its joints and the limits in the section `safety` of the text\n"
-      "of a configuration. Raises InvalidArgument at the value that is wrong.");
+      "of a configuration. A robot from a file has the names that are given here, and what only "
+      "its\n"
+      "file says counts as no limit and no gain, unless `opens_file`: an untrusted text must open "
+      "no\n"
+      "file. Raises InvalidArgument at the value that is wrong.");
+  m.def(
+      "named_joints",
+      [](const std::string& text) {
+        const config::File file = config::File::parse(text, "configuration.yml");
+        return nb::tuple(nb::cast(
+            file.root().section("robot").optional<std::vector<std::string>>("joints", {})));
+      },
+      "configuration"_a, nb::sig("def named_joints(configuration: str) -> tuple[str, ...]"),
+      "The joints that the text of a configuration of a robot from a file names; empty if it "
+      "leaves\n"
+      "them to the file.");
   m.def(
       "kinematics_of",
-      [](const std::string& text) { return Kinematics(description_of(parse(text))); },
+      [](const std::string& text) {
+        return Kinematics(
+            description_of(read_robot_config(config::File::parse(text, "configuration.yml"))));
+      },
       "configuration"_a, nb::sig("def kinematics_of(configuration: str) -> Kinematics"),
       "The kinematics of the robot in the text of a configuration.");
 }

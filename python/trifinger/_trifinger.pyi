@@ -1165,10 +1165,18 @@ def configuration_text(config: str = 'sim', overrides: dict[str, object] = {}) -
     "configuration.yml" has it.
     """
 
-def read_joint_facts(configuration: str) -> tuple[str, tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]:
+def read_joint_facts(configuration: str, robot: str = '', joints: Sequence[str] = (), opens_file: bool = False) -> tuple[str, tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]:
     """
     Name of the robot, names of its joints and the limits in the section `safety` of the text
-    of a configuration. Raises InvalidArgument at the value that is wrong.
+    of a configuration. A robot from a file has the names that are given here, and what only its
+    file says counts as no limit and no gain, unless `opens_file`: an untrusted text must open no
+    file. Raises InvalidArgument at the value that is wrong.
+    """
+
+def named_joints(configuration: str) -> tuple[str, ...]:
+    """
+    The joints that the text of a configuration of a robot from a file names; empty if it leaves
+    them to the file.
     """
 
 def kinematics_of(configuration: str) -> Kinematics:

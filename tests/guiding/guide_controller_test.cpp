@@ -275,6 +275,9 @@ TEST_P(GuideControllerOf, FollowsAPointThatMovesOnWithEverySetpoint) {
   }
   const Eigen::Vector3d point = simulation.controller.state().measured_frames.col(0);
   EXPECT_GT((point - begin).dot(along), 0.8 * distance);
+  ASSERT_TRUE(simulation.arrive());
+  const Eigen::Vector3d end = simulation.controller.state().reference_frames.col(0);
+  EXPECT_LT((end - begin - distance * along).norm(), 1e-6);
 }
 
 TEST(GuideController, MovesFramesThatShareJointsTogether) {
@@ -418,6 +421,48 @@ TEST_P(GuideControllerOf, FloatsWithoutSinking) {
         << "joint " << i;
   }
   EXPECT_FALSE(simulation.controller.state().has_arrived);
+}
+
+TEST(GuideController, KnowsWhereJointsWithoutMotorsAreMeasured) {
+  const std::vector<std::string> frames{"far"};
+  GuideController controller(guided_robot(guided_options("four_joints"), frames), {});
+  const GuidedJoints home = controller.robot().home;
+  MeasuredJoints measured{.position = home, .velocity = GuidedJoints::Zero(home.size())};
+  ASSERT_TRUE(controller.begin(measured));
+  const Eigen::Vector3d assumed = controller.state().measured_frames.col(0);
+  // The tendon is as long as before, and its two joints have turned against each other.
+  const std::vector<double> all{0.0, 0.5, 1.0, 0.4, 0.0, 0.0};
+  measured.all = all;
+  static_cast<void>(controller.update(measured));
+  const Eigen::Vector3d seen = controller.state().measured_frames.col(0);
+  // A turn of 0.2 rad moves the end of a link of 50 mm.
+  EXPECT_NEAR((seen - assumed).norm(), 2 * 0.05 * std::sin(0.1), 1e-6);
+}
+
+TEST(GuideController, ChangesThePostureOfAFingerIfNoLineLeadsToThePoint) {
+  SimulationOptions options = guided_options("finger");
+  options.description.variant = Variant::kEdu;
+  GuidedRobot robot = guided_robot(options);
+  // The elbow is bent the other way, so every line ends at a soft limit.
+  const Eigen::Vector3d bent(0.12, 1.24, 1.87);
+  const Eigen::Vector3d point = guiding::detail::FrameKinematics(robot).point(0, bent);
+  for (const bool has_closed_form : {true, false}) {
+    if (!has_closed_form) robot.description.reset();
+    GuideController controller(robot, {});
+    MeasuredJoints measured{.position = robot.home, .velocity = GuidedJoints::Zero(3)};
+    ASSERT_TRUE(controller.begin(measured));
+    ASSERT_TRUE(controller.accept({.mode = Mode::kMoveFrame, .point = point}));
+    for (int step = 0; step < 20000 && !controller.state().has_arrived; ++step)
+      measured.position = controller.update(measured).position;
+    EXPECT_TRUE(controller.state().has_arrived);
+    const double distance = (controller.state().measured_frames.col(0) - point).norm();
+    if (has_closed_form) {
+      EXPECT_LT(distance, 1e-6);
+    } else {
+      EXPECT_NEAR(distance, controller.state().missing[0], 1e-6);
+      EXPECT_GT(distance, 0.01);
+    }
+  }
 }
 
 TEST(GuideController, KnowsTheFrictionOfMotorsTendonsAndJoints) {

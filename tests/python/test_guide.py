@@ -76,7 +76,11 @@ def test_robots_from_files_follow_setpoints(
 ) -> None:
     step: tuple[float, float, float]
     if robot == "dclaw":
-        words, frames, step = ["dclaw", *PATIENT_DCLAW], ("FFtip", "MFtip", "THtip"), (0, 0.01, 0.02)
+        words, frames, step = (
+            ["dclaw", *PATIENT_DCLAW],
+            ("FFtip", "MFtip", "THtip"),
+            (0, 0.01, 0.02),
+        )
     else:
         words, frames, step = [str(patient_arm)], ("hand",), (0.03, 0, 0.03)
     start_program("run", *words, "--name", "f").wait_for("waits for a user")

@@ -272,7 +272,7 @@ def test_a_device_of_your_own_moves_the_robot(
     assert robot.process.pid
     (tmp_path / "up.py").write_text(
         "from trifinger_view.teleoperation import Command\n"
-        "left = [Command(velocity=(0, 0, 0.05), finger=2, message='up it goes')] * 25\n"
+        "left = [Command(velocity=(0, 0, 0.05), frame=2, message='up it goes')] * 25\n"
         "def device(): return left.pop() if left else Command(request='end')\n"
     )
     begin = tips.now()

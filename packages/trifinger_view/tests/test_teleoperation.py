@@ -35,7 +35,14 @@ from trifinger_view.teleoperation import (
 from trifinger_view.teleoperation.command import STILL, Velocity
 from trifinger_view.teleoperation.gamepad import Event, Range, events_of, find_gamepads
 from trifinger_view.teleoperation.keyboard import HELD, Keys
-from trifinger_view.teleoperation.steering import MAX_LEAD, MAX_SPEED, PERIOD, Steering
+from trifinger_view.teleoperation.steering import (
+    MAX_JOINT_LEAD,
+    MAX_LEAD,
+    MAX_SPEED,
+    PERIOD,
+    SLIDE,
+    Steering,
+)
 
 RIGHT, LEFT, UP, PAGE_UP = b"\x1b[C", b"\x1b[D", b"\x1b[A", b"\x1b[5~"
 
@@ -149,6 +156,18 @@ def test_keys_move_a_tip_along_the_axes_of_the_world(key: bytes, velocity: Veloc
     assert np.array_equal(board().velocity, board.speed * np.array(velocity))
 
 
+def test_keys_turn_the_joint_that_brackets_choose() -> None:
+    typed = [b".", b"]", b"", b",", b"["]
+    clock = Clock()
+    board = Keyboard(lambda: typed.pop() if typed else b"", num_joints=3, now=clock)
+    assert board() == Command(joint=2)  # the one before the first
+    assert (board().joint, board().rate) == (2, pytest.approx(-board.speed / 0.1))
+    assert board() == Command(joint=0)
+    assert board().rate == pytest.approx(board.speed / 0.1)
+    clock.time += HELD
+    assert board().rate == 0.0
+
+
 @pytest.mark.parametrize("key", [b"2", b"1", b" ", b"h", b"f", b"q", b"x"])
 def test_another_key_ends_the_motion_of_the_one_before(key: bytes) -> None:
     typed = [key, RIGHT]
@@ -159,7 +178,7 @@ def test_another_key_ends_the_motion_of_the_one_before(key: bytes) -> None:
 
 
 def test_a_finger_that_the_robot_lacks_cannot_be_chosen() -> None:
-    assert Keyboard([b"3"].pop, 3)().finger == 2
+    assert Keyboard([b"3"].pop, 3)().frame == 2
     assert Keyboard([b"4"].pop, 3)() == Command()
     assert Keyboard([b"0"].pop, 3)() == Command()
     assert Keyboard([b"2"].pop, 1)() == Command()
@@ -362,7 +381,7 @@ def test_after_a_button_the_sticks_count_when_they_have_been_let_go(
     command = pad()
     assert (command.request, command.velocity) == (asked, STILL)
     source.stick(X, 0.9)
-    assert pad() == Command(finger=0)
+    assert pad() == Command(frame=0, joint=0)
     source.stick(X, 0)
     assert pad().velocity == STILL
     source.stick(X, 1)
@@ -380,13 +399,28 @@ def test_shoulder_buttons_choose_a_finger_and_end_its_motion(
 ) -> None:
     source.stick(X, 1)
     source.press(SHOULDER)
-    assert pad() == Command(finger=1)
+    assert pad() == Command(frame=1, joint=0)
     source.press(SHOULDER)
     source.press(SHOULDER)
-    assert pad().finger == 0
-    pad.num_fingers = 1
+    assert pad().frame == 0
+    pad.num_frames = 1
     source.press(SHOULDER)
-    assert pad().finger == 0
+    assert pad().frame == 0
+
+
+def test_two_buttons_turn_the_joint_that_the_cross_chooses(source: Recorded, pad: Gamepad) -> None:
+    source.events += [Event(1, 0x134, 1), REPORT]
+    assert (pad().joint, pad().rate) == (0, pytest.approx(pad.speed / 0.1))
+    source.events += [Event(3, 0x10, 1), REPORT, Event(3, 0x10, 0), REPORT]
+    assert (pad().joint, pad().rate) == (1, 0.0)  # until the button is let go
+    source.events += [Event(1, 0x134, 0), REPORT]
+    assert pad().rate == 0.0
+    source.events += [Event(1, 0x133, 1), REPORT]
+    assert pad().rate == pytest.approx(-pad.speed / 0.1)
+    source.events += [Event(1, 0x133, 0), REPORT]
+    source.press(0x222)
+    source.press(0x222)
+    assert (pad().joint, pad().rate) == (pad.num_joints - 1, 0.0)
 
 
 def test_the_cross_chooses_the_speed(source: Recorded, pad: Gamepad) -> None:
@@ -446,7 +480,7 @@ def test_a_gamepad_that_says_nothing_stops_its_tip(
     silent = pad()
     assert silent.velocity == STILL
     assert "silent" in silent.message
-    assert pad() == Command(finger=0)  # says it once
+    assert pad() == Command(frame=0, joint=0)  # says it once
     source.stick(X, 0)
     pad()
     source.stick(X, 1)
@@ -459,7 +493,7 @@ def test_after_lost_events_nothing_is_pressed_until_something_is_heard(
     source.stick(X, 1)
     assert pad().velocity != STILL
     source.events += [DROPPED, Event(3, X, 32767), Event(1, START, 1), REPORT]
-    assert pad() == Command(finger=0)
+    assert pad() == Command(frame=0, joint=0)
     source.stick(X, 1)
     assert pad().velocity != STILL
 
@@ -481,7 +515,7 @@ def test_whatever_a_gamepad_says_its_tip_is_not_too_fast(events: list[Event]) ->
         source.events.append(event)
         command = pad()
         assert max(map(abs, command.velocity)) <= max(gamepad.SPEEDS)
-        assert command.finger in range(3)
+        assert command.frame in range(3)
 
 
 def test_the_bytes_of_linux_are_events() -> None:
@@ -508,7 +542,7 @@ def test_events_are_read_from_a_file_until_it_is_gone(
     pad = Gamepad(lambda: open_gamepad(path), now=clock)
     assert pad.name == f"Pad of the test ({path})"
     with path.open("wb", buffering=0) as kernel:
-        assert pad() == Command(finger=0)
+        assert pad() == Command(frame=0, joint=0)
         kernel.write(struct.pack("@llHHi", 1, 2, 3, X, 100) + struct.pack("@llHHi", 1, 2, 0, 0, 0))
         assert pad().velocity == (pad.speed, 0, 0)
     assert "Pad of the test" in pad().message
@@ -567,27 +601,36 @@ def test_a_device_of_your_own_is_a_function_of_a_module(
 
 
 class State:
-    def __init__(self, tips: npt.NDArray[np.float64]) -> None:
-        self.reference_tips = tips
+    def __init__(self, frames: npt.NDArray[np.float64], joints: npt.NDArray[np.float64]) -> None:
+        self.reference_frames = frames
+        self.reference_joints = self.target_joints = joints
         self.refusal = ""
 
 
 class FakeGuide:
-    """Tips that are at their targets at once, unless they are stuck."""
+    """Frames and joints that are at their targets at once, unless they are stuck."""
 
-    def __init__(self, num_fingers: int = 3) -> None:
-        self.num_fingers = num_fingers
-        self.tips = np.zeros((num_fingers, 3))
+    def __init__(self, num_frames: int = 3, units: tuple[str, ...] = ("rad", "rad", "m")) -> None:
+        self.frame_names = tuple(map(str, range(num_frames)))
+        self.joint_units = units
+        self.tips = np.zeros((num_frames, 3))
+        self.joints = np.zeros(len(units))
         self.target = np.zeros(3)
         self.is_stuck = False
         self.requests: list[str] = []
         self.fault: Error | None = None
 
-    def move_tip(self, finger: int, position: npt.ArrayLike) -> None:
-        self.requests.append(f"tip {finger}")
+    def move_frame(self, frame: int, position: npt.ArrayLike) -> None:
+        self.requests.append(f"tip {frame}")
         self.target = np.array(position, float)
         if not self.is_stuck:
-            self.tips[finger] = self.target
+            self.tips[frame] = self.target
+
+    def move_joints(self, positions: npt.ArrayLike) -> None:
+        self.requests.append("joints")
+        self.target = np.array(positions, float)
+        if not self.is_stuck:
+            self.joints = self.target
 
     def home(self) -> None:
         self.requests.append("home")
@@ -606,7 +649,7 @@ class FakeGuide:
             raise self.fault
 
     def state(self) -> State:
-        return State(self.tips.copy())
+        return State(self.tips.copy(), self.joints.copy())
 
 
 def run(guide: FakeGuide, commands: Sequence[object], clock: Clock | None = None) -> None:
@@ -623,7 +666,7 @@ def run(guide: FakeGuide, commands: Sequence[object], clock: Clock | None = None
     teleoperate(guide, device, wait=clock.wait, now=clock)
 
 
-MOVE = Command(velocity=(0.05, 0.0, -0.02), finger=1)
+MOVE = Command(velocity=(0.05, 0.0, -0.02), frame=1)
 
 
 def test_a_tip_goes_as_far_as_its_velocity_says() -> None:
@@ -648,13 +691,13 @@ def test_the_robot_holds_once_when_the_motion_ends() -> None:
 
 def test_a_finger_rests_before_another_one_moves() -> None:
     guide = FakeGuide()
-    run(guide, [MOVE, Command(velocity=(0.1, 0, 0), finger=2)])
+    run(guide, [MOVE, Command(velocity=(0.1, 0, 0), frame=2)])
     assert guide.requests == ["tip 1", "hold", "tip 2", "hold"]
 
 
 def test_the_finger_remains_chosen() -> None:
     guide = FakeGuide()
-    run(guide, [Command(finger=2), Command(velocity=(0.1, 0, 0))])
+    run(guide, [Command(frame=2), Command(velocity=(0.1, 0, 0))])
     assert guide.requests == ["tip 2", "hold"]
 
 
@@ -678,8 +721,11 @@ def test_stop_ends_the_session_and_nothing_follows_it() -> None:
         (Command(velocity=(0, math.inf, 0)), "must be finite"),
         (Command(velocity=(0.1, 0.1)), "must be three numbers"),  # type: ignore[arg-type]
         (Command(velocity="fast"), "must be three numbers"),  # type: ignore[arg-type]
-        (Command(finger=3), "finger 3, must be from 0 to 2"),
-        (Command(finger=-1), "finger -1, must be from 0 to 2"),
+        (Command(frame=3), "frame 3, must be from 0 to 2"),
+        (Command(frame=-1), "frame -1, must be from 0 to 2"),
+        (Command(joint=3), "joint 3, must be from 0 to 2"),
+        (Command(rate=math.nan), "must be finite"),
+        (Command(rate="fast"), "must be three numbers and one"),  # type: ignore[arg-type]
         (Command(request="hom"), "did you mean 'home'"),  # type: ignore[arg-type]
         ((0.1, 0, 0), "must be a trifinger_view.teleoperation.Command"),
         (None, "must be a trifinger_view.teleoperation.Command"),
@@ -690,6 +736,43 @@ def test_nonsense_is_refused_and_the_robot_holds(command: object, sentence: str)
     with pytest.raises(InvalidArgument, match=sentence):
         run(guide, [MOVE, command])
     assert set(guide.requests[1:]) == {"hold"}
+
+
+def test_a_joint_turns_as_far_as_its_rate_says_and_a_slide_by_a_tenth() -> None:
+    guide = FakeGuide()
+    run(
+        guide,
+        [
+            Command(),
+            *[Command(rate=0.5, joint=1)] * 100,
+            Command(),
+            *[Command(rate=-0.5, joint=2)] * 50,
+        ],
+    )
+    assert guide.joints == pytest.approx([0.0, 100 * PERIOD * 0.5, -50 * PERIOD * 0.05])
+    assert guide.requests == [*["joints"] * 100, "hold", *["joints"] * 50, "hold"]
+
+
+def test_a_joint_that_is_stuck_is_not_led_far_away() -> None:
+    for joint, lead in ((0, MAX_JOINT_LEAD), (2, SLIDE * MAX_JOINT_LEAD)):
+        guide = FakeGuide()
+        guide.is_stuck = True
+        run(guide, [Command(rate=9.0, joint=joint)] * 1000)
+        assert guide.target[joint] == pytest.approx(lead)
+
+
+def test_a_joint_rests_before_a_frame_moves() -> None:
+    guide = FakeGuide()
+    run(guide, [Command(rate=0.5), MOVE, Command(rate=0.5), Command(rate=0.5, joint=1)])
+    assert guide.requests == ["joints", "hold", "tip 1", "hold", "joints", "hold", "joints", "hold"]
+
+
+def test_a_robot_without_frames_is_moved_by_its_joints_alone() -> None:
+    guide = FakeGuide(num_frames=0)
+    run(guide, [Command(rate=0.5)])
+    assert guide.requests == ["joints", "hold"]
+    with pytest.raises(InvalidArgument, match="names frames to move"):
+        run(guide, [Command(velocity=(0.1, 0, 0))])
 
 
 @pytest.mark.parametrize("error", [KeyError("mine"), KeyboardInterrupt(), SystemExit(3)])
@@ -732,7 +815,7 @@ def test_no_command_moves_a_target_faster_than_the_largest_speed(
     steering = Steering(guide)
     for velocity, finger in commands:
         before = guide.tips.copy()
-        steering.obey(Command(velocity=velocity, finger=finger), PERIOD)
+        steering.obey(Command(velocity=velocity, frame=finger), PERIOD)
         steps = np.linalg.norm(guide.tips - before, axis=1)
         assert steps.max() <= MAX_SPEED * PERIOD * (1 + 1e-9)
         assert np.isfinite(guide.target).all()

@@ -26,7 +26,7 @@ from viewing import StartView
 class FakeGuide:
     """A guide that notes what it is asked for."""
 
-    num_fingers, num_joints = 3, 9
+    frame_names, num_joints = ("tip_0", "tip_1", "tip_2"), 9
 
     def __init__(self) -> None:
         self.asked: list[Any] = []
@@ -49,8 +49,8 @@ class FakeGuide:
     def float_freely(self) -> None:
         self._ask("float")
 
-    def move_tip(self, finger: int, point: Any) -> None:
-        self._ask("move_tip", finger, tuple(point))
+    def move_frame(self, finger: int, point: Any) -> None:
+        self._ask("move_frame", finger, tuple(point))
 
     def move_joints(self, positions: Any) -> None:
         self._ask("move_joints", tuple(positions))
@@ -100,7 +100,7 @@ class Rig:
         self.controller = PageController("sim", clock=lambda: self.now, **options)
         self._patch = monkeypatch
 
-    def guide(self, name: str, timeout: float) -> FakeGuide:
+    def guide(self, name: str, timeout: float, frames: tuple[str, ...]) -> FakeGuide:
         assert name == "sim"
         assert np.isfinite(timeout)
         self.guides.append(FakeGuide())
@@ -137,7 +137,7 @@ def everything(controller: PageController, browser: int) -> list[Any]:
         lambda: controller.do(browser, "hold"),
         lambda: controller.do(browser, "float"),
         lambda: controller.move_joint(browser, 0, 0.1),
-        lambda: controller.drag_tip(browser, 0, POINT),
+        lambda: controller.drag_frame(browser, 0, POINT),
         lambda: controller.drag_object(browser, "cube", POINT),
         lambda: controller.drop(browser),
     ]
@@ -157,7 +157,7 @@ def test_only_the_driver_moves_anything(rig: Rig) -> None:
 
 def test_when_the_driver_leaves_the_robot_holds_and_another_can_take_over(rig: Rig) -> None:
     rig.controller.do(1, "float")
-    rig.controller.drag_tip(1, 0, POINT)
+    rig.controller.drag_frame(1, 0, POINT)
     rig.controller.leave(1, "it has gone")
     assert rig.guides[0].asked[-1] == ("hold",)
     assert rig.hands[0].is_closed
@@ -190,7 +190,7 @@ def test_a_driver_that_is_not_heard_loses_control_and_the_robot_holds(rig: Rig) 
 def test_of_the_setpoints_of_a_drag_the_newest_wins_and_few_are_sent(rig: Rig) -> None:
     for number in range(1000):  # a second of a fast mouse
         rig.now += 1e-3
-        rig.controller.drag_tip(1, number % 2, (0.0, 0.0, number * 1e-4))
+        rig.controller.drag_frame(1, number % 2, (0.0, 0.0, number * 1e-4))
         if number % 10 == 0:
             rig.controller.tick()
     rig.controller.drop(1)
@@ -210,7 +210,7 @@ def test_sliders_that_follow_fast_add_up(rig: Rig) -> None:
 
 def test_while_the_robot_floats_a_drag_pulls_and_a_release_lets_go(rig: Rig) -> None:
     rig.controller.do(1, "float")
-    rig.controller.drag_tip(1, 2, POINT)
+    rig.controller.drag_frame(1, 2, POINT)
     for _ in range(3):
         rig.controller.tick()  # a mouse that does not move pulls on
     assert rig.hands[0].pulls == [("tip_2", POINT)] * 4
@@ -223,7 +223,7 @@ def test_while_the_robot_floats_a_drag_pulls_and_a_release_lets_go(rig: Rig) -> 
 def test_a_page_with_a_hand_alone_controls_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = make_rig(monkeypatch, with_guide=False)
     rig.controller.take(1)
-    rig.controller.drag_tip(1, 0, POINT)
+    rig.controller.drag_frame(1, 0, POINT)
     rig.controller.drag_object(1, "cube", POINT)
     assert rig.hands[0].pulls == [("tip_0", POINT), ("cube", POINT)]
     with pytest.raises(InvalidArgument):
@@ -301,7 +301,7 @@ def test_hostile_numbers_are_refused_and_break_nothing(
             kind = chance.choice(["tip", "object", "joint", "mode"])
             try:
                 if kind == "tip":
-                    rig.controller.drag_tip(1, number, value)
+                    rig.controller.drag_frame(1, number, value)
                 elif kind == "object":
                     rig.controller.drag_object(1, "cube", value)
                 elif kind == "mode":
@@ -312,7 +312,7 @@ def test_hostile_numbers_are_refused_and_break_nothing(
                 pass
             rig.controller.tick()
         for ask in rig.guides[0].asked:
-            if ask[0] == "move_tip":
+            if ask[0] == "move_frame":
                 assert 0 <= ask[1] < 3
                 assert np.isfinite(ask[2]).all()
             elif ask[0] == "move_joints":

@@ -104,7 +104,7 @@ class Steering:
         self.wait_until(lambda: label in self.parts)
         self.send("GuiUpdateMessage", uuid=self.parts[label]["uuid"], updates={"value": value})
 
-    def take_control(self, label: str = "Take control", handle: str = "tip_0") -> None:
+    def take_control(self, label: str = "Take control", handle: str = "frame_0") -> None:
         """Takes control and waits for a handle."""
         self.press(label)
         self.wait_until(lambda: handle in self.handles)
@@ -197,13 +197,13 @@ def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
             driver.take_control()
             start = robot.tips()
             goal = start[0] + 0.03 * UP
-            driver.drag("tip_0", *path(start[0], goal))
+            driver.drag("frame_0", *path(start[0], goal))
             driver.wait_until(lambda: is_near(robot.tips()[0], goal))
             assert robot.tips()[1:] == pytest.approx(start[1:], abs=3e-3)
             second.says("a browser has control")
             # The handle is not the other browser's, whatever it sends.
             second.handles = driver.handles
-            second.drag("tip_0", start[0] - 0.02 * UP)
+            second.drag("frame_0", start[0] - 0.02 * UP)
             second.press("Take control")
             second.says("another browser has control")
             assert is_near(robot.tips()[0], goal)
@@ -245,21 +245,21 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
         driver.take_control()
         start = robot.tips()
         for point in NO_POINTS:
-            driver.drag("tip_0", point)
+            driver.drag("frame_0", point)
             driver.drag("object_0", point)
             driver.press("Robot", point)
-            driver.press("upper middle 0", point)
+            driver.press("upper middle 0 [rad]", point)
             driver.watch()
-        for unknown in ("tip_7", "tip_-1", "../tip_0", "object_9", "", "x" * 2000):
+        for unknown in ("frame_7", "frame_-1", "../frame_0", "object_9", "", "x" * 2000):
             driver.drag(unknown, [0.0, 0.0, 0.1])
-        driver.drag("tip_0", [0.0, 0.0, 1e6])
+        driver.drag("frame_0", [0.0, 0.0, 1e6])
         driver.says("at most 10 m from the origin")  # all before was read
         assert robot.tips() == pytest.approx(start, abs=3e-3)
         # Points that are far away are points: the tip goes near them, and no further than it may.
-        driver.drag("tip_0", [0.0, 0.0, 9.0])
-        driver.says("finger 0 goes only to (")
+        driver.drag("frame_0", [0.0, 0.0, 9.0])
+        driver.says("goes only to (")
         goal = start[0] + 0.02 * UP
-        driver.drag("tip_0", *path(start[0], goal))
+        driver.drag("frame_0", *path(start[0], goal))
         driver.wait_until(lambda: is_near(robot.tips()[0], goal))
         assert robot.tips()[1:] == pytest.approx(start[1:], abs=3e-3)
 
@@ -277,12 +277,12 @@ def test_fault_68_a_driver_whose_messages_make_no_sense_loses_control(
                 driver.take_control()
                 second.says("a browser has control")
                 with contextlib.suppress(ConnectionClosed):
-                    driver.drag("tip_0", numbers)
+                    driver.drag("frame_0", numbers)
                 second.says("the browser that drove has gone")
         second.take_control()
         assert robot.tips() == pytest.approx(start, abs=3e-3)
         goal = start[0] + 0.02 * UP
-        second.drag("tip_0", *path(start[0], goal))
+        second.drag("frame_0", *path(start[0], goal))
         second.wait_until(lambda: is_near(robot.tips()[0], goal))
 
 
@@ -295,7 +295,7 @@ def test_sliders_and_buttons_move_joints(start_view: StartView, robot: Robot) ->
         labels = [
             label for label, part in driver.parts.items() if part["type"] == "GuiSliderMessage"
         ]
-        assert labels[1] == "upper middle 0"
+        assert labels[1] == "upper middle 0 [rad]"
         assert len(labels) == len(start)
         goal = start.copy()
         for number, change in ((1, 0.15), (5, -0.1)):  # fast: the first has not arrived
@@ -344,10 +344,10 @@ def test_a_hand_leads_a_robot_that_another_process_lets_float(
         assert not {"Robot", "Joints [rad]"} & set(driver.parts)
         start = robot.tips()
         goal = start[0] + 0.03 * UP
-        driver.begin_drag("tip_0")
-        driver.move("tip_0", *path(start[0], goal))
+        driver.begin_drag("frame_0")
+        driver.move("frame_0", *path(start[0], goal))
         driver.wait_until(lambda: bool(robot.tips()[0][2] > start[0][2] + 0.015))
-        driver.end_drag("tip_0")
+        driver.end_drag("frame_0")
         driver.wait_until(lambda: robot.is_pulled() is False)
         assert guide.state().mode == "float"
         guide.hold()
@@ -379,7 +379,7 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
         start = robot.tips()
         driver.handles.clear()
         driver.take_control()
-        driver.drag("tip_0", *path(start[0], start[0] + 0.03 * UP))
+        driver.drag("frame_0", *path(start[0], start[0] + 0.03 * UP))
         driver.wait_until(lambda: bool(robot.tips()[0][2] > start[0][2] + 0.02))
 
 
@@ -387,7 +387,7 @@ HANG = """
 def hang(self, *_):
     with self._lock:
         time.sleep(1e6)
-page_controller.PageController.drag_tip = hang
+page_controller.PageController.drag_frame = hang
 """
 
 
@@ -398,7 +398,7 @@ def test_the_stop_works_while_the_page_hangs_at_the_robot(
     with browse(page) as connection:
         driver = Steering(connection)
         driver.take_control()
-        driver.drag("tip_0", [0.0, 0.0, 0.1])
+        driver.drag("frame_0", [0.0, 0.0, 0.1])
         driver.watch(3)  # the page goes on, and asks for signs of life
         assert "trifinger-stop" in ask(page, "/")[1]
         assert ask(page, "/stop", **{"X-TriFinger": "stop"})[0] == 202

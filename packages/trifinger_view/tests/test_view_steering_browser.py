@@ -94,7 +94,7 @@ class Tab:
             self._draw()
             self.page.mouse.down()
             self._draw()
-            if self.held == f"/handles/tip_{number}":
+            if self.held == f"/handles/frame_{number}":
                 return
             self.release()
         raise AssertionError("the mouse has found no handle")

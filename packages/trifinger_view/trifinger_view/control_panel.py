@@ -27,11 +27,12 @@ from trifinger_view.page_controller import (
     SETPOINT_PERIOD,
     PageController,
     pullable,
-    soft_limits,
 )
 from trifinger_view.stop import Stop
 
 if TYPE_CHECKING:
+    from trifinger._trifinger import Guide
+
     from trifinger_view.authentication import Authentication
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
@@ -42,9 +43,11 @@ SLIDER_PERIOD = 0.1  # between two steps of a slider that follows [s]
 HANDLE_SIZE = 0.05  # [m]
 MAX_WAITING = 1000  # things that a browser has asked for; more are not done
 WARNING_COLOUR = (179, 107, 0)
-GUIDE_WORDS = "Drag a tip by its handle: it follows. An object of a simulation is pulled."
+GUIDE_WORDS = "Drag a handle of the robot: it follows. An object of a simulation is pulled."
 HAND_WORDS = "Drag a tip or an object by its handle: it is pulled until you let go."
-NO_LIMIT = 3.14  # end of a slider of a joint without limits [rad]
+NO_LIMIT = {"rad": 3.14, "m": 1.0}  # end of a slider of a joint without limits
+FARTHEST_LIMIT = 1000.0  # [rad], [m]; joints without limits have larger ones
+STEP = {"rad": 0.005, "m": 0.0005}  # of a slider
 
 
 def add_stop(authentication: Authentication, name: str) -> None:
@@ -193,25 +196,20 @@ class ControlPanel:
 
 
 class _Robot:
-    """What sliders and handles must know of a robot."""
+    """What handles must know of a robot."""
 
     def __init__(self, live: LiveRun) -> None:
-        self.joints: tuple[str, ...] = ()
-        self.lower = self.upper = np.array([])
         self.objects: tuple[str, ...] = ()
         self.can_be_pulled = False
-        self.tips = 0
+        self.tips = 0  # at which a hand can pull
         robot = live.robot
         if robot is None:
             return
         with contextlib.suppress(Error):
-            self.joints, self.lower, self.upper = soft_limits(robot.documents())
-        with contextlib.suppress(Error):
             self.can_be_pulled = pullable(robot)
-        if live.scene is not None:
-            self.tips = len(live.scene.tip_names)
         if self.can_be_pulled and live.scene is not None:
             self.objects = live.scene.object_names
+            self.tips = len(live.scene.tip_names)
 
 
 class _Seat:
@@ -230,7 +228,7 @@ class _Seat:
         self._sliders: list[Any] = []
         self._touched: list[float] = []
         self._followed = 0.0
-        self._tips: list[_Handle] = []
+        self._frames: list[_Handle] = []
         self._objects: dict[str, _Handle] = {}
         what = "control" if controller.with_guide else "the hand"
         with client.gui.add_folder(f"You have {what}", order=0.6) as folder:
@@ -246,6 +244,7 @@ class _Seat:
         if robot is None:
             return
         gui = self._client.gui
+        count = robot.tips
         if self._controller.with_guide:
             with self._folder:
                 modes = gui.add_button_group("Robot", [mode.capitalize() for mode in MODES])
@@ -254,13 +253,15 @@ class _Seat:
                         lambda _, mode: self._controller.do(self.browser, str(mode).lower())
                     )
                 )
-                joints = gui.add_folder("Joints [rad]", expand_by_default=False)
+                joints = gui.add_folder("Joints", expand_by_default=False)
             self._parts += [modes, joints]
-            with joints:
-                for number, name in enumerate(short_names(robot.joints)):
-                    self._add_slider(number, name, robot)
-        if self._controller.with_guide or robot.can_be_pulled:
-            self._tips = [self._handle_of_tip(number) for number in range(robot.tips)]
+            guide = self._controller.guide
+            if guide is not None:
+                with joints:
+                    for number, name in enumerate(short_names(guide.joint_names)):
+                        self._add_slider(number, name, guide)
+            count = len(guide.frame_names) if guide is not None else 0
+        self._frames = [self._handle_of_frame(number) for number in range(count)]
         self._objects = {
             name: self._handle_of_object(number, name) for number, name in enumerate(robot.objects)
         }
@@ -275,12 +276,12 @@ class _Seat:
                 if now - self._touched[number] > TOUCHED:
                     slider.value = float(np.clip(state.joints[number], slider.min, slider.max))
         if state is not None:
-            tips = state.tips if state.mode == "float" else state.target_tips
+            tips = state.frames if state.mode == "float" else state.target_frames
         elif frame is not None and live.scene is not None and frame.position is not None:
             tips, _ = live.scene.tips(frame.position)
         else:
             tips = np.empty((0, 3))
-        for handle, place in zip(self._tips, tips, strict=False):
+        for handle, place in zip(self._frames, tips, strict=False):
             handle.follow(place)
         for name, handle in self._objects.items():
             if frame is not None and name in frame.objects:
@@ -292,20 +293,23 @@ class _Seat:
         self._folder.remove()
 
     def _clear(self) -> None:
-        for part in (*self._parts, *self._tips, *self._objects.values()):
+        for part in (*self._parts, *self._frames, *self._objects.values()):
             part.remove()
         self._parts, self._sliders, self._touched = [], [], []
-        self._tips, self._objects = [], {}
+        self._frames, self._objects = [], {}
 
-    def _add_slider(self, number: int, name: str, robot: _Robot) -> None:
+    def _add_slider(self, number: int, name: str, guide: Guide) -> None:
+        unit = guide.joint_units[number]
         low, high = (
-            float(np.nan_to_num(limit[number], posinf=NO_LIMIT, neginf=-NO_LIMIT))
-            for limit in (robot.lower, robot.upper)
+            float(np.clip(limit[number], -NO_LIMIT[unit], NO_LIMIT[unit]))
+            if abs(limit[number]) > FARTHEST_LIMIT
+            else float(limit[number])
+            for limit in (guide.soft_lower, guide.soft_upper)
         )
         state = self._controller.state()
         start = state.joints[number] if state is not None else (low + high) / 2
         slider = self._client.gui.add_slider(
-            name, low, high, 0.005, float(np.clip(start, low, high))
+            f"{name} [{unit}]", low, high, STEP[unit], float(np.clip(start, low, high))
         )
         self._sliders.append(slider)
         self._touched.append(-np.inf)
@@ -316,10 +320,10 @@ class _Seat:
 
         slider.on_update(self._ordered(move))
 
-    def _handle_of_tip(self, number: int) -> _Handle:
+    def _handle_of_frame(self, number: int) -> _Handle:
         return self._handle(
-            f"/handles/tip_{number}",
-            lambda point: self._controller.drag_tip(self.browser, number, point),
+            f"/handles/frame_{number}",
+            lambda point: self._controller.drag_frame(self.browser, number, point),
         )
 
     def _handle_of_object(self, number: int, name: str) -> _Handle:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,12 +49,17 @@ class PageController:
         name: str,
         *,
         with_guide: bool = True,
+        frames: Sequence[str] = (),
         timeout: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Nobody drives yet. Without a guide, the driver pulls by the hand alone."""
+        """Nobody drives yet. Without a guide, the driver pulls by the hand alone.
+
+        `frames` are those of `Guide`.
+        """
         self.name = name
         self.with_guide = with_guide
+        self._frames = tuple(frames)
         self._timeout = TIMEOUT if timeout is None else timeout
         self._clock = clock
         self.closed = threading.Event()
@@ -66,7 +71,7 @@ class PageController:
         self._words = ""
         self._guide: Guide | None = None
         self._hand: Hand | None = None
-        self._setpoints: dict[int, Array] = {}  # newest points of tips that are not yet sent
+        self._setpoints: dict[int, Array] = {}  # newest points of frames that are not yet sent
         self._sent = -np.inf
         self._joints: Array | None = None
         self._pull: tuple[str, Array] | None = None
@@ -101,7 +106,7 @@ class PageController:
             guide = self._guide
             if guide is not None and guide.is_running():
                 return
-            guide = _trifinger.guide(self.name, timeout=timeout)
+            guide = _trifinger.guide(self.name, frames=self._frames, timeout=timeout)
             with self._lock:
                 self._forget_setpoints()
                 self._guide = guide
@@ -178,7 +183,7 @@ class PageController:
             self._words = ""
 
     def move_joint(self, browser: int, joint: int, position: float) -> None:
-        """Moves one joint to a position [rad]; the others keep their targets."""
+        """Moves one joint to a position [rad], [m]; the others keep their targets."""
         with self._lock:
             guide = self._require(browser)
             if not 0 <= joint < guide.num_joints or not np.isfinite(position):
@@ -191,22 +196,24 @@ class PageController:
             guide.move_joints(joints)
             self._joints, self._words = joints, ""
 
-    def drag_tip(self, browser: int, finger: int, point: object) -> None:
-        """Moves a tip to a point in the world frame [m]; while the robot floats, pulls at it."""
+    def drag_frame(self, browser: int, frame: int, point: object) -> None:
+        """Moves a frame to a point in the world frame [m]; pulls at a tip while the robot floats,
+        and if there is no guide.
+        """
         where = _point(point)
         with self._lock:
             self._require_driver(browser)
             if not self.with_guide:
-                self._begin_pull(f"tip_{finger}", where)
+                self._begin_pull(f"tip_{frame}", where)
                 return
             guide = self._require(browser)
-            if not 0 <= finger < guide.num_fingers:
-                raise InvalidArgument("there is no such finger")
+            if not 0 <= frame < len(guide.frame_names):
+                raise InvalidArgument("there is no such frame")
             if guide.state(timeout=0).mode == "float":
-                self._begin_pull(f"tip_{finger}", where)
+                self._begin_pull(f"tip_{frame}", where)
                 return
             self._joints = None
-            self._setpoints[finger] = where
+            self._setpoints[frame] = where
             self._send_setpoints()
 
     def drag_object(self, browser: int, name: str, point: object) -> None:
@@ -217,7 +224,7 @@ class PageController:
             self._begin_pull(name, where)
 
     def drop(self, browser: int) -> None:
-        """Lets go of what is dragged. A tip goes on to the last point that was asked for."""
+        """Lets go of what is dragged. A frame goes on to the last point that was asked for."""
         with self._lock:
             self._require_driver(browser)
             if self._setpoints:
@@ -308,8 +315,8 @@ class PageController:
             return
         self._sent = now
         setpoints, self._setpoints = self._setpoints, {}
-        for finger, point in setpoints.items():
-            self._guide.move_tip(finger, point)
+        for frame, point in setpoints.items():
+            self._guide.move_frame(frame, point)
         self._words = ""
 
     def _forget_setpoints(self) -> None:
@@ -362,14 +369,6 @@ def pullable(robot: _trifinger.Frontend) -> bool:
     except (SessionNotFound, TimedOut):
         return False
     return True
-
-
-def soft_limits(documents: Mapping[str, str]) -> tuple[tuple[str, ...], Array, Array]:
-    """Names of joints and their soft limits [rad]; raises Error without a configuration."""
-    from trifinger_view.motion.facts import JointFacts
-
-    facts = JointFacts.of_configuration(documents.get("configuration.yml", ""))
-    return facts.joints, np.array(facts.soft_lower), np.array(facts.soft_upper)
 
 
 def _point(point: object) -> Array:

@@ -11,7 +11,6 @@ itself: a script that pulls at the tips.
 
 from __future__ import annotations
 
-import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,7 +19,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from trifinger._trifinger import Kinematics
 from trifinger.errors import Error, InvalidArgument, RobotStopped
 from trifinger.session_info import SessionInfo
 
@@ -46,12 +44,14 @@ class Recording:
     """The session in which it was recorded."""
     configuration: str
     """The configuration of the robot, as text."""
+    joints: tuple[str, ...]
+    """Names of the joints."""
     first_step: int
     """Step at which the recording begins."""
     times: npt.NDArray[np.float64]
     """(n,), from the first step on [s]."""
     positions: npt.NDArray[np.float64]
-    """(n, num_joints) [rad]."""
+    """(n, num_joints) [rad], of slides [m]."""
 
     @property
     def duration(self) -> float:
@@ -66,7 +66,7 @@ class Recording:
         """
         from trifinger_view.motion import JointFacts, Motion
 
-        facts = JointFacts.of_configuration(self.configuration)
+        facts = JointFacts.of_configuration(self.configuration, self.session.type, self.joints)
         origin = (
             f"taught by hand: robot '{self.session.name}', session {self.session.session_id}, "
             f"from step {self.first_step}"
@@ -81,14 +81,15 @@ class Recording:
             history=(origin,),
         )
 
-    def tips(self) -> npt.NDArray[np.float64]:
-        """The positions of the tips in the world frame, (n, num_fingers, 3) [m]."""
-        with tempfile.NamedTemporaryFile("w", suffix=".yml") as file:
-            file.write(self.configuration)
-            file.flush()
-            kinematics = Kinematics(file.name)
-        tips = [kinematics.tip_positions(each) for each in self.positions]
-        return np.array(tips, np.float64).reshape(len(self.times), kinematics.num_fingers, 3)
+    def tips(self) -> npt.NDArray[np.float64] | None:
+        """The positions of the tips in the world frame, (n, num_fingers, 3) [m].
+
+        None for a robot from a file.
+        """
+        from trifinger_view.motion import JointFacts
+
+        facts = JointFacts.of_configuration(self.configuration, self.session.type, self.joints)
+        return facts.tips(self.positions)
 
 
 class Teaching:
@@ -115,6 +116,7 @@ class Teaching:
         return Recording(
             session=self._session,
             configuration=self._configuration,
+            joints=self._guide.joint_names,
             first_step=self._first,
             times=steps.astype(np.float64) * self._session.period,
             positions=positions[steps],

@@ -138,7 +138,7 @@ def info(motion: Motion, facts: JointFacts | None) -> str:
     ]
     lines += [f"  {line}" for line in motion.history]
     width = max(map(len, motion.joints))
-    lines.append(f"{'joint':{width}}   least  largest [rad]  fastest [rad/s]")
+    lines.append(f"{'joint':{width}}   least  largest [rad]  fastest [rad/s]; of slides [m], [m/s]")
     fastest = np.abs(motion.velocities).max(axis=0)
     for i, name in enumerate(motion.joints):
         column = motion.positions[:, i]

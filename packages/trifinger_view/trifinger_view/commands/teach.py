@@ -26,7 +26,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
     parser = ArgumentParser(
         prog="trifinger teach",
-        description="Let a robot float, and record what a hand does with its fingers.",
+        description="Let a robot float, and record what a hand does with it.",
         epilog="Example:\n"
         "  trifinger run trifinger_pro --name robot       in one terminal\n"
         "  trifinger teach robot -o wave.motion           in another; Enter ends the recording\n"
@@ -81,7 +81,7 @@ def teach(arguments: argparse.Namespace) -> None:
 def record(teaching: Teaching, robot: str, seconds: float | None) -> None:
     """Records until somebody presses Enter or Ctrl-C, or until the time is over."""
     ends = "Enter or Ctrl-C ends the recording" + (f", or {seconds:g} s" if seconds else "")
-    say(f"The robot '{robot}' floats: a hand can move its fingers. {ends}.", flush=True)
+    say(f"The robot '{robot}' floats: a hand can move it. {ends}.", flush=True)
     is_over = threading.Event()
     try:
         with Line() as line, suppress(KeyboardInterrupt):

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import trifinger
-from trifinger._trifinger import Guide
+from trifinger._trifinger import Guide, GuideState
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.errors import Error
 from trifinger.progress import Line
 
+from trifinger_view.commands.options import add_frames
 from trifinger_view.teleoperation import (
     Command,
     Device,
@@ -31,13 +32,14 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
     parser = ArgumentParser(
         prog="trifinger teleop",
-        description="Move the fingers of a robot with a keyboard, a gamepad or a device of yours.",
-        epilog=f"Keys:\n{keyboard.HELP}\nA tip moves while its key is held.\n\n"
+        description="Move a robot with a keyboard, a gamepad or a device of yours.",
+        epilog=f"Keys:\n{keyboard.HELP}\nThe robot moves while a key is held.\n\n"
         f"Gamepad:\n{gamepad.HELP}\n\n"
         "Examples:\n"
         "  trifinger teleop sim\n"
         "  trifinger teleop sim --device gamepad\n"
-        "  trifinger teleop sim --device my_module:my_function",
+        "  trifinger teleop sim --device my_module:my_function\n"
+        "  trifinger teleop panda --frame right_hand",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("robot", metavar="NAME", help="name of the running robot")
@@ -47,26 +49,28 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         help="keyboard (default), gamepad, gamepad:FILE for one of several (/dev/input/event5), or "
         "MODULE:FUNCTION, a function that returns a trifinger_view.teleoperation.Command",
     )
+    add_frames(parser)
     return parser.parse_args(words)
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger teleop`."""
     arguments = parse(words)
-    return command_line.run(lambda: run(arguments.robot, arguments.device))
+    return command_line.run(lambda: run(arguments.robot, arguments.device, arguments.frame))
 
 
-def run(robot: str, device_name: str) -> None:
+def run(robot: str, device_name: str, frames: Sequence[str] = ()) -> None:
     """Moves the robot until the person ends it."""
     # The device comes first: without it, the robot is not touched.
     with (
         command_line.ended_by_signals(),
         opened(device_name) as (device, how_to),
-        trifinger.guide(robot) as guide,
+        trifinger.guide(robot, frames=frames) as guide,
     ):
         command_line.wait_until_measured(guide, robot)
         if isinstance(device, Keyboard | Gamepad):
-            device.num_fingers = guide.num_fingers
+            device.num_frames = len(guide.frame_names)
+            device.num_joints = guide.num_joints
         say(f"The robot '{robot}' holds its pose.\n{how_to}", flush=True)
         with Line() as line:
             teleoperate(guide, device, watch=Display(guide, line).show)
@@ -97,9 +101,10 @@ class Display:
         self._guide = guide
         self._line = line
         self._refusal = ""
+        self._joint: int | None = None
 
-    def show(self, command: Command, finger: int) -> None:
-        """Shows the finger that a command moves, and what the device and the guide have to say."""
+    def show(self, command: Command, frame: int) -> None:
+        """Shows what a command moves, and what the device and the guide have to say."""
         try:
             state = self._guide.state()
         except Error:  # the session has ended: whoever steers hears of it
@@ -109,8 +114,20 @@ class Display:
         if state.refusal and state.refusal != self._refusal:
             self._say(state.refusal)
         self._refusal = state.refusal
-        x, y, z = 1000 * state.tips[finger]
-        self._line.show(f"  finger {finger + 1}  {x:6.1f} {y:6.1f} {z:6.1f} mm  {state.mode}")
+        self._line.show(f"  {self._moved(command, frame, state)}  {state.mode}")
+
+    def _moved(self, command: Command, frame: int, state: GuideState) -> str:
+        """What moves, and where it is."""
+        if command.rate or not self._guide.frame_names:
+            self._joint = command.joint or (self._joint if command.joint is None else 0)
+        elif any(command.velocity):
+            self._joint = None
+        if self._joint is None and self._guide.frame_names:
+            x, y, z = 1000 * state.frames[frame]
+            return f"{self._guide.frame_names[frame]}  {x:6.1f} {y:6.1f} {z:6.1f} mm"
+        joint = self._joint or 0
+        unit = self._guide.joint_units[joint]
+        return f"{self._guide.joint_names[joint]}  {state.joints[joint]:7.3f} {unit}"
 
     def _say(self, sentence: str) -> None:
         self._line.clear()

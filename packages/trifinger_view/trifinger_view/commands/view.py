@@ -20,12 +20,12 @@ from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 
 from trifinger_view import PAGE
 from trifinger_view.authentication import CONTROL_MESSAGES, LOOPBACK, Authentication, page_server
+from trifinger_view.commands.options import add_frames
 from trifinger_view.logged import LoggedRun
-from trifinger_view.page_controller import PageController
+from trifinger_view.page_controller import PageController, pullable
 
 RATE = 40.0  # of pictures [Hz]
 IDLE_RATE = 5.0  # without a browser
-KINDS_WITH_HAND = ("trifinger", "finger")
 TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
 
 
@@ -162,11 +162,13 @@ def note_of_missing(name: str) -> str:
     return f"No robot{f' {name!r}' if name else ''} runs{others}. The page waits for it; {start}."
 
 
-def steer_robot(name: str, options: PageOptions, *, with_guide: bool) -> None:
+def steer_robot(
+    name: str, options: PageOptions, *, with_guide: bool, frames: Sequence[str] = ()
+) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
     if not with_guide:
         require_hand(name)
-    controller = PageController(name, with_guide=with_guide)
+    controller = PageController(name, with_guide=with_guide, frames=frames)
     with ended_by_signals(), contextlib.closing(controller):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             controller.connect()
@@ -179,11 +181,10 @@ def require_hand(name: str) -> None:
     A robot that does not run yet may be another one later; then the page says what it can.
     """
     with contextlib.suppress(SessionNotFound, RobotStopped):
-        kind = observe(name).session_info().type
-        if kind not in KINDS_WITH_HAND:
+        if not pullable(observe(name)):
             raise InvalidArgument(
-                f"robot '{name}' is of type '{kind}'; --hand pulls at robots of type "
-                f"{' and '.join(KINDS_WITH_HAND)} in simulation. 'trifinger view {name}' shows it"
+                f"robot '{name}' cannot be pulled: --hand is for simulations that 'trifinger run' "
+                f"runs. 'trifinger view {name}' shows it"
             )
 
 
@@ -252,6 +253,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         action="store_true",
         help="control the robot NAME from the page; its safety checks apply as always",
     )
+    add_frames(parser)
     parser.add_argument(
         "--hand",
         action="store_true",
@@ -302,6 +304,8 @@ def main(words: Sequence[str] | None = None) -> int:
 def show_or_write(arguments: argparse.Namespace) -> None:
     """Shows a robot or a log, or writes a log into a file, as the arguments say."""
     steers = arguments.control or arguments.hand
+    if arguments.frame and not arguments.control:
+        raise InvalidArgument("--frame says what --control moves; it needs --control")
     if steers and (not arguments.what or is_log(arguments.what)):
         option = "--control" if arguments.control else "--hand"
         raise InvalidArgument(
@@ -323,7 +327,12 @@ def show_or_write(arguments: argparse.Namespace) -> None:
     require_no_file_options(arguments, "a log and -o")
     extras.require(*PAGE)
     if steers:
-        steer_robot(arguments.what, page_options(arguments), with_guide=arguments.control)
+        steer_robot(
+            arguments.what,
+            page_options(arguments),
+            with_guide=arguments.control,
+            frames=arguments.frame,
+        )
     else:
         show_robot(arguments.what, page_options(arguments))
 

@@ -20,6 +20,11 @@ ANGLE_TOLERANCE = 1e-6  # [rad]
 SPEED_TOLERANCE = 0.01  # [rad/s]; a check that brakes acts in proportion to the excess
 RELATIVE_TOLERANCE = 1e-6
 MAX_FACTOR = 1000.0
+UNITS = {
+    "rad": {"position": "rad", "speed": "rad/s", "torque": "Nm"},
+    "m": {"position": "m", "speed": "m/s", "torque": "N"},
+}
+"""Units of a joint by that of its position."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,12 +37,15 @@ class Violation:
     time: float
     """Since the first sample [s]."""
     value: float
-    """What the motion needs [rad], [rad/s] or [Nm]."""
+    """What the motion needs [rad], [rad/s] or [Nm]; of a slide [m], [m/s] or [N]."""
     allowed: float
     """What the robot allows there, in the same unit."""
+    joint_unit: str = "rad"
+    """Unit of the joint's position: see `JointFacts.units`."""
 
     def __str__(self) -> str:
-        unit = {"position": "rad", "speed": "rad/s", "torque": "Nm"}[self.kind]
+        units = [UNITS[one][self.kind] for one in self.joint_unit.split(" or ")]
+        unit = " or ".join(units)
         need = {"position": "goes to", "speed": "moves at", "torque": "needs"}[self.kind]
         limit = {"position": "soft limit", "speed": "speed limit there", "torque": "limit"}
         return (
@@ -118,6 +126,7 @@ def _worst(
                 float(samples.times[row]),
                 float(values[row, joint]),
                 float(allowed[row, joint]),
+                facts.units[joint],
             )
         )
     return found
@@ -165,9 +174,10 @@ def _torque_rates(facts: JointFacts, samples: Samples) -> NDArray[np.float64]:
     most = facts.max_torque
     if (np.abs(hold) > most).any():
         row, joint = np.argwhere(np.abs(hold) > most)[0]
+        unit = UNITS[facts.units[joint]]["torque"]
         raise InvalidArgument(
-            f"slower does not help: {facts.joints[joint]} needs {abs(hold[row, joint]):.3g} Nm to "
-            f"hold its pose at {samples.times[row]:.3f} s; its limit is {most[joint]:.3g} Nm"
+            f"slower does not help: {facts.joints[joint]} needs {abs(hold[row, joint]):.3g} {unit} "
+            f"to hold its pose at {samples.times[row]:.3f} s; its limit is {most[joint]:.3g} {unit}"
         )
     c, b = whole - hold, facts.safety_kd * v
     rate = np.full(q.shape, np.inf)

@@ -34,7 +34,7 @@ class Motion:
 
     The constructor subtracts the first time, so that any clock may be given."""
     positions: NDArray[np.float64]
-    """Position of each joint [rad]: shape (n, number of joints)."""
+    """Position of each joint [rad], of a slide [m]: shape (n, number of joints)."""
     joints: tuple[str, ...]
     """Names of the joints, in the order of the robot's actions."""
     robot: str
@@ -190,7 +190,7 @@ class Motion:
                 "the motion does not have the configuration of its robot; "
                 "say which it is: facts=JointFacts.load(NAME), --config NAME"
             )
-        facts = JointFacts.of_configuration(self.configuration)
+        facts = JointFacts.of_configuration(self.configuration, self.robot, self.joints)
         self.require_robot(facts.robot, facts.joints, "the robot of its configuration")
         return facts
 
@@ -272,9 +272,10 @@ class Motion:
         The fingers stand 120 degrees apart, so the tips move as before, turned about the vertical
         by 120 degrees clockwise for each finger, as seen from above.
         """
-        if len(self.joints) != 9:
+        if len(self.joints) != 9 or not self.robot.startswith("trifinger-"):
             raise InvalidArgument(
-                f"a motion of three fingers can be turned; this one has {len(self.joints)} joints"
+                f"a motion of three fingers of a TriFinger can be turned; this one is of "
+                f"{len(self.joints)} joints of '{self.robot}'"
             )
         tips = self.tips
         if tips is not None:

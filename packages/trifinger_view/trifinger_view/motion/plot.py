@@ -15,7 +15,7 @@ from trifinger import extras
 from trifinger.errors import InvalidArgument
 from trifinger.whole_file import whole_file
 
-from trifinger_view.motion.limits import Samples, allowed_speeds
+from trifinger_view.motion.limits import UNITS, Samples, allowed_speeds
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,8 +56,13 @@ def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:
         tips = facts.tips(samples.positions)
     fingers = len(motion.joints) // 3 if len(motion.joints) % 3 == 0 else 1
     each = len(motion.joints) // fingers
-    rows = ["position [rad]", "velocity [rad/s]"]
-    rows += ["torque [Nm]"] * (torques is not None) + ["tip [m]"] * (tips is not None)
+    units = sorted(set(facts.units)) if facts is not None else ["rad"]
+    units = ["rad", "m"] if len(units) > 1 or "rad or m" in units else units
+    rows = [
+        f"{what} [{' or '.join(UNITS[unit][what] for unit in units)}]"
+        for what in ("position", "speed", "torque")[: 2 + (torques is not None)]
+    ]
+    rows += ["tip [m]"] * (tips is not None)
     figure = figure_type(figsize=(4.3 * fingers + 1.2, 2.2 * len(rows) + 0.8), layout="constrained")
     figure.suptitle(f"{motion.robot}, {motion.duration:.2f} s; dashed: limits", fontsize=11)
     axes = figure.subplots(len(rows), fingers, sharex=True, sharey="row", squeeze=False)
@@ -66,7 +71,9 @@ def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:
     for finger in range(fingers):
         own = range(finger * each, (finger + 1) * each)
         column = axes[:, finger]
-        column[0].set_title(f"finger {finger}" if fingers > 1 else "", fontsize=10)
+        is_finger = motion.robot.startswith("trifinger-")
+        title = f"finger {finger}" if is_finger else f"joints {own[0]} to {own[-1]}"
+        column[0].set_title(title if fingers > 1 else "", fontsize=10)
         for colour, joint in enumerate(own):
             style = {"color": COLOURS[colour % len(COLOURS)]}
             label = motion.joints[joint].removeprefix("finger_").replace("_joint", "")

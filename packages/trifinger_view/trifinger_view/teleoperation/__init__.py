@@ -6,7 +6,7 @@ A device is a function that says what the person wants now. It is called many ti
     from trifinger_view.teleoperation import Command, teleoperate
 
     def device() -> Command:
-        return Command(velocity=(0.02, 0.0, 0.0), finger=0)
+        return Command(velocity=(0.02, 0.0, 0.0), frame=0)
 
     with trifinger.guide("sim") as guide:
         teleoperate(guide, device)

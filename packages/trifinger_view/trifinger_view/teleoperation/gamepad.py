@@ -17,21 +17,22 @@ from typing import Protocol
 
 from trifinger.errors import Error
 
-from trifinger_view.teleoperation.command import STILL, Command, Request, Velocity, more_urgent
+from trifinger_view.teleoperation.command import ARM, STILL, Command, Request, Velocity, more_urgent
 
 HELP = """\
-  left stick         the tip moves along x and y       start    home
+  left stick         the frame moves along x and y     start    home
   right stick        up and down                       select   float: a hand can move it
-  shoulder buttons   the finger before, the next one   A        hold (on some pads: cross)
-  up, down           faster, slower                    B        stop: the session ends at once
-                                                       Ctrl-C   hold, and end"""
+  shoulder buttons   the frame before, the next one    A        hold (on some pads: cross)
+  left, right        the joint before, the next one    B        stop: the session ends at once
+  X, Y               the joint turns back, on          Ctrl-C   hold, and end
+  up, down           faster, slower"""
 
 SPEEDS = (0.01, 0.02, 0.05, 0.1)
 """The speeds that a whole deflection can mean [m/s]."""
 DEAD_ZONE = 0.15
 """The share of a deflection that means nothing: sticks do not come back to exactly zero."""
 SILENCE = 3.0
-"""A tip stops when the gamepad has said nothing for so long, such as without its radio [s]."""
+"""What moves stops when the gamepad has said nothing for so long, such as without its radio [s]."""
 RETRY = 1.0
 """Time from one look for an unplugged gamepad to the next [s]."""
 
@@ -42,8 +43,9 @@ _SOUTH, _EAST, _LEFT_SHOULDER, _RIGHT_SHOULDER, _SELECT, _START = (
     *(0x130, 0x131, 0x136, 0x137),
     *(0x13A, 0x13B),
 )
-_CROSS_UP, _CROSS_DOWN = 0x220, 0x221
-_X, _Y, _RIGHT_Y, _CROSS_Y = 0x00, 0x01, 0x04, 0x11
+_CROSS_UP, _CROSS_DOWN, _CROSS_LEFT, _CROSS_RIGHT = 0x220, 0x221, 0x222, 0x223
+_X, _Y, _RIGHT_Y, _CROSS_X, _CROSS_Y = 0x00, 0x01, 0x04, 0x10, 0x11
+_TURNS = {0x133: -1.0, 0x134: 1.0}  # called X and Y on most pads
 _STICKS = (_X, _Y, _RIGHT_Y)
 _REQUESTS: dict[int, Request] = {_SOUTH: "hold", _EAST: "stop", _START: "home", _SELECT: "float"}
 
@@ -199,17 +201,26 @@ class _Pad:
 
     sticks: dict[int, float] = field(default_factory=dict)
     """Deflections, from -1 to 1."""
+    turns: dict[int, float] = field(default_factory=dict)
+    """Which buttons turn a joint, and in which direction."""
     must_be_let_go: bool = False
-    """Sticks mean nothing until all are back in the middle."""
+    """Sticks and these buttons mean nothing until all are back in the middle or let go."""
     has_lost_events: bool = False
 
-    def velocity(self, speed: float) -> Velocity:
-        if not any(self.sticks.values()):
+    def is_active(self) -> bool:
+        if not any(self.sticks.values()) and not self.turns:
             self.must_be_let_go = False
-        if self.must_be_let_go or not any(self.sticks.values()):
+            return False
+        return not self.must_be_let_go
+
+    def velocity(self, speed: float) -> Velocity:
+        if not self.is_active() or not any(self.sticks.values()):
             return STILL
         x, down, sink = (speed * self.sticks.get(axis, 0.0) for axis in _STICKS)
         return (x, -down, -sink)
+
+    def rate(self, speed: float) -> float:
+        return speed / ARM * sum(self.turns.values()) if self.is_active() else 0.0
 
 
 class Gamepad:
@@ -224,16 +235,19 @@ class Gamepad:
     def __init__(
         self,
         find: Callable[[], Source] = open_gamepad,
-        num_fingers: int = 3,
+        num_frames: int = 3,
+        num_joints: int = 9,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         """Raises what `find` raises."""
         self._find = find
-        self.num_fingers = num_fingers
-        """Number of fingers to choose from."""
+        self.num_frames = num_frames
+        """Number of frames to choose from."""
+        self.num_joints = num_joints
+        """Number of joints to choose from."""
         self._now = now
         self._speed = SPEEDS.index(0.05)
-        self._finger = 0
+        self._frame = self._joint = 0
         self._pad = _Pad()
         self._source: Source | None = find()
         self._heard = self._tried = now()
@@ -265,16 +279,22 @@ class Gamepad:
         message, speed = "", self._speed
         if events:
             self._heard = self._now()
-        elif self._now() - self._heard > SILENCE and self._pad.velocity(1.0) != STILL:
+        elif self._now() - self._heard > SILENCE and self._pad.is_active():
             self._pad.must_be_let_go = True
-            message = "the gamepad is silent, so the tip stops; let the stick go to move it again"
+            message = "the gamepad is silent, so the robot holds; let all go to move it again"
         asked: Request = ""
         for event in events:
             asked = more_urgent(asked, self._take(event, self._source.ranges))
         if self._speed != speed:
             message = f"{1000 * self.speed:.0f} mm/s"
-        velocity = self._pad.velocity(self.speed)
-        return Command(velocity=velocity, finger=self._finger, request=asked, message=message)
+        return Command(
+            velocity=self._pad.velocity(self.speed),
+            frame=self._chosen_frame(),
+            rate=self._pad.rate(self.speed),
+            joint=self._joint,
+            request=asked,
+            message=message,
+        )
 
     def _take(self, event: Event, ranges: Mapping[int, Range]) -> Request:
         if event.type == _SYN and event.code == _SYN_DROPPED:
@@ -283,18 +303,26 @@ class Gamepad:
             self._pad.has_lost_events = False
         elif self._pad.has_lost_events:
             pass  # what comes before the next report is of no use
+        elif event.type == _KEY and event.code in _TURNS:
+            self._pad.turns.pop(event.code, None)
+            if event.value:
+                self._pad.turns[event.code] = _TURNS[event.code]
         elif event.type == _KEY and event.value == 1:
             return self._press(event.code)
         elif event.type == _ABS and event.code in _STICKS and event.code in ranges:
             self._pad.sticks[event.code] = ranges[event.code].share(event.value)
         elif event.type == _ABS and event.code == _CROSS_Y:
             self._change_speed(-event.value)
+        elif event.type == _ABS and event.code == _CROSS_X:
+            self._choose_joint(event.value)
         return ""
 
     def _press(self, code: int) -> Request:
         if code in (_LEFT_SHOULDER, _RIGHT_SHOULDER):
             step = 1 if code == _RIGHT_SHOULDER else -1
-            self._finger = (self._finger + step) % self.num_fingers
+            self._frame = (self._frame + step) % max(self.num_frames, 1)
+        elif code in (_CROSS_LEFT, _CROSS_RIGHT):
+            self._choose_joint(1 if code == _CROSS_RIGHT else -1)
         elif code in (_CROSS_UP, _CROSS_DOWN):
             self._change_speed(1 if code == _CROSS_UP else -1)
             return ""
@@ -302,6 +330,13 @@ class Gamepad:
             return ""
         self._pad.must_be_let_go = True
         return _REQUESTS.get(code, "")
+
+    def _chosen_frame(self) -> int | None:
+        return self._frame if self.num_frames else None
+
+    def _choose_joint(self, step: int) -> None:
+        self._joint = (self._joint + step) % self.num_joints
+        self._pad.must_be_let_go = self._pad.must_be_let_go or bool(self._pad.turns)
 
     def _change_speed(self, step: int) -> None:
         self._speed = min(max(self._speed + step, 0), len(SPEEDS) - 1)
@@ -325,4 +360,6 @@ class Gamepad:
         except Error:
             return Command()
         self._heard = self._now()
-        return Command(finger=self._finger, message=f"{self.name} is there again")
+        return Command(
+            frame=self._chosen_frame(), joint=self._joint, message=f"{self.name} is there again"
+        )

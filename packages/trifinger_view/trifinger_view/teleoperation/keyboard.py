@@ -2,7 +2,8 @@
 """The keyboard of a terminal as a device.
 
 A terminal tells when a key is pressed and repeats it while it is held; it does not tell when the
-key is let go. So a tip moves for HELD after each of these signs of life, and stops without them.
+key is let go. So a frame or a joint moves for HELD after each of these signs of life, and stops
+without them.
 """
 
 import os
@@ -18,19 +19,20 @@ from typing import Self
 
 from trifinger.errors import InvalidArgument
 
-from trifinger_view.teleoperation.command import STILL, Command, Request, Velocity, more_urgent
+from trifinger_view.teleoperation.command import ARM, STILL, Command, Request, Velocity, more_urgent
 
 HELD = 0.15
-"""How long a tip moves after a sign of life of its key [s]. Keys repeat every 0.03 to 0.1 s."""
+"""How long something moves after a sign of life of its key [s]. Keys repeat every 0.03 to 0.1 s."""
 SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1)
-"""The speeds of a tip that keys choose from [m/s]."""
+"""The speeds of a frame that keys choose from [m/s]. Joints turn with this speed / ARM."""
 
 HELP = """\
-  left, right        the tip moves along x          h        home
-  down, up           along y                        f        float: a hand can move the fingers
+  left, right        the frame moves along x        h        home
+  down, up           along y                        f        float: a hand can move the robot
   page down, page up along z; also s and w          space    hold
-  1, 2, 3            choose a finger                x        stop: the session ends at once
-  - and +            slower, faster                 q        hold, and end"""
+  1, 2, 3, ...       choose a frame (a tip)         x        stop: the session ends at once
+  [ and ]            the joint before, the next one q        hold, and end
+  , and .            the joint turns back, on       - and +  slower, faster"""
 
 _DIRECTIONS: dict[bytes, Velocity] = {
     b"\x1b[C": (1, 0, 0),
@@ -44,6 +46,8 @@ _DIRECTIONS: dict[bytes, Velocity] = {
 }
 # Terminals in "application mode" send their arrows in another way.
 _DIRECTIONS |= {b"\x1bO" + key[2:]: way for key, way in _DIRECTIONS.items() if len(key) == 3}
+
+_TURNS: dict[bytes, float] = {b",": -1.0, b".": 1.0}
 
 _REQUESTS: dict[bytes, Request] = {
     b"h": "home",
@@ -97,8 +101,9 @@ class Keys:
 
 @dataclass(frozen=True)
 class _Motion:
-    direction: Velocity
-    until: float
+    direction: Velocity = STILL
+    turn: float = 0.0
+    until: float = 0.0
 
 
 class Keyboard:
@@ -111,20 +116,24 @@ class Keyboard:
     def __init__(
         self,
         read: Callable[[], bytes | None],
-        num_fingers: int = 3,
+        num_frames: int = 3,
+        num_joints: int = 9,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         self._read = read
-        self.num_fingers = num_fingers
-        """Number of fingers to choose from."""
+        self.num_frames = num_frames
+        """Number of frames to choose from."""
+        self.num_joints = num_joints
+        """Number of joints to choose from."""
         self._now = now
         self._keys = Keys()
-        self._motion = _Motion(STILL, 0.0)
+        self._motion = _Motion()
+        self._joint = 0
         self._speed = SPEEDS.index(0.05)
 
     @property
     def speed(self) -> float:
-        """The chosen speed of a tip [m/s]."""
+        """The chosen speed of a frame [m/s]."""
         return SPEEDS[self._speed]
 
     def __call__(self) -> Command:
@@ -132,26 +141,41 @@ class Keyboard:
         data = self._read()
         if data is None:
             return Command(request="end", message="the terminal is gone")
-        finger: int | None = None
+        frame: int | None = None
+        joint: int | None = None
         request: Request = ""
         message = ""
         for key in self._keys.feed(data):
             if key in _DIRECTIONS:
-                self._motion = _Motion(_DIRECTIONS[key], self._now() + HELD)
+                self._motion = _Motion(direction=_DIRECTIONS[key], until=self._now() + HELD)
+            elif key in _TURNS:
+                joint = self._joint
+                self._motion = _Motion(turn=_TURNS[key], until=self._now() + HELD)
             elif key in _REQUESTS:
-                self._motion = _Motion(STILL, 0.0)
+                self._motion = _Motion()
                 request = more_urgent(request, _REQUESTS[key])
-            elif key.isdigit() and 1 <= int(key) <= self.num_fingers:
-                self._motion = _Motion(STILL, 0.0)
-                finger = int(key) - 1
+            elif key.isdigit() and 1 <= int(key) <= self.num_frames:
+                self._motion = _Motion()
+                frame = int(key) - 1
+            elif key in (b"[", b"]"):
+                self._motion = _Motion()
+                self._joint = (self._joint + (1 if key == b"]" else -1)) % self.num_joints
+                joint = self._joint
             elif key in b"+=-_" and len(key) == 1:
                 step = 1 if key in b"+=" else -1
                 self._speed = min(max(self._speed + step, 0), len(SPEEDS) - 1)
                 message = f"{1000 * self.speed:.0f} mm/s"
         if self._now() >= self._motion.until:
-            self._motion = _Motion(STILL, 0.0)
+            self._motion = _Motion()
         x, y, z = (self.speed * way for way in self._motion.direction)
-        return Command(velocity=(x, y, z), finger=finger, request=request, message=message)
+        return Command(
+            velocity=(x, y, z),
+            frame=frame,
+            rate=self.speed / ARM * self._motion.turn,
+            joint=joint,
+            request=request,
+            message=message,
+        )
 
 
 class Terminal:

@@ -16,17 +16,32 @@ from trifinger_view.teleoperation.command import STILL, Command, Device, Velocit
 PERIOD = 0.02
 """Time from one command to the next [s]."""
 MAX_LEAD = 0.02
-"""How far the target of a tip may be ahead of where the tip should be now [m]."""
+"""How far the target of a frame may be ahead of where the frame should be now [m]."""
 MAX_SPEED = 0.15
-"""Faster commands are slowed down to this: the guide moves tips no faster [m/s]."""
+"""Faster commands are slowed down to this: the guide moves frames no faster [m/s]."""
+MAX_JOINT_LEAD = 0.1
+"""How far the target of a joint may be ahead of where the joint should be now [rad]."""
+MAX_RATE = 1.0
+"""Faster commands are slowed down to this: the guide moves joints no faster [rad/s]."""
+NO_FRAMES = "no end of this robot has a name: --frame, or frames=, names frames to move"
+SLIDE = 0.1
+"""So many metres of a slide count as 1 rad."""
 
 
 class SteeredState(Protocol):
     """What is needed of the state of a guided robot."""
 
     @property
-    def reference_tips(self) -> npt.NDArray[np.float64]:
-        """Where the tips should be now [m]; a row for each finger."""
+    def reference_frames(self) -> npt.NDArray[np.float64]:
+        """Where the frames should be now [m]; a row for each."""
+
+    @property
+    def reference_joints(self) -> npt.NDArray[np.float64]:
+        """Where the joints should be now [rad], [m]."""
+
+    @property
+    def target_joints(self) -> npt.NDArray[np.float64]:
+        """Where the joints should end [rad], [m]."""
 
     @property
     def refusal(self) -> str:
@@ -37,11 +52,18 @@ class Steered(Protocol):
     """What is needed of a guide; `trifinger.Guide` has it."""
 
     @property
-    def num_fingers(self) -> int:
-        """Number of fingers."""
+    def frame_names(self) -> tuple[str, ...]:
+        """The frames that can be moved."""
 
-    def move_tip(self, finger: int, position: npt.ArrayLike) -> None:
-        """Moves a tip to a point [m]."""
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """The unit of each joint: "rad" or "m"."""
+
+    def move_frame(self, frame: int, position: npt.ArrayLike) -> None:
+        """Moves a frame to a point [m]."""
+
+    def move_joints(self, positions: npt.ArrayLike) -> None:
+        """Moves all joints to positions [rad], [m]."""
 
     def home(self) -> None:
         """Moves to the initial pose."""
@@ -65,20 +87,21 @@ class Steered(Protocol):
 class Steering:
     """Turns commands into requests to a guided robot.
 
-    While a command has a velocity, the target of the tip goes ahead with it, at most MAX_LEAD in
-    front of the tip. The first command without a velocity holds the robot.
+    While a command has a velocity or a rate, the target of its frame or joint goes ahead with it,
+    at most MAX_LEAD or MAX_JOINT_LEAD in front. The first command without them holds the robot.
     """
 
-    def __init__(self, guide: Steered, num_fingers: int | None = None) -> None:
+    def __init__(self, guide: Steered) -> None:
         self._guide = guide
-        self._num_fingers = guide.num_fingers if num_fingers is None else num_fingers
-        self._target: npt.NDArray[np.float64] | None = None
-        self._finger = 0
+        self._frames, self._units = guide.frame_names, guide.joint_units
+        self._target: npt.NDArray[np.float64] | None = None  # of the frame, or of all joints
+        self._frame = self._joint = 0
+        self._moves_joint = False
 
     @property
-    def finger(self) -> int:
-        """The finger that velocities move, from 0."""
-        return self._finger
+    def frame(self) -> int:
+        """The frame that velocities move, from 0."""
+        return self._frame
 
     def obey(self, command: Command, elapsed: float) -> bool:
         """Does what `command` says; `elapsed` is the time since the last one [s].
@@ -89,16 +112,20 @@ class Steering:
             InvalidArgument: if the command has no meaning for this robot; the robot holds
         """
         try:
-            velocity = self._velocity_of(command)
+            velocity, rate = self._motion_of(command)
         except InvalidArgument:
             self._guide.hold()
             raise
         if command.request == "stop":
             self._guide.stop()
             return False
-        if command.finger is not None and command.finger != self._finger:
+        frame = self._frame if command.frame is None else command.frame
+        joint = self._joint if command.joint is None else command.joint
+        # What rests does not change from one to the other.
+        moves_joint = velocity == STILL and (rate != 0.0 or self._moves_joint)
+        if (frame, joint, moves_joint) != (self._frame, self._joint, self._moves_joint):
             self._rest()
-            self._finger = command.finger
+        self._frame, self._joint, self._moves_joint = frame, joint, moves_joint
         if command.request:
             self._target = None
             {
@@ -109,6 +136,8 @@ class Steering:
             }[command.request]()
         elif velocity != STILL:
             self._move(np.array(velocity), elapsed)
+        elif rate != 0.0:
+            self._turn(rate, elapsed)
         else:
             self._rest()
         return command.request != "end"
@@ -119,16 +148,29 @@ class Steering:
             self._guide.hold()
 
     def _move(self, velocity: npt.NDArray[np.float64], elapsed: float) -> None:
-        tip = self._guide.state().reference_tips[self._finger]
-        target = (tip if self._target is None else self._target) + velocity * elapsed
-        ahead = target - tip
+        place = self._guide.state().reference_frames[self._frame]
+        target = (place if self._target is None else self._target) + velocity * elapsed
+        ahead = target - place
         distance = float(np.linalg.norm(ahead))
         if distance > MAX_LEAD:
-            target = tip + ahead * (MAX_LEAD / distance)
+            target = place + ahead * (MAX_LEAD / distance)
         self._target = target
-        self._guide.move_tip(self._finger, target)
+        self._guide.move_frame(self._frame, target)
 
-    def _velocity_of(self, command: object) -> Velocity:
+    def _turn(self, rate: float, elapsed: float) -> None:
+        state, joint = self._guide.state(), self._joint
+        radian = SLIDE if self._units[joint] == "m" else 1.0
+        place = float(state.reference_joints[joint])
+        if self._target is None:
+            self._target = np.array(state.target_joints, np.float64)
+            self._target[joint] = place
+        lead = float(self._target[joint]) - place + rate * elapsed * radian
+        self._target[joint] = place + np.clip(
+            lead, -MAX_JOINT_LEAD * radian, MAX_JOINT_LEAD * radian
+        )
+        self._guide.move_joints(self._target)
+
+    def _motion_of(self, command: object) -> tuple[Velocity, float]:
         if not isinstance(command, Command):
             raise InvalidArgument(
                 f"the device returned {command!r}, must be a trifinger_view.teleoperation.Command"
@@ -137,22 +179,33 @@ class Steering:
             raise InvalidArgument.of_name(
                 "request", command.request, ("home", "hold", "float", "stop", "end")
             )
-        if command.finger is not None and command.finger not in range(self._num_fingers):
-            raise InvalidArgument(
-                f"the device chose finger {command.finger}, must be from 0 to "
-                f"{self._num_fingers - 1}"
-            )
+        for what, chosen, count in (
+            ("frame", command.frame, len(self._frames)),
+            ("joint", command.joint, len(self._units)),
+        ):
+            if chosen is not None and chosen not in range(count):
+                raise InvalidArgument(
+                    f"the device chose {what} {chosen}, must be from 0 to {count - 1}"
+                    if count
+                    else NO_FRAMES
+                )
         try:
             x, y, z = (float(value) for value in command.velocity)
+            rate = float(command.rate)
         except (TypeError, ValueError) as error:
             raise InvalidArgument(
-                f"the device wants velocity {command.velocity!r}, must be three numbers"
+                f"the device wants velocity {command.velocity!r} and rate {command.rate!r}, "
+                "must be three numbers and one"
             ) from error
         speed = math.hypot(x, y, z)
-        if not math.isfinite(speed):
-            raise InvalidArgument(f"the device wants velocity {command.velocity}, must be finite")
+        if not (math.isfinite(speed) and math.isfinite(rate)):
+            raise InvalidArgument(
+                f"the device wants velocity {command.velocity} and rate {rate}, must be finite"
+            )
+        if speed > 0 and not self._frames:
+            raise InvalidArgument(NO_FRAMES)
         slower = min(1.0, MAX_SPEED / speed) if speed > 0 else 0.0
-        return (slower * x, slower * y, slower * z)
+        return (slower * x, slower * y, slower * z), min(max(rate, -MAX_RATE), MAX_RATE)
 
 
 def teleoperate(
@@ -167,7 +220,7 @@ def teleoperate(
     """Moves a robot as a device says, until its command is "end" or "stop".
 
     However it ends, the robot holds, or its session has ended; an error of the device is raised
-    after that. `watch` gets each command and the finger that it moves. `wait` and `now` are
+    after that. `watch` gets each command and the frame that it moves. `wait` and `now` are
     the clock of the loop [s].
 
     Raises:
@@ -180,12 +233,12 @@ def teleoperate(
         while True:
             guide.check()
             command = device()
-            # After a time in which nothing was heard of the device, a tip must not leap.
+            # After a time in which nothing was heard of the device, nothing must leap.
             elapsed = min(now() - last, 2 * period)
             last = now()
             goes_on = steering.obey(command, elapsed)
             if watch:
-                watch(command, steering.finger)
+                watch(command, steering.frame)
             if not goes_on:
                 return
             wait(max(0.0, last + period - now()))
