@@ -30,6 +30,11 @@ constexpr int kSearchesPerStep = 6;
 constexpr double kSearchStride = 0.01;
 constexpr double kFound = 1e-7;
 constexpr int kMaxSettling = 100;
+// It ends earlier if so many steps one after the other bring the frame hardly nearer.
+constexpr int kMaxStuck = 8;
+constexpr double kHardly = 0.99;
+// A frame that its joints cannot keep nearer to its line than this has left it [m].
+constexpr double kMaxGap = 5e-3;
 // A frame that stays further away from its point than this does not get there [m].
 constexpr double kReached = 1e-4;
 // So often a step of the robot brings the joints nearer to the frames' places on their lines.
@@ -273,7 +278,8 @@ void GuideController::aim_frame(int frame, const Eigen::Vector3d& point) noexcep
       state_.is_clamped[static_cast<std::size_t>(i)] = false;
     }
   }
-  search_steps_ = 0;
+  search_steps_ = stuck_steps_ = 0;
+  nearest_ = std::numeric_limits<double>::infinity();
 }
 
 // Begins the line of a frame where the reference is.
@@ -310,7 +316,11 @@ void GuideController::search() noexcept {
     }
     if (goals.all().empty()) return;
     const double farthest = kinematics_->approach(goals.all(), state_.target);
-    if (is_ahead && (farthest <= kFound || ++search_steps_ >= kMaxSettling)) end_search();
+    if (!is_ahead) continue;
+    stuck_steps_ = farthest > kHardly * nearest_ ? stuck_steps_ + 1 : 0;
+    nearest_ = farthest;
+    if (farthest <= kFound || stuck_steps_ >= kMaxStuck || ++search_steps_ >= kMaxSettling)
+      end_search();
   }
 }
 
@@ -370,6 +380,12 @@ void GuideController::advance_line(int frame) noexcept {
   if (lag > kMaxLag) {
     line.speed = 0.0;
     return;
+  }
+  const Eigen::Vector3d point = kinematics_->point(frame, path_);
+  if ((point - line.at).norm() > kMaxGap) {
+    // The line goes on from where the frame really is. Otherwise, the frame would not follow when
+    // somebody leads it back. If the target is known, the joints go there without a line.
+    line.at = line.is_found ? line.end : point;
   }
   const Eigen::Vector3d displacement = line.end - line.at;
   const double distance = displacement.norm();

@@ -280,6 +280,31 @@ TEST_P(GuideControllerOf, FollowsAPointThatMovesOnWithEverySetpoint) {
   EXPECT_LT((end - begin - distance * along).norm(), 1e-6);
 }
 
+TEST_P(GuideControllerOf, ComesBackAtOnceFromWhereItCannotGo) {
+  const std::optional<Eigen::Vector3d> displacement = line_of(GetParam());
+  if (!displacement) GTEST_SKIP() << "it moves on circles";
+  GuidedSimulation simulation(GetParam());
+  const ControllerState& state = simulation.controller.state();
+  const Eigen::Vector3d begin = state.measured_frames.col(0);
+  const auto steps_in = [&](double seconds) {
+    return static_cast<int>(seconds / std::chrono::duration<double>(period_).count());
+  };
+  // Somebody leads the frame two metres away, so fast that no target is found, and holds it there.
+  for (int step = 0; step < steps_in(8.0); ++step) {
+    if (step % 3 == 0) {
+      const double distance = std::min(1.0, step / (0.5 * steps_in(8.0))) * 2.0;
+      ASSERT_TRUE(simulation.controller.accept(
+          {.mode = Mode::kMoveFrame, .point = begin + distance * displacement->normalized()}));
+    }
+    simulation.step();
+  }
+  const double distance = (state.measured_frames.col(0) - begin).norm();
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveFrame, .point = begin}));
+  // It needs as long as the way of the frame, and some time for its joints.
+  EXPECT_TRUE(simulation.arrive(steps_in(2.0 * distance / speeds_.tip_speed + 2.0)));
+  EXPECT_LT((state.reference_frames.col(0) - begin).norm(), 1e-4);
+}
+
 TEST(GuideController, MovesFramesThatShareJointsTogether) {
   GuidedSimulation simulation("seven_joints");
   // Where both frames are in another posture.

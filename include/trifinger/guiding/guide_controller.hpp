@@ -180,10 +180,13 @@ class GuideController {
   GuidedJoints velocity_;            // Measured [rad/s].
   GuidedJoints reference_velocity_;  // [rad/s]
   std::array<Line, kMaxGuidedFrames> lines_{};
-  int search_steps_{0};                           // since all lines are searched to their ends
-  GuidedJoints path_;                             // Joints with the frames on their lines.
-  GuidedJoints path_rates_;                       // Their change in the last step [rad/s].
-  std::array<bool, kMaxCountedJoints> is_led_{};  // by a line
+  // The search since it is at the ends of all lines.
+  int search_steps_{0};
+  int stuck_steps_{0};                                  // that brought hardly anything
+  double nearest_{0.0};                                 // in the last step [m]
+  GuidedJoints path_;                                   // Joints with the frames on their lines.
+  GuidedJoints path_rates_;                             // Their change in the last step [rad/s].
+  std::array<bool, kMaxCountedJoints> is_led_{};        // by a line
   std::array<bool, kMaxCountedJoints> is_held_back_{};  // The reference waits at `max_lead`.
   GuideCommand command_;
 };
