@@ -9,7 +9,6 @@
 
 #include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/reasons.hpp"
 
 namespace trifinger::servos {
@@ -97,21 +96,11 @@ void ServoRobotOptions::validate() const {
   require(count > 0 && count + sensors.size() <= dynamixel::kMaxMotors,
           text_of("a robot has ", count, " joints and ", sensors.size(),
                   " sensors on one bus, must be 1 to ", dynamixel::kMaxMotors, " together"));
-  const auto require_count = [count](const char* what, std::size_t found) {
-    require(found == count,
-            text_of("there are ", found, " ", what, " for ", count, " joints, must be one each"));
-  };
-  require_count("motors", motors.size());
-  require_count("limits", limits.size());
-  require_count("initial positions", initial_position.size());
-  trifinger::validate(limits);
+  validate_joints(motors.size());
   for (std::size_t i = 0; i < count; ++i) {
     check(motors[i], names[i]);
     const JointLimit& limit = limits[i];
     require_one_turn(motors[i], {limit.hard_lower, limit.hard_upper}, names[i]);
-    require(initial_position[i] >= limit.soft_lower && initial_position[i] <= limit.soft_upper,
-            text_of(names[i], " begins at ", initial_position[i], ", its soft limits are ",
-                    limit.soft_lower, " and ", limit.soft_upper));
   }
   require(sensor_ranges.empty() || sensor_ranges.size() == sensors.size(),
           text_of("there are ", sensor_ranges.size(), " ranges for ", sensors.size(),
@@ -139,7 +128,6 @@ void ServoRobotOptions::validate() const {
           text_of("max_current is ", max_current, " A, must be above 0"));
   check_reset(*this);
   stop.validate(limits_of(*this));
-  require(period > Nanoseconds::zero(), "period must be above 0");
 }
 
 dynamixel::MotorGroupOptions group_options(const ServoRobotOptions& options,
@@ -156,28 +144,19 @@ dynamixel::MotorGroupOptions group_options(const ServoRobotOptions& options,
 }
 
 ServoRobot::ServoRobot(Options options, std::unique_ptr<dynamixel::MotorLink> motors)
-    : options_((options.validate(), std::move(options))),
-      chain_(options_.types, options_.names, limits_of(options_)),
+    : CountedDriver((options.validate(), options), limits_of(options)),
+      options_(std::move(options)),
       link_(std::move(motors)),
-      stop_(options_.stop, options_.period),
       begin_(num_joints(), 0.0),
       target_(num_joints(), kNan),
       goals_(num_joints(), 0.0),
-      torques_(num_joints(), 0.0),
-      all_positions_(options_.all_joints.size(), kNan),
-      all_velocities_(options_.all_joints.size(), kNan),
-      tip_force_(options_.num_tips, kNan),
-      observation_(num_joints()),
-      desired_(num_joints()),
-      held_(num_joints()) {
+      desired_(num_joints()) {
   require(link_ != nullptr, "a robot on motors needs motors, but got none");
+  // A motor that follows positions finds its torque by itself.
+  if (options_.mode == ServoMode::kPosition) weight_ = nullptr;
 }
 
 ServoRobot::~ServoRobot() = default;
-
-void ServoRobot::add_check(CountedChain::Check check) {
-  chain_.add_check(std::move(check), [this](void* element) { write_observation(element); });
-}
 
 bool ServoRobot::refresh(std::int32_t& code) noexcept {
   static_cast<void>(link_->read(snapshot_));
@@ -202,20 +181,16 @@ bool ServoRobot::refresh(std::int32_t& code) noexcept {
     observation_.velocity[i] = servo.joint_velocity(reading.velocity);
     observation_.torque[i] = servo.joint_torque(reading.current * options_.torque_constant);
   }
+  copy_to_all_joints();
   for (std::size_t i = 0; i < all_positions_.size(); ++i) {
     const auto& source = options_.all_joints[i];
-    if (!source) continue;
+    if (!source || *source < num_joints()) continue;
     const MotorReading& reading = snapshot_.readings[*source];
-    const Servo& servo = *source < num_joints() ? options_.motors[*source]
-                                                : options_.sensors[*source - num_joints()];
+    const Servo& servo = options_.sensors[*source - num_joints()];
     all_positions_[i] = servo.joint_position(reading.position);
     all_velocities_[i] = servo.joint_velocity(reading.velocity);
   }
   return true;
-}
-
-void ServoRobot::write_observation(void* element) const noexcept {
-  write_element(observation_, all_positions_, all_velocities_, tip_force_, element);
 }
 
 // How far a joint is from its initial position.
@@ -254,16 +229,10 @@ void ServoRobot::begin(Phase phase) noexcept {
   }
 }
 
-void ServoRobot::add_weight(CountedAction& action) noexcept {
-  if (!options_.weight || options_.mode != ServoMode::kTorque) return;
-  options_.weight({observation_.position.begin(), num_joints()}, torques_);
-  for (std::size_t i = 0; i < num_joints(); ++i) action.torque[i] = torques_[i];
-}
-
 // Drives the joints that have a target; `part` is how much of their way they should have made.
 DriverReport ServoRobot::drive_towards(double part) noexcept {
   desired_ = CountedAction(num_joints());
-  add_weight(desired_);
+  write_weight(observation_.position, desired_.torque);
   const double way = trifinger::detail::smooth(std::clamp(part, 0.0, 1.0));
   for (std::size_t i = 0; i < num_joints(); ++i) {
     if (std::isnan(target_[i])) {
@@ -272,7 +241,7 @@ DriverReport ServoRobot::drive_towards(double part) noexcept {
       desired_.position[i] = begin_[i] + way * (target_[i] - begin_[i]);
     }
   }
-  const DriverReport report = chain_.apply(desired_, observation_, options_.period);
+  const DriverReport report = apply(desired_);
   for (std::size_t i = 0; i < num_joints(); ++i) {
     // A motor that follows positions has no torque where it is.
     if (std::isnan(target_[i])) goals_[i] = observation_.position[i];
@@ -427,7 +396,7 @@ DriverReport ServoRobot::apply_action(const void* desired, void* applied) noexce
   read_element(desired, desired_);
   FixedText refusal;
   const bool has_refused = refuse_torques(refusal);
-  const DriverReport report = chain_.apply(desired_, observation_, options_.period);
+  const DriverReport report = apply(desired_);
   has_fault_ = report.state == DriverReport::State::kFault;
   if (has_refused) chain_.set_rejection_text(refusal);
   send();
@@ -464,33 +433,11 @@ void ServoRobot::send() noexcept {
   link_->set_goals(std::span(sent_).first(num_joints()));
 }
 
-DriverReport ServoRobot::hold(const void* observation, void* action) noexcept {
-  read_element(observation, held_);
-  desired_ = CountedAction(num_joints());
-  add_weight(desired_);
-  for (std::size_t i = 0; i < num_joints(); ++i) desired_.position[i] = held_.position[i];
-  write_element(desired_, action);
-  return DriverReport::ready();
-}
-
 DriverReport ServoRobot::stop(TimeIndex step) noexcept {
   std::int32_t code = 0;
   // What has happened is reported already; the motors are without torque then.
   const bool is_fine = is_running_ && refresh(code) && snapshot_.phase == MotorPhase::kRunning;
-  OrderlyStop::Phase next =
-      is_fine ? stop_.next(step, observation_.position, target_) : OrderlyStop::Phase::kOver;
-  if (next != OrderlyStop::Phase::kOver) {
-    if (step == 0 && has_fault_) {
-      stop_.give_up(step);
-      next = OrderlyStop::Phase::kDamp;
-    }
-    desired_ = CountedAction(num_joints());
-    if (next == OrderlyStop::Phase::kMove) {
-      add_weight(desired_);
-      desired_.position = target_;
-    }
-    const DriverReport report = chain_.apply(desired_, observation_, options_.period);
-    if (report.state != DriverReport::State::kReady) stop_.give_up(step);
+  if (is_fine && apply_stop(step, [] { return false; })) {
     send();
     return DriverReport::busy();
   }
@@ -499,9 +446,5 @@ DriverReport ServoRobot::stop(TimeIndex step) noexcept {
   static_cast<void>(link_->read(snapshot_));
   return snapshot_.request < request_ ? DriverReport::busy() : DriverReport::ready();
 }
-
-std::string_view ServoRobot::fault_text(std::int32_t) const noexcept { return chain_.fault_text(); }
-
-std::string_view ServoRobot::rejection_text() const noexcept { return chain_.rejection_text(); }
 
 }  // namespace trifinger::servos

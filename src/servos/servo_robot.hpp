@@ -4,24 +4,19 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "dynamixel/motor_group.hpp"
 #include "dynamixel/motor_link.hpp"
+#include "joint/counted_driver.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/counted.hpp"
-#include "trifinger/joint/counted_chain.hpp"
-#include "trifinger/joint/limits.hpp"
-#include "trifinger/joint/orderly_stop.hpp"
 
 namespace trifinger::servos {
 
@@ -75,33 +70,18 @@ struct ResetOptions {
   Nanoseconds release_time{std::chrono::milliseconds(750)};
 };
 
-/// The settings of a robot on Dynamixel motors.
-struct ServoRobotOptions {
-  /// The elements of its sessions, as from `describe_counted`, and the names of its joints.
-  RobotTypes types{};
-  std::vector<std::string> names{};
-  std::vector<JointLimit> limits{};
+/// The settings of a robot on Dynamixel motors. Its names are not empty; `all_joints` counts
+/// `motors`, then `sensors`.
+struct ServoRobotOptions : CountedDriverOptions {
   std::vector<Servo> motors{};  ///< The motor of each joint.
   /// Motors without torque that measure angles of other joints.
   std::vector<Servo> sensors{};
   /// Where the stops of these joints are [rad], [m]; empty, or nothing: a joint has none.
   std::vector<std::optional<std::array<double, 2>>> sensor_ranges{};
-  /// If the observation also has "joint_position" and "joint_velocity": which of `motors`, followed
-  /// by `sensors`, measures each of these; nothing: nobody does, and it is not a number.
-  std::vector<std::optional<std::size_t>> all_joints{};
-  /// Number of "tip_force" in the observation, for robots that usually measure these. No motor
-  /// does, so they are not numbers.
-  std::size_t num_tips{0};
   ServoMode mode{ServoMode::kTorque};
   double torque_constant{1.3};  ///< Torque of a motor's shaft per ampere, behind its gear [Nm/A].
   double max_current{1.0};      ///< No motor ever gets more [A].
-  std::vector<double> initial_position{};  ///< Where sessions begin [rad], [m].
   ResetOptions reset{};
-  OrderlyStopOptions stop{};                         ///< What happens after a session.
-  Nanoseconds period{std::chrono::milliseconds(1)};  ///< Period of the back-end.
-  /// Writes the torques that carry the weight of the joints at a position; default: none. It runs
-  /// in the loop.
-  std::function<void(std::span<const double> position, std::span<double> torque)> weight{};
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
@@ -128,7 +108,7 @@ struct ServoRobotOptions {
 /// In `ServoMode::kPosition` an action must not have a torque or gains; such joints hold their last
 /// position, and the action counts as rejected. Goals move with at most `max_velocity`. A joint
 /// without a position holds its last goal. The applied torque is then 0: the motor finds it.
-class ServoRobot final : public UntypedDriver {
+class ServoRobot final : public CountedDriver {
  public:
   using Options = ServoRobotOptions;
 
@@ -145,27 +125,19 @@ class ServoRobot final : public UntypedDriver {
   [[nodiscard]] const Options& options() const noexcept { return options_; }
   /// What was last seen of the motors. Call this only while nobody runs the robot.
   [[nodiscard]] const dynamixel::MotorSnapshot& motors() const noexcept { return snapshot_; }
-  /// Adds a check after the existing ones, before the first session.
-  void add_check(CountedChain::Check check);
 
-  [[nodiscard]] const RobotTypes& description() const noexcept override { return chain_.types(); }
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
   [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
   [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
-  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   void cut() noexcept override { link_->cut(); }
-  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
-  [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
  private:
   enum class Phase : std::uint8_t { kStarting, kFirst, kAll, kSettling, kReleased, kUntangling };
 
-  [[nodiscard]] std::size_t num_joints() const noexcept { return options_.motors.size(); }
   // Takes what is new from the motors. False if they have failed; the text of the fault then says
   // why, and `code` is its code.
   [[nodiscard]] bool refresh(std::int32_t& code) noexcept;
-  void write_observation(void* element) const noexcept;
   [[nodiscard]] double distance(std::size_t joint) const noexcept;
   [[nodiscard]] std::optional<std::size_t> find_astray() const noexcept;
   void begin(Phase phase) noexcept;
@@ -173,7 +145,6 @@ class ServoRobot final : public UntypedDriver {
   [[nodiscard]] DriverReport move() noexcept;
   [[nodiscard]] DriverReport drive_towards(double part) noexcept;
   [[nodiscard]] DriverReport try_again() noexcept;
-  void add_weight(CountedAction& action) noexcept;
   // Rejects what motors cannot do that follow positions, and says so in `refusal`.
   [[nodiscard]] bool refuse_torques(FixedText& refusal) noexcept;
   void send() noexcept;
@@ -182,7 +153,6 @@ class ServoRobot final : public UntypedDriver {
   void limit_goal(std::size_t joint) noexcept;
 
   Options options_;
-  CountedChain chain_;
   std::unique_ptr<dynamixel::MotorLink> link_;
   dynamixel::MotorSnapshot snapshot_{};
   std::uint64_t request_{0};
@@ -190,24 +160,14 @@ class ServoRobot final : public UntypedDriver {
   bool may_have_torque_{false};   // since the request to start; only a release takes it away
   bool is_running_{false};        // Motors have started, and the robot knows where they are.
 
-  OrderlyStop stop_;
-  bool has_fault_{false};  // A safety check has ended the session.
   Phase phase_{Phase::kStarting};
   TimeIndex phase_steps_{0};
   int attempts_{0};
-  PerJoint<double> begin_;       // of this phase
-  PerJoint<double> target_;      // NaN: no torque
-  PerJoint<double> goals_;       // of joints, in ServoMode::kPosition
-  std::vector<double> torques_;  // memory for `weight`
-  // Of `all_joints`; NaN where nobody measures.
-  std::vector<double> all_positions_;
-  std::vector<double> all_velocities_;
-  std::vector<double> tip_force_;
+  PerJoint<double> begin_;   // of this phase
+  PerJoint<double> target_;  // NaN: no torque
+  PerJoint<double> goals_;   // of joints, in ServoMode::kPosition
   std::array<double, dynamixel::kMaxMotors> sent_{};
-
-  CountedObservation observation_;
   CountedAction desired_;
-  CountedObservation held_;
 };
 
 }  // namespace trifinger::servos
