@@ -28,7 +28,7 @@ namespace trifinger::benchmarks {
 namespace {
 
 using namespace std::chrono_literals;
-using Boards = boards::BoardRobotOptions<TriFinger>;
+using Boards = boards::BoardRobotOptions;
 using Simulation = SimulationOptions;
 
 constexpr const char* kName = "bench";
@@ -41,7 +41,7 @@ struct Robot {
         "trifinger_edu_emulated",
         {"boards.homing.method=here", "boards.homing.home_position=[0, 0.9, -1.7]",
          "boards.move_time=0.1", "boards.silent_after=1", "boards.receive_timeout=1"});
-    boards = std::get<Boards>(config.boards->options);
+    boards = config.boards->options;
     simulation = config.simulation;
     backend = config.backend;
     backend.max_action_repeats = backend.max_skipped_ticks = 1'000'000;
@@ -54,16 +54,16 @@ struct Robot {
 // Frames in memory, as fast as it goes.
 double times_real_time(const Robot& robot) {
   ManualClock clock;
-  SimulatedPlant<TriFinger> plant(robot.simulation);
+  SimulatedPlant plant(robot.simulation);
   std::vector<std::unique_ptr<can::MemoryBus>> wires;
   std::vector<std::unique_ptr<can::Bus>> hosts;
   std::vector<std::unique_ptr<can::Bus>> buses;
-  for (std::size_t i = 0; i < robot.boards.names.size(); ++i) {
+  for (std::size_t i = 0; i < robot.boards.interfaces.size(); ++i) {
     wires.push_back(std::make_unique<can::MemoryBus>(clock));
     hosts.push_back(wires.back()->connect());
     buses.push_back(wires.back()->connect());
   }
-  boards::Emulator<TriFinger> emulator(robot.boards, std::move(buses), plant, clock.now());
+  boards::Emulator emulator(robot.boards, std::move(buses), plant, clock.now());
   const std::vector<can::Frame> start{
       encode(can::BoardCommand{.command = can::Command::kEnableSystem, .value = 1}),
       encode(can::BoardCommand{.command = can::Command::kSendAll, .value = 1})};
@@ -86,9 +86,9 @@ double times_real_time(const Robot& robot) {
 void emulate(const Robot& robot) {
   static_cast<void>(enter_realtime({.demand = Demand::kTry, .priority = 82, .cpu = 0}));
   MonotonicClock& clock = MonotonicClock::instance();
-  SimulatedPlant<TriFinger> plant(robot.simulation);
-  boards::Emulator<TriFinger> emulator(
-      robot.boards, boards::open_buses(boards::BusKind::kEmulated, robot.boards.names, kName),
+  SimulatedPlant plant(robot.simulation);
+  boards::Emulator emulator(
+      robot.boards, boards::open_buses(boards::BusKind::kEmulated, robot.boards.interfaces, kName),
       plant, clock.now(), {.alignment_time = 100ms});
   Instant next = clock.now();
   for (;;) {
@@ -99,38 +99,36 @@ void emulate(const Robot& robot) {
 }
 
 // Notes how long each tick takes from when the last frame was read until the last one is sent.
-class TimedRobot final : public Driver<TriFinger> {
+class TimedRobot final : public UntypedDriver {
  public:
   explicit TimedRobot(const Robot& robot)
       : robot_(robot.boards,
-               boards::open_buses(boards::BusKind::kEmulated, robot.boards.names, kName),
+               boards::open_buses(boards::BusKind::kEmulated, robot.boards.interfaces, kName),
                MonotonicClock::instance()) {
     times_.reserve(1'000'000);
   }
 
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
-
+  [[nodiscard]] const RobotTypes& description() const noexcept override {
+    return robot_.description();
+  }
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override {
     return robot_.prepare(step);
   }
-  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override {
     const DriverReport report = robot_.get_latest_observation(observation);
     begin_ = Clock::now();
     return report;
   }
-  [[nodiscard]] DriverReport apply_action(const Action& desired,
-                                          AppliedAction& applied) noexcept override {
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override {
     const DriverReport report = robot_.apply_action(desired, applied);
     if (times_.size() < times_.capacity()) times_.push_back(1e6 * seconds_since(begin_));
     return report;
   }
-  [[nodiscard]] DriverReport hold(const Observation& observation,
-                                  Action& action) noexcept override {
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override {
     return robot_.hold(observation, action);
   }
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override { return robot_.stop(step); }
+  void cut() noexcept override {}
   [[nodiscard]] std::string_view fault_text(std::int32_t code) const noexcept override {
     return robot_.fault_text(code);
   }
@@ -138,7 +136,7 @@ class TimedRobot final : public Driver<TriFinger> {
   [[nodiscard]] const std::vector<double>& times() const noexcept { return times_; }
 
  private:
-  boards::BoardRobot<TriFinger> robot_;
+  boards::BoardRobot robot_;
   Clock::time_point begin_{};
   std::vector<double> times_;  // [us]
 };

@@ -62,8 +62,8 @@ class DriverTick {
       rig_.pass();
       const test::AllocationCounter counter;
       const auto begin = Clock::now();
-      static_cast<void>(rig_.robot->get_latest_observation(rig_.observation));
-      const DriverReport report = rig_.robot->apply_action(action_, rig_.applied);
+      static_cast<void>(rig_.robot->get_latest_observation(&rig_.observation));
+      const DriverReport report = rig_.robot->apply_action(&action_, &rig_.applied);
       time += 1e9 * seconds_since(begin);
       allocations_ += counter.count();
       is_ready_ = is_ready_ && report.state == DriverReport::State::kReady;

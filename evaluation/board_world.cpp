@@ -8,12 +8,11 @@
 
 namespace trifinger::evaluation {
 
-BoardWorld::BoardWorld(const boards::BoardRobotOptions<TriFinger>& boards,
-                       const SimulationOptions& simulation)
+BoardWorld::BoardWorld(const boards::BoardRobotOptions& boards, const SimulationOptions& simulation)
     : plant_(simulation) {
   std::vector<std::unique_ptr<can::Bus>> of_robot;
   std::vector<std::unique_ptr<can::Bus>> of_boards;
-  for (std::size_t i = 0; i < boards.names.size(); ++i) {
+  for (std::size_t i = 0; i < boards.interfaces.size(); ++i) {
     buses_.push_back(std::make_unique<can::MemoryBus>(clock_));
     of_robot.push_back(buses_.back()->connect());
     of_boards.push_back(buses_.back()->connect());
@@ -38,17 +37,17 @@ DriverReport BoardWorld::prepare(TimeIndex step) noexcept {
   return report;
 }
 
-DriverReport BoardWorld::get_latest_observation(Observation& observation) noexcept {
+DriverReport BoardWorld::get_latest_observation(void* observation) noexcept {
   return robot_->get_latest_observation(observation);
 }
 
-DriverReport BoardWorld::apply_action(const Action& desired, AppliedAction& applied) noexcept {
+DriverReport BoardWorld::apply_action(const void* desired, void* applied) noexcept {
   const DriverReport report = robot_->apply_action(desired, applied);
   pass();
   return report;
 }
 
-DriverReport BoardWorld::hold(const Observation& observation, Action& action) noexcept {
+DriverReport BoardWorld::hold(const void* observation, void* action) noexcept {
   return robot_->hold(observation, action);
 }
 

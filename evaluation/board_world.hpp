@@ -19,26 +19,24 @@ namespace trifinger::evaluation {
 
 // A TriFinger on emulated motor boards with its table, in one thread and in time of its own: each
 // action takes a millisecond of the clock. Equal options give equal series.
-class BoardWorld final : public Driver<TriFinger> {
+class BoardWorld final : public UntypedDriver {
  public:
   // `boards` is how the robot is driven, `simulation` what it and its objects are.
-  BoardWorld(const boards::BoardRobotOptions<TriFinger>& boards,
-             const SimulationOptions& simulation);
+  BoardWorld(const boards::BoardRobotOptions& boards, const SimulationOptions& simulation);
 
   [[nodiscard]] ManualClock& clock() noexcept { return clock_; }
-  [[nodiscard]] SimulatedPlant<TriFinger>& plant() noexcept { return plant_; }
+  [[nodiscard]] SimulatedPlant& plant() noexcept { return plant_; }
 
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
-
+  [[nodiscard]] const RobotTypes& description() const noexcept override {
+    return robot_->description();
+  }
   // The objects are where they were in the beginning once the robot is ready.
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
-  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
-  [[nodiscard]] DriverReport apply_action(const Action& desired,
-                                          AppliedAction& applied) noexcept override;
-  [[nodiscard]] DriverReport hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  void cut() noexcept override {}
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
@@ -49,10 +47,10 @@ class BoardWorld final : public Driver<TriFinger> {
   void pass() noexcept;
 
   ManualClock clock_;
-  SimulatedPlant<TriFinger> plant_;
+  SimulatedPlant plant_;
   std::vector<std::unique_ptr<can::MemoryBus>> buses_;
-  std::optional<boards::Emulator<TriFinger>> emulator_;
-  std::optional<boards::BoardRobot<TriFinger>> robot_;
+  std::optional<boards::Emulator> emulator_;
+  std::optional<boards::BoardRobot> robot_;
   std::vector<CompanionDescription> companions_;
   bool is_seen_{false};  // poses of this millisecond have been handed over
 };

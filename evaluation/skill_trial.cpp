@@ -8,7 +8,6 @@
 #include <numbers>
 #include <optional>
 #include <utility>
-#include <variant>
 
 #include "evaluation/board_world.hpp"
 #include "evaluation/contact.hpp"
@@ -271,8 +270,7 @@ SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
                    .settings = skill_settings,
                    .simulation = simulation,
                    .believed = simulation.description};
-  if (config.boards)
-    trial.boards = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
+  if (config.boards) trial.boards = config.boards->options;
   if (config.tracks_objects) trial.vision = SkillTrial::Vision{.config = std::move(config)};
   return trial;
 }

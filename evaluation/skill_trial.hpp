@@ -37,7 +37,7 @@ struct SkillTrial {
       interfere{};
   // The robot has emulated motor boards, which drive the simulation. Of what is true, only poses
   // of the object are known, until the skill's end.
-  std::optional<boards::BoardRobotOptions<TriFinger>> boards{};
+  std::optional<boards::BoardRobotOptions> boards{};
   // The robot knows its objects only from the images of its cameras.
   struct Vision {
     RobotConfig config;

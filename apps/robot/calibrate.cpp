@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstddef>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -23,15 +24,31 @@ struct CalibrateOptions : MaintenanceOptions {
   std::optional<std::filesystem::path> to;
 };
 
-// Repeats the angles that were given, for one joint or for one finger, for all joints.
-template <std::size_t N>
-JointVector<N> repeated(const std::vector<double>& angles) {
-  if (angles.empty() || N % angles.size() != 0) {
-    throw UsageError(fmt::format("--pose has {} angles, must have 1, 3 or {}", angles.size(), N));
+// Repeats the angles that were given, for one joint or for one finger, for all `count` joints.
+std::vector<double> repeated(const std::vector<double>& angles, std::size_t count) {
+  if (angles.empty() || count % angles.size() != 0) {
+    throw UsageError(fmt::format("--pose has {} angles, must have 1{} or {}", angles.size(),
+                                 count > 3 && count % 3 == 0 ? ", 3" : "", count));
   }
-  JointVector<N> pose{};
-  for (std::size_t i = 0; i < N; ++i) pose[i] = angles[i % angles.size()];
+  std::vector<double> pose;
+  for (std::size_t i = 0; i < count; ++i) pose.push_back(angles[i % angles.size()]);
   return pose;
+}
+
+// Throws UsageError, or InvalidArgument for a robot whose homing finds no places.
+void require_reference(const boards::BoardRobotOptions& robot, const std::vector<double>& pose) {
+  for (std::size_t i = 0; i < pose.size(); ++i) {
+    const JointLimit& limit = robot.limits[i];
+    if (robot.motors[i].homing.method == boards::HomingMethod::kHere) {
+      throw InvalidArgument(
+          "boards.homing.method is 'here', which finds no place; choose one that does, such as "
+          "end_stop_index");
+    }
+    if (pose[i] >= limit.hard_lower && pose[i] <= limit.hard_upper) continue;
+    throw UsageError(
+        fmt::format("--pose: {} is at {} rad, must be within its hard limits, {} to {} rad",
+                    robot.joint_text(i).view(), pose[i], limit.hard_lower, limit.hard_upper));
+  }
 }
 
 int calibrate(const CalibrateOptions& options) {
@@ -40,32 +57,18 @@ int calibrate(const CalibrateOptions& options) {
   if (!is_one_line) throw UsageError("--serial must be one line of text");
   ServicedRobot robot(options, /*is_calibrated=*/false);
   const std::filesystem::path path = options.to.value_or(boards::calibration_file(robot.name()));
-  robot.visit([&]<class R>(boards::BoardRobot<R>& boards) {
-    const auto pose = repeated<R::kJoints>(options.pose);
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
-      const JointLimit& limit = boards.options().limits[i];
-      if (pose[i] >= limit.hard_lower && pose[i] <= limit.hard_upper) continue;
-      throw UsageError(
-          fmt::format("--pose: joint {} is at {} rad, must be within its hard limits, {} to {} rad",
-                      i, pose[i], limit.hard_lower, limit.hard_upper));
-    }
-    if (boards.options().homing.method == boards::HomingMethod::kHere) {
-      throw InvalidArgument(
-          "boards.homing.method is 'here', which finds no place; choose one that does, such as "
-          "end_stop_index");
-    }
-    boards.set_preparation({.reference = pose});
-  });
+  boards::BoardRobot& driver = robot.boards();
+  const std::vector<double> pose = repeated(options.pose, driver.options().motors.size());
+  require_reference(driver.options(), pose);
+  driver.set_preparation({.reference = pose});
   robot.prepare();
-  robot.visit([&]<class R>(const boards::BoardRobot<R>& boards) {
-    const std::string serial = options.serial.value_or(boards.options().serial);
-    const auto calibration =
-        boards::Calibration::of(robot.name(), serial, boards.options(), boards.home_position());
-    std::string angles;
-    for (const double angle : calibration.home_position) angles += fmt::format(" {:.4f}", angle);
-    robot.print("homes [rad]:" + angles);
-    boards::write_calibration(path, calibration);
-  });
+  const auto calibration =
+      boards::Calibration::of(robot.name(), options.serial.value_or(driver.options().serial),
+                              driver.options(), driver.home_position());
+  std::string angles;
+  for (const double angle : calibration.home_position) angles += fmt::format(" {:.4f}", angle);
+  robot.print("homes [rad]:" + angles);
+  boards::write_calibration(path, calibration);
   robot.print(fmt::format("is at rest; its calibration is in {}", path.string()), Style::kGood);
   return kDone;
 }

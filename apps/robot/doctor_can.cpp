@@ -118,12 +118,9 @@ std::vector<Finding> examine_can_interfaces() {
 
 std::vector<Finding> examine_boards(const BoardsConfig& config, const std::string& configuration,
                                     const std::string& robot) {
-  const std::vector<std::string>& names = std::visit(
-      [](const auto& options) -> const std::vector<std::string>& { return options.names; },
-      config.options);
   std::vector<Finding> findings;
   std::vector<BoardBus> boards;
-  for (const std::string& bus : names) {
+  for (const std::string& bus : config.options.interfaces) {
     try {
       if (config.bus == boards::BusKind::kEmulated) {
         boards.push_back({.name = bus, .is_virtual = true, .bus = join_if_it_exists(robot, bus)});

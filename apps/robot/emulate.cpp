@@ -8,7 +8,6 @@
 #include <sstream>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "boards/emulated_fault.hpp"
@@ -49,10 +48,9 @@ constexpr Nanoseconds kTick = std::chrono::milliseconds(1);
 constexpr Nanoseconds kLargestDelay = std::chrono::milliseconds(50);
 
 // The faults of an emulator, as they are given and as they happen.
-template <class R>
 class Faults {
  public:
-  explicit Faults(boards::Emulator<R>& emulator, std::string name)
+  explicit Faults(boards::Emulator& emulator, std::string name)
       : emulator_(emulator), name_(std::move(name)) {}
 
   void add(const std::string& text, Instant now) {
@@ -79,29 +77,27 @@ class Faults {
     std::fflush(stdout);
   }
 
-  boards::Emulator<R>& emulator_;
+  boards::Emulator& emulator_;
   std::string name_;
   std::vector<std::string> texts_;
   std::vector<boards::ScheduledFault::Phase> reported_;
 };
 
 // Runs the boards until a signal comes.
-template <class R>
 void run_boards(const std::string& name, const RobotConfig& config,
-                const boards::BoardRobotOptions<R>& options, const std::vector<std::string>& texts,
-                const Signals& signals) {
+                const std::vector<std::string>& texts, const Signals& signals) {
+  const boards::BoardRobotOptions& options = config.boards->options;
   const SimulationOptions& simulation = config.simulation;
   Clock& clock = MonotonicClock::instance();
-  SimulatedPlant<R> plant(simulation);
-  boards::Emulator<R> emulator(options, boards::open_buses(config.boards->bus, options.names, name),
-                               plant, clock.now());
-  std::optional<SimulatedTracker<R>> tracker;
-  if (!simulation.description.objects.empty() && !config.tracks_objects) {
-    tracker.emplace(name, plant);
-  }
-  std::optional<SimulatedScene<R>> scene;
+  SimulatedPlant plant(simulation);
+  boards::Emulator emulator(options,
+                            boards::open_buses(config.boards->bus, options.interfaces, name), plant,
+                            clock.now());
+  std::optional<SimulatedTracker> tracker;
+  if (!plant.model().objects().empty() && !config.tracks_objects) tracker.emplace(name, plant);
+  std::optional<SimulatedScene> scene;
   if (has_simulated_cameras(config)) scene.emplace(name, plant, config.cameras->period);
-  Faults<R> faults(emulator, name);
+  Faults faults(emulator, name);
   for (const std::string& text : texts) faults.add(text, clock.now());
   TypedLines typed;
   const auto obey = [&](const std::string& line) {
@@ -169,15 +165,13 @@ int emulate(const EmulateOptions& options) {
   }
   for (const std::string& text : options.faults) static_cast<void>(boards::parse_fault(text));
   if (config.boards->bus == boards::BusKind::kSocketCan) {
-    std::visit([](const auto& boards) { require_virtual(boards.names); }, config.boards->options);
+    require_virtual(config.boards->options.interfaces);
   }
   const Signals signals;
   for (const std::string& warning : enter_realtime(options.realtime)) {
     print_safely(stderr, "{}: {}\n", config.name, warning);
   }
-  std::visit(
-      [&](const auto& boards) { run_boards(config.name, config, boards, options.faults, signals); },
-      config.boards->options);
+  run_boards(config.name, config, options.faults, signals);
   return kDone;
 }
 

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "robot/maintenance.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/joint/counted.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -14,15 +17,16 @@ using HomeOptions = MaintenanceOptions;
 
 int home(const HomeOptions& options) {
   ServicedRobot robot(options);
-  robot.visit([](auto& boards) { boards.set_preparation({.home = true}); });
+  robot.boards().set_preparation({.home = true});
   robot.prepare([&robot] {
-    robot.visit([&robot]<class R>(const boards::BoardRobot<R>& /*boards*/) {
-      const Frontend<R> session(robot.host(), {.control = false});
-      const auto position = session.latest_observation().position;
-      std::string angles;
-      for (const double angle : position) angles += fmt::format(" {:.3f}", angle);
-      robot.print("is home and at its initial position [rad]:" + angles, Style::kGood);
-    });
+    const UntypedFrontend session(robot.host(), {.control = false});
+    std::vector<std::byte> element(robot.boards().description().observation.size());
+    session.latest_observation(element.data(), kForever);
+    CountedObservation observation(robot.boards().options().motors.size());
+    read_element(element.data(), observation);
+    std::string angles;
+    for (const double angle : observation.position) angles += fmt::format(" {:.3f}", angle);
+    robot.print("is home and at its initial position [rad]:" + angles, Style::kGood);
   });
   robot.print("is at rest");
   return kDone;

@@ -18,16 +18,16 @@ namespace trifinger::apps {
 namespace {
 
 RunnableRobot on_boards(RunnableRobot robot) {
-  if (std::holds_alternative<std::monostate>(robot.boards)) {
+  if (robot.boards == nullptr) {
     throw InvalidArgument("'" + robot.name + "' is not on motor boards");
   }
   return robot;
 }
 
 // Describes a phase of the preparation; empty if it needs no words.
-template <class Phase>
-std::string_view phase_text(Phase phase) {
-  switch (phase) {
+std::string_view phase_text(const boards::BoardRobot& boards) {
+  using Phase = boards::BoardRobot::Phase;
+  switch (boards.phase()) {
     case Phase::kStarting:
       return "starts its boards; the motors align themselves";
     case Phase::kTesting:
@@ -37,9 +37,12 @@ std::string_view phase_text(Phase phase) {
     case Phase::kMoving:
       return "moves to its initial position";
     case Phase::kSweeping:
+      if (!boards.options().names[0].empty()) {
+        return "measures: one joint after the other moves by 2 degrees and back, in the order of "
+               "robot.joints";
+      }
       return "measures: one joint after the other moves by 2 degrees and back, finger 0 first, "
-             "from "
-             "the base to the tip";
+             "from the base to the tip";
     case Phase::kReference:
     case Phase::kReady:
       break;
@@ -72,7 +75,7 @@ ServicedRobot::ServicedRobot(const MaintenanceOptions& options, bool is_calibrat
                                    .overrides = options.overrides,
                                    .is_calibrated = is_calibrated}))),
       host_(SessionHost::named(robot_.name, robot_.session)),
-      wear_(robot_.name, *robot_.wear, host_) {
+      wear_(robot_.name, *robot_.boards, host_) {
   for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
 }
 
@@ -84,11 +87,10 @@ void ServicedRobot::prepare(const std::function<void()>& while_ready) {
   std::string said;
   bool is_stopping = false;
   while (!loop.wait_for_end(Timeout::zero())) {
-    const std::string_view doing =
-        visit([](const auto& boards) { return phase_text(boards.phase()); });
+    const std::string_view doing = phase_text(boards());
     if (!doing.empty() && doing != said) print(said = doing);
     print_warning(wear_.look());
-    if (!is_stopping) visit([this](auto& boards) { ask_for_reference(boards); });
+    if (!is_stopping) ask_for_reference();
     if (const std::optional<int> signal = signals_.wait(kRefresh)) {
       if (is_stopping) Signals::die_of(*signal);
       is_stopping = true;
@@ -118,9 +120,8 @@ bool ServicedRobot::is_ready() const {
   return info.phase == SessionInfo::Phase::kHolding;
 }
 
-template <class R>
-void ServicedRobot::ask_for_reference(boards::BoardRobot<R>& boards) {
-  if (boards.phase() != boards::BoardRobot<R>::Phase::kReference) {
+void ServicedRobot::ask_for_reference() {
+  if (boards().phase() != boards::BoardRobot::Phase::kReference) {
     question_ = Question::kNone;
   } else if (question_ == Question::kNone) {
     question_ = Question::kIsAtReference;
@@ -129,10 +130,10 @@ void ServicedRobot::ask_for_reference(boards::BoardRobot<R>& boards) {
   } else if (was_enter_pressed()) {
     if (question_ == Question::kIsAtReference) {
       question_ = Question::kIsFree;
-      boards.take_reference();
+      boards().take_reference();
       print("take your hands away, then press Enter: the robot homes itself", Style::kBold);
     } else {
-      boards.leave_reference();
+      boards().leave_reference();
     }
   }
 }

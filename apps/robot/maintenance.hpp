@@ -4,7 +4,6 @@
 #include <functional>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "boards/board_robot.hpp"
@@ -38,14 +37,7 @@ class ServicedRobot {
   // `SessionHost::named` throw. If `is_calibrated` is false, its calibration does not count.
   explicit ServicedRobot(const MaintenanceOptions& options, bool is_calibrated = true);
 
-  // Calls `work` with the robot's driver, a BoardRobot.
-  template <class Work>
-  decltype(auto) visit(const Work& work) const {
-    if (auto* const* finger = std::get_if<boards::BoardRobot<Finger>*>(&robot_.boards)) {
-      return work(**finger);
-    }
-    return work(*std::get<boards::BoardRobot<TriFinger>*>(robot_.boards));
-  }
+  [[nodiscard]] boards::BoardRobot& boards() const noexcept { return *robot_.boards; }
 
   // Prepares the robot as its driver was told, and brings it to rest. Prints what it does. Calls
   // `while_ready` when the robot is ready. If the driver waits for a reference, a person is asked
@@ -64,8 +56,7 @@ class ServicedRobot {
 
   // True if the session holds. Throws Error if it has ended with a fault.
   [[nodiscard]] bool is_ready() const;
-  template <class R>
-  void ask_for_reference(boards::BoardRobot<R>& boards);
+  void ask_for_reference();
   // True when somebody has pressed Enter.
   [[nodiscard]] static bool was_enter_pressed();
   void print_warning(const std::string& warning) {

@@ -127,7 +127,7 @@ class Run {
         flight_recorder_({.length = options.fault_log}),
         backend_(*robot_.driver, host_, robot_.backend),
         reporter_(robot_.name, host_) {
-    if (robot_.wear != nullptr) wear_.emplace(robot_.name, *robot_.wear, host_);
+    if (robot_.boards != nullptr) wear_.emplace(robot_.name, *robot_.boards, host_);
     backend_.set_after_session([this](const Fault& fault) {
       if (wear_) wear_->take();
       const SimulationState state = robot_.state_before(fault);

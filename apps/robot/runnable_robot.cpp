@@ -9,7 +9,6 @@
 #include <optional>
 #include <system_error>
 #include <utility>
-#include <variant>
 
 #include "base/regular_file.hpp"
 #include "boards/board_robot.hpp"
@@ -21,13 +20,13 @@
 #include "sim/boards_config.hpp"
 #include "sim/robot_cameras.hpp"
 #include "sim/scene_observation.hpp"
+#include "sim/servo_plant.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/sensor.hpp"
-#include "trifinger/joint/types.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/model/kinematics.hpp"
+#include "trifinger/model/scene_model.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/rendering/simulation_with_cameras.hpp"
@@ -194,23 +193,8 @@ void add_servos(RunnableRobot& robot, servos::ServoConfig config) {
   robot.driver = std::move(connected.robot);
 }
 
-// The torques that carry the weight of the fingers, from their model.
-template <class R>
-std::function<JointVector<R::kJoints>(const JointVector<R::kJoints>&)> weight_of(
-    const RobotDescription& description) {
-  return [kinematics =
-              std::make_shared<Kinematics>(description)](const JointVector<R::kJoints>& position) {
-    kinematics->update(JointValues::Map(position.data(), static_cast<Eigen::Index>(R::kJoints)));
-    const JointValues torque = kinematics->gravity_torques();
-    JointVector<R::kJoints> values{};
-    std::ranges::copy(torque, values.begin());
-    return values;
-  };
-}
-
 // Gives the robot its calibration, if there is one.
-template <class R>
-void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions<R>& options) {
+void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions& options) {
   const std::filesystem::path path = boards::calibration_file(robot.name);
   std::error_code ignored;
   if (std::filesystem::symlink_status(path, ignored).type() ==
@@ -232,25 +216,21 @@ void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions<R>& options
   robot.calibration = "was calibrated on " + calibration.date + serial + " (" + path.string() + ")";
 }
 
-template <class R>
-void add_boards(RunnableRobot& robot, boards::BoardRobotOptions<R> options,
-                const RobotConfig& config, bool is_calibrated) {
-  const SimulationOptions& simulation = config.simulation;
+void add_boards(RunnableRobot& robot, const RobotConfig& config, bool is_calibrated) {
+  boards::BoardRobotOptions options = config.boards->options;
+  const std::shared_ptr<const SceneModel> model = make_model(config.simulation);
   if (is_calibrated) add_calibration(robot, options);
-  options.weight = weight_of<R>(simulation.description);
-  auto buses = boards::open_buses(config.boards->bus, options.names, robot.name);
-  auto boards = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
-                                                        MonotonicClock::instance());
+  options.weight = weight_of(model);
+  auto buses = boards::open_buses(config.boards->bus, options.interfaces, robot.name);
+  auto boards = std::make_unique<boards::BoardRobot>(std::move(options), std::move(buses),
+                                                     MonotonicClock::instance());
   robot.boards = boards.get();
-  robot.wear = boards.get();
   robot.driver = std::move(boards);
   std::vector<CompanionDescription> sensors;
   // Cameras, or the emulator, say where the objects are.
-  if (auto objects = object_companion(simulation.description.objects)) {
-    sensors.push_back(std::move(*objects));
-  }
+  if (auto objects = object_companion(*model)) sensors.push_back(std::move(*objects));
   // The emulator says what simulated cameras see.
-  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(*make_model(simulation)));
+  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(*model));
   add_sensors(robot, std::move(sensors), config);
 }
 
@@ -282,9 +262,7 @@ RunnableRobot make_robot(const RobotChoice& choice) {
   if (config.servos) {
     add_servos(made, *config.servos);
   } else if (config.boards) {
-    const bool counts = is_calibrated;
-    std::visit([&](const auto& options) { add_boards(made, options, config, counts); },
-               config.boards->options);
+    add_boards(made, config, is_calibrated);
   } else {
     add_simulation(made, config, state);
   }

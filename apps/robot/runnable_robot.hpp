@@ -6,11 +6,9 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "boards/board_robot.hpp"
-#include "boards/wear.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/fault.hpp"
@@ -18,10 +16,6 @@
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
-
-// The driver of a robot on motor boards, if it has one.
-using AnyBoardRobot =
-    std::variant<std::monostate, boards::BoardRobot<TriFinger>*, boards::BoardRobot<Finger>*>;
 
 // Everything that a back-end needs.
 struct RunnableRobot {
@@ -31,9 +25,8 @@ struct RunnableRobot {
   BackendOptions backend;
   SessionOptions session;
   bool needs_real_time{false};
-  std::string calibration;           // a sentence about it; empty for a robot that needs none
-  AnyBoardRobot boards{};            // a part of `driver`
-  boards::WearMeter* wear{nullptr};  // a part of `driver`, if it counts running hours
+  std::string calibration;              // a sentence about it; empty for a robot that needs none
+  boards::BoardRobot* boards{nullptr};  // a part of `driver`, if it is on motor boards
   // Programs that should run beside it, as words after `trifinger`: its cameras.
   std::vector<std::vector<std::string>> sensor_programs{};
   // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty

@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <exception>
-#include <numbers>
 #include <string>
 
 #include "commands.hpp"
@@ -24,13 +23,15 @@ std::string cell(const std::optional<Number>& number, const char* format) {
 }
 
 // Prints what was measured. Returns the number of joints that have a problem.
-template <class R>
-int print_reports(const boards::BoardRobot<R>& boards) {
-  const double revolution = 2.0 * std::numbers::pi / boards.options().drive.gear_ratio;
+int print_reports(const boards::BoardRobot& boards) {
+  const boards::BoardRobotOptions& options = boards.options();
+  const auto problem_of_joint = [&](std::size_t i) {
+    return problem_of(boards.report(i), options.motors[i].angle_per_revolution());
+  };
   print_safely(
       "\n  joint  wiring          load [Nm]  weight [Nm]  friction [Nm]  index distance [rad]\n");
   int problems = 0;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < options.motors.size(); ++i) {
     const boards::JointReport& report = boards.report(i);
     std::string wiring = "-";
     if (report.wiring) {
@@ -49,13 +50,15 @@ int print_reports(const boards::BoardRobot<R>& boards) {
     if (report.index_distance > 0.0) distance = report.index_distance;
     print_safely("  {:>5}  {:14}  {:>9}  {:>11}  {:>13}  {:>20}\n", i, wiring, cell(load, "{:.3f}"),
                  cell(report.weight, "{:.3f}"), cell(friction, "{:.3f}"), cell(distance, "{:.4f}"));
-    if (!problem_of(report, revolution).empty()) ++problems;
+    if (!problem_of_joint(i).empty()) ++problems;
   }
   print_safely("\n");
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const std::string problem = problem_of(boards.report(i), revolution);
+  for (std::size_t i = 0; i < options.motors.size(); ++i) {
+    const std::string problem = problem_of_joint(i);
     // A joint that was not reached has no problem of its own.
-    if (!problem.empty() && boards.report(i).sweep) print_safely("joint {} {}.\n", i, problem);
+    if (!problem.empty() && boards.report(i).sweep) {
+      print_safely("{} {}.\n", options.joint_text(i).view(), problem);
+    }
   }
   std::fflush(stdout);
   return problems;
@@ -63,15 +66,14 @@ int print_reports(const boards::BoardRobot<R>& boards) {
 
 int self_test(const SelfTestOptions& options) {
   ServicedRobot robot(options);
-  robot.visit([](auto& boards) { boards.set_preparation({.test = true}); });
+  robot.boards().set_preparation({.test = true});
   std::exception_ptr fault;
   try {
     robot.prepare();
   } catch (const Error&) {
     fault = std::current_exception();
   }
-  const int problems = robot.visit(
-      [](const auto& boards) { return boards.report(0).wiring ? print_reports(boards) : 0; });
+  const int problems = robot.boards().report(0).wiring ? print_reports(robot.boards()) : 0;
   if (fault) std::rethrow_exception(fault);
   if (problems > 0) {
     robot.print("does not pass", Style::kBad);

@@ -16,9 +16,9 @@ constexpr Nanoseconds kInterval = std::chrono::minutes(1);
 
 }  // namespace
 
-WearRecorder::WearRecorder(const std::string& robot, boards::WearMeter& meter,
+WearRecorder::WearRecorder(const std::string& robot, boards::BoardRobot& driver,
                            const SessionHost& host)
-    : meter_(meter), host_(host), written_(std::chrono::steady_clock::now()) {
+    : driver_(driver), host_(host), written_(std::chrono::steady_clock::now()) {
   try {
     open(robot);
   } catch (const Error& error) {
@@ -38,18 +38,18 @@ WearRecorder::~WearRecorder() {
 
 void WearRecorder::open(const std::string& robot) {
   const std::filesystem::path path = log_folder() / (robot + ".wear");
-  const CompanionDescription& wear = meter_.wear_description();
+  const CompanionDescription& wear = driver_.wear_description();
   file_.emplace(path, boards::WearFile::Owner{.robot = robot, .type = wear.type}, wear.element);
   message_ = file_->damage();
-  meter_.continue_wear(file_->newest());
+  driver_.continue_wear(file_->newest());
   // Counts the start.
   take();
 }
 
 void WearRecorder::take() {
-  const auto bytes = meter_.wear_bytes();
+  std::vector<std::byte> bytes = driver_.wear_bytes();
   const std::lock_guard lock(mutex_);
-  taken_.emplace(bytes.begin(), bytes.end());
+  taken_ = std::move(bytes);
 }
 
 bool WearRecorder::is_due() const {
@@ -88,7 +88,7 @@ std::optional<std::vector<std::byte>> WearRecorder::newest() {
   }
   if (!is_due()) return std::nullopt;
   written_ = std::chrono::steady_clock::now();
-  const CompanionDescription& wear = meter_.wear_description();
+  const CompanionDescription& wear = driver_.wear_description();
   try {
     // The driver belongs to the loop; what it has shown does not.
     const UntypedFrontend shown(host_.open(wear.name));

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "boards/wear.hpp"
+#include "boards/board_robot.hpp"
 #include "boards/wear_file.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/session.hpp"
@@ -18,9 +18,9 @@ namespace trifinger::apps {
 // after every session. The robot runs whatever happens to the file.
 class WearRecorder {
  public:
-  // Makes `meter` go on from the file. Call this before the robot runs. `meter` and `host` must
+  // Makes `driver` go on from the file. Call this before the robot runs. `driver` and `host` must
   // outlive the recorder.
-  WearRecorder(const std::string& robot, boards::WearMeter& meter, const SessionHost& host);
+  WearRecorder(const std::string& robot, boards::BoardRobot& driver, const SessionHost& host);
   WearRecorder(const WearRecorder&) = delete;
   WearRecorder& operator=(const WearRecorder&) = delete;
   // Writes what is left.
@@ -40,7 +40,7 @@ class WearRecorder {
   [[nodiscard]] std::string write();
   [[nodiscard]] std::optional<std::vector<std::byte>> newest();
 
-  boards::WearMeter& meter_;
+  boards::BoardRobot& driver_;
   const SessionHost& host_;
   std::optional<boards::WearFile> file_;
   std::string message_;

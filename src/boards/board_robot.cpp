@@ -4,14 +4,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstring>
-#include <numbers>
 #include <utility>
 
 #include "base/text_of.hpp"
-#include "board_robot_prepare.hpp"
 #include "fault_texts.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/joint/safety_report.hpp"
 
 namespace trifinger::boards {
 namespace {
@@ -19,69 +17,75 @@ namespace {
 using trifinger::detail::require;
 using trifinger::detail::text_of;
 
-// The safety chain must know what the motors can give at most.
-template <class R>
-BoardRobotOptions<R> with_torque_of_current(BoardRobotOptions<R> options) {
+// Checks the options. The safety chain must know what the motors can give at most.
+const BoardRobotOptions& with_torque_of_current(BoardRobotOptions& options) {
   options.validate();
-  const double most = options.max_current * options.drive.torque_per_ampere();
-  for (JointLimit& limit : options.limits) limit.max_torque = std::min(limit.max_torque, most);
+  for (std::size_t i = 0; i < options.limits.size(); ++i) {
+    const double most = options.max_current * options.motors[i].torque_per_ampere();
+    options.limits[i].max_torque = std::min(options.limits[i].max_torque, most);
+  }
   // A controller of currents overshoots; twice the largest command is something else.
   options.board.max_current = std::min(options.board.max_current, 2.0 * options.max_current);
   return options;
 }
 
 // The largest torques that test the wiring: what a motor may give for long.
-template <class R>
-JointVector<R::kJoints> test_torques(const BoardRobotOptions<R>& options) {
-  JointVector<R::kJoints> torques{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    torques[i] = std::min(options.limits[i].max_torque, options.limits[i].continuous_torque);
+std::vector<double> test_torques(const BoardRobotOptions& options) {
+  std::vector<double> torques;
+  for (const JointLimit& limit : options.limits) {
+    torques.push_back(std::min(limit.max_torque, limit.continuous_torque));
   }
   return torques;
 }
 
-}  // namespace
-
-template <class R>
-BoardRobot<R>::BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses,
-                          const Clock& clock)
-    : options_(with_torque_of_current(std::move(options))),
-      clock_(clock),
-      safety_(options_.limits),
-      stop_(options_.stop, options_.period),
-      wiring_(test_torques(options_), options_.period),
-      home_position_(options_.homing.home_position),
-      companions_{{{.name = "wear",
-                    .type = std::string(R::kType) + "_wear",
-                    .element = describe<Wear<R::kJoints>>()}}} {
-  require(buses.size() == options_.names.size(),
-          text_of("there are ", options_.names.size(), " boards, but ", buses.size(), " buses"));
-  boards_.reserve(buses.size());
-  for (auto& bus : buses) boards_.emplace_back(std::move(bus), options_.board);
-  // The first call makes the texts, which must not happen in the loop.
-  static_cast<void>(fault_text_of(0));
+std::vector<double> home_positions(const BoardRobotOptions& options) {
+  std::vector<double> positions;
+  for (const BoardMotor& motor : options.motors) positions.push_back(motor.homing.home_position);
+  return positions;
 }
 
-template <class R>
-BoardRobot<R>::~BoardRobot() {
+}  // namespace
+
+BoardRobot::BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses,
+                       const Clock& clock)
+    : CountedDriver(with_torque_of_current(options), options.limits),
+      options_(std::move(options)),
+      clock_(clock),
+      wiring_(test_torques(options_), options_.period),
+      homing_(num_joints()),
+      home_position_(home_positions(options_)),
+      reports_(num_joints()),
+      newest_index_(num_joints()),
+      turn_(num_joints()),
+      stops_(num_joints()),
+      push_(num_joints()),
+      zero_(num_joints()),
+      start_(num_joints(), 0.0),
+      desired_(num_joints()),
+      companions_{{{.name = "wear",
+                    .type = options_.types.type + "_wear",
+                    .element = Wear::describe(num_joints())}}},
+      wear_(num_joints()),
+      meters_(num_joints()) {
+  require(
+      buses.size() == options_.interfaces.size(),
+      text_of("there are ", options_.interfaces.size(), " boards, but ", buses.size(), " buses"));
+  boards_.reserve(buses.size());
+  for (auto& bus : buses) boards_.emplace_back(std::move(bus), options_.board);
+}
+
+BoardRobot::~BoardRobot() {
   for (Board& board : boards_) board.switch_off();
 }
 
-template <class R>
-bool BoardRobot<R>::is_homed() const noexcept {
+bool BoardRobot::is_homed() const noexcept {
   return is_homed_ && std::ranges::all_of(boards_, &Board::keeps_positions);
 }
 
-template <class R>
-double BoardRobot<R>::angle_per_revolution() const noexcept {
-  return 2.0 * std::numbers::pi / options_.drive.gear_ratio;
-}
-
-template <class R>
-HomingMeasurement BoardRobot<R>::measure(std::size_t joint) const noexcept {
-  const Terminal& place = options_.motors[joint];
-  const MotorReading& motor = boards_[place.board].motors()[place.number];
-  const double angle = options_.polarity[joint] * angle_per_revolution();
+HomingMeasurement BoardRobot::measure(std::size_t joint) const noexcept {
+  const BoardMotor& driven = options_.motors[joint];
+  const MotorReading& motor = boards_[driven.place.board].motors()[driven.place.number];
+  const double angle = driven.polarity * driven.angle_per_revolution();
   // 1000 revolutions per minute, in revolutions per second.
   constexpr double kKiloRpm = 1000.0 / 60.0;
   return {.angle = angle * motor.revolutions,
@@ -90,31 +94,29 @@ HomingMeasurement BoardRobot<R>::measure(std::size_t joint) const noexcept {
           .index_pulses = motor.index_pulses};
 }
 
-template <class R>
-HomingGains BoardRobot<R>::gains(std::size_t joint) const noexcept {
+HomingGains BoardRobot::gains(std::size_t joint) const noexcept {
   const JointLimit& limit = options_.limits[joint];
   return {.kp = limit.default_kp,
           .kd = limit.safety_kd + limit.default_kd,
           .max_torque = std::min(limit.max_torque, limit.continuous_torque)};
 }
 
-template <class R>
-void BoardRobot<R>::receive(Instant now) noexcept {
+void BoardRobot::receive(Instant now) noexcept {
   for (Board& board : boards_) board.receive(now);
   count_wear(now);
 }
 
 // What a motor does while its board is off or has a fault does not count: nobody knows it.
-template <class R>
-void BoardRobot<R>::count_wear(Instant now) noexcept {
+void BoardRobot::count_wear(Instant now) noexcept {
   // Boards have let their motors go before a longer gap ends.
   constexpr Nanoseconds kLongestGap = std::chrono::milliseconds(100);
-  const double elapsed = seconds(std::clamp(now - counted_, Nanoseconds::zero(), kLongestGap));
+  const Nanoseconds passed = std::clamp(now - counted_, Nanoseconds::zero(), kLongestGap);
+  const double elapsed = std::chrono::duration<double>(passed).count();
   counted_ = now;
   // A revolution more, because the messages do not come regularly.
   const double reach = options_.board.max_speed * elapsed + 1.0;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const Terminal& place = options_.motors[i];
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const Terminal& place = options_.motors[i].place;
     const Board& board = boards_[place.board];
     const MotorReading& motor = board.motors()[place.number];
     if (!board.is_ready() || board.fault() != BoardFault::kNone) {
@@ -122,7 +124,7 @@ void BoardRobot<R>::count_wear(Instant now) noexcept {
       continue;
     }
     const MotorMeter::Step step =
-        meters_[i].measure(motor, elapsed, options_.drive.torque_constant, reach);
+        meters_[i].measure(motor, elapsed, options_.motors[i].torque_constant, reach);
     wear_.powered_time[i] += step.powered_time;
     wear_.revolutions[i] += step.revolutions;
     wear_.work[i] += step.work;
@@ -132,62 +134,47 @@ void BoardRobot<R>::count_wear(Instant now) noexcept {
 }
 
 // A session counts one fault, however many follow from it.
-template <class R>
-void BoardRobot<R>::note_fault() noexcept {
+void BoardRobot::note_fault() noexcept {
   wear_.faults += has_fault_ ? 0 : 1;
   has_fault_ = true;
 }
 
-template <class R>
-const CompanionDescription& BoardRobot<R>::wear_description() const noexcept {
-  return companions_[0];
+std::vector<std::byte> BoardRobot::wear_bytes() const {
+  std::vector<std::byte> bytes(companions_[0].element.size());
+  wear_.write({}, bytes.data());
+  return bytes;
 }
 
-template <class R>
-std::span<const std::byte> BoardRobot<R>::wear_bytes() const noexcept {
-  return std::as_bytes(std::span(&wear_, 1));
-}
-
-template <class R>
-void BoardRobot<R>::continue_wear(std::span<const std::byte> kept) {
-  require(kept.empty() || kept.size() == sizeof(wear_),
-          text_of("running hours of this robot have ", sizeof(wear_), " bytes, but ", kept.size(),
-                  " were kept"));
-  if (!kept.empty()) std::memcpy(&wear_, kept.data(), sizeof(wear_));
-  wear_.stamp = {};
+void BoardRobot::continue_wear(std::span<const std::byte> kept) {
+  const std::size_t size = companions_[0].element.size();
+  require(kept.empty() || kept.size() == size, text_of("running hours of this robot have ", size,
+                                                       " bytes, but ", kept.size(), " were kept"));
+  if (!kept.empty()) wear_.read(kept.data());
   ++wear_.starts;
 }
 
-template <class R>
-bool BoardRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
-                                          void* element) noexcept {
+bool BoardRobot::get_companion_element(std::size_t, TimeIndex time_index, void* element) noexcept {
   if (wear_shown_ && counted_ - *wear_shown_ < std::chrono::seconds(1)) return false;
   wear_shown_ = counted_;
-  Wear<R::kJoints> shown = wear_;
-  shown.stamp = {.arrival_index = time_index, .capture_index = time_index};
-  std::memcpy(element, &shown, sizeof(shown));
+  wear_.write({.arrival_index = time_index, .capture_index = time_index}, element);
   return true;
 }
 
-template <class R>
-std::uint64_t BoardRobot<R>::lost_frames() const noexcept {
+std::uint64_t BoardRobot::lost_frames() const noexcept {
   std::uint64_t lost = 0;
   for (const Board& board : boards_) lost += board.bus().lost + board.counts().missing;
   return lost;
 }
 
-template <class R>
-DriverReport BoardRobot<R>::joint_fault(std::size_t joint, std::string_view text) noexcept {
+DriverReport BoardRobot::joint_fault(std::size_t joint, std::string_view text) noexcept {
   is_homed_ = false;
   note_fault();
   release();
-  fault_text_ = FixedText("joint ");
-  fault_text_.append(joint).append(" ").append(text);
+  chain_.set_fault_text(options_.joint_text(joint).append(" ").append(text));
   return DriverReport::fault(kHomingCode + (static_cast<std::int32_t>(joint + 1) << 8));
 }
 
-template <class R>
-DriverReport BoardRobot<R>::fault_of_boards() noexcept {
+DriverReport BoardRobot::fault_of_boards() noexcept {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     const Board& board = boards_[i];
     const BoardFault fault = board.fault();
@@ -198,55 +185,55 @@ DriverReport BoardRobot<R>::fault_of_boards() noexcept {
       const can::BoardErrorText& error = can::text_of(board.error());
       text = {.sentence = error.sentence, .remedy = error.remedy};
     }
-    fault_text_ = FixedText("board ");
-    fault_text_.append(i).append(" (").append(options_.names[i]);
-    append_joints(i);
-    fault_text_.append("): ").append(text.sentence).append("; ").append(text.remedy);
+    FixedText described("board ");
+    described.append(i).append(" (").append(options_.interfaces[i]);
+    append_joints(i, described);
+    chain_.set_fault_text(
+        described.append("): ").append(text.sentence).append("; ").append(text.remedy));
     return DriverReport::fault(kBoardFaultCode + static_cast<std::int32_t>(fault) +
                                (static_cast<std::int32_t>(i + 1) << 8));
   }
   return DriverReport::ready();
 }
 
-template <class R>
-void BoardRobot<R>::append_joints(std::size_t board) noexcept {
-  const auto is_here = [board](const Terminal& motor) { return motor.board == board; };
+void BoardRobot::append_joints(std::size_t board, FixedText& text) const noexcept {
+  const auto is_here = [board](const BoardMotor& motor) { return motor.place.board == board; };
   const bool is_one = std::ranges::count_if(options_.motors, is_here) == 1;
   const char* separator = is_one ? ", joint " : ", joints ";
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    if (options_.motors[i].board != board) continue;
-    fault_text_.append(separator).append(i);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    if (!is_here(options_.motors[i])) continue;
+    text.append(separator);
+    if (options_.names[i].empty()) {
+      text.append(i);
+    } else {
+      text.append(options_.names[i]);
+    }
     separator = " and ";
   }
 }
 
-template <class R>
-void BoardRobot<R>::observe() noexcept {
-  const double ampere = options_.drive.torque_per_ampere();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+void BoardRobot::observe() noexcept {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const HomingMeasurement measured = measure(i);
-    const Terminal& place = options_.motors[i];
+    const BoardMotor& motor = options_.motors[i];
     observation_.position[i] = measured.angle - zero_[i];
     observation_.velocity[i] = measured.velocity;
-    observation_.torque[i] =
-        options_.polarity[i] * ampere * boards_[place.board].motors()[place.number].amperes;
+    observation_.torque[i] = motor.polarity * motor.torque_per_ampere() *
+                             boards_[motor.place.board].motors()[motor.place.number].amperes;
   }
-  if constexpr (R::kTips > 0) {
-    for (std::size_t i = 0; i < R::kTips; ++i) {
-      const Terminal& place = options_.tips[i];
-      const double value = boards_[place.board].analog_inputs()[place.number];
-      observation_.tip_force[i] =
-          std::max(0.0, options_.tip_sensor.scale * (value - options_.tip_sensor.zero));
-    }
+  copy_to_all_joints();
+  for (std::size_t i = 0; i < tip_force_.size(); ++i) {
+    const Terminal& place = options_.tips[i];
+    const double value = boards_[place.board].analog_inputs()[place.number];
+    tip_force_[i] = std::max(0.0, options_.tip_sensor.scale * (value - options_.tip_sensor.zero));
   }
 }
 
-template <class R>
-DriverReport BoardRobot<R>::get_latest_observation(Observation& observation) noexcept {
+DriverReport BoardRobot::get_latest_observation(void* observation) noexcept {
   const Instant now = clock_.now();
   receive(now);
   observe();
-  observation = observation_;
+  write_observation(observation);
   if (const DriverReport fault = fault_of_boards(); fault.state != DriverReport::State::kReady) {
     return fault;
   }
@@ -258,84 +245,47 @@ DriverReport BoardRobot<R>::get_latest_observation(Observation& observation) noe
   return report;
 }
 
-template <class R>
-DriverReport BoardRobot<R>::apply_action(const Action& desired, AppliedAction& applied) noexcept {
-  FixedText thrown;
-  const SafetyReport report =
-      safety_.apply(desired, observation_, options_.period, state_, applied, &thrown);
-  drive(applied.torque);
-  if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
-  if (report.fault != SafetyFault::kNone) {
-    note_fault();
-    // The zero of its encoder may have moved.
-    if (report.fault == SafetyFault::kPositionJumped) is_homed_ = false;
-    // It counts from a wrong place, or something holds it: the way to the end stops, with small
-    // torques, leads out of both.
-    if (report.fault == SafetyFault::kHardLimit && homes_at_end_stop(options_.homing.method)) {
-      is_homed_ = false;
-    }
-    fault_text_ = report.fault == SafetyFault::kOwnCheck
-                      ? thrown
-                      : FixedText(fault_text_of(fault_code_of(report)));
-    return DriverReport::fault(fault_code_of(report));
+DriverReport BoardRobot::apply_action(const void* desired, void* applied) noexcept {
+  read_element(desired, desired_);
+  const DriverReport report = apply(desired_);
+  drive(chain_.applied().torque);
+  write_element(chain_.applied(), applied);
+  if (report.state != DriverReport::State::kFault) return report;
+  note_fault();
+  const auto fault = static_cast<SafetyFault>(report.fault_code & 0xFF);
+  // The zero of its encoder may have moved.
+  if (fault == SafetyFault::kPositionJumped) is_homed_ = false;
+  // It counts from a wrong place, or something holds it: the way to the end stops, with small
+  // torques, leads out of both.
+  if (fault == SafetyFault::kHardLimit) {
+    const auto joint = static_cast<std::size_t>((report.fault_code >> 8) - 1);
+    if (homes_at_end_stop(options_.motors[joint].homing.method)) is_homed_ = false;
   }
-  DriverReport done;
-  done.action_rejected = report.action_rejected;
-  if (report.action_rejected) {
-    const RejectedCommand rejected = safety_.find_rejected(desired, applied);
-    rejection_text_ = describe(rejected, "", safety_.limits()[rejected.joint]);
-  }
-  return done;
-}
-
-template <class R>
-DriverReport BoardRobot<R>::hold(const Observation& observation, Action& action) noexcept {
-  action = hold_position(observation);
-  if (options_.weight) action.torque = options_.weight(observation.position);
-  return DriverReport::ready();
+  return report;
 }
 
 // A joint whose board has a fault gets nothing; the others are damped.
-template <class R>
-DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
+DriverReport BoardRobot::stop(TimeIndex step) noexcept {
   receive(clock_.now());
   observe();
-  Action action;
-  Joints target;
-  const bool has_begun = phase_ >= Phase::kMoving;
-  const OrderlyStop::Phase next =
-      has_begun ? stop_.next(step, observation_.position, target) : OrderlyStop::Phase::kOver;
-  if (next == OrderlyStop::Phase::kOver) {
+  const auto is_broken = [this] { return fault_of_boards().state != DriverReport::State::kReady; };
+  if (phase_ < Phase::kMoving || !apply_stop(step, is_broken)) {
     release();
     return DriverReport::ready();
   }
-  bool moves = next == OrderlyStop::Phase::kMove;
-  const bool has_board_fault = fault_of_boards().state != DriverReport::State::kReady;
-  if (has_board_fault || (step == 0 && has_fault_)) {
-    stop_.give_up(step);
-    moves = false;
-  }
-  if (moves) {
-    action.position = target;
-    if (options_.weight) action.torque = options_.weight(observation_.position);
-  }
-  AppliedAction applied;
-  const SafetyReport report = safety_.apply(action, observation_, options_.period, state_, applied);
-  if (report.fault != SafetyFault::kNone) stop_.give_up(step);
-  drive(applied.torque);
+  drive(chain_.applied().torque);
   return DriverReport::busy();
 }
 
-template <class R>
-void BoardRobot<R>::drive(const Joints& torque) noexcept {
-  const double ampere = options_.drive.torque_per_ampere();
+void BoardRobot::drive(const PerJoint<double>& torque) noexcept {
   for (std::size_t board = 0; board < boards_.size(); ++board) {
     can::MotorPair currents{};
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
-      if (options_.motors[i].board != board) continue;
-      const double current = options_.polarity[i] * torque[i] / ampere;
+    for (std::size_t i = 0; i < num_joints(); ++i) {
+      const BoardMotor& motor = options_.motors[i];
+      if (motor.place.board != board) continue;
+      const double current = motor.polarity * torque[i] / motor.torque_per_ampere();
       // Written so that NaN gives no current.
-      currents[options_.motors[i].number] =
+      currents[motor.place.number] =
           std::isfinite(current) ? std::clamp(current, -options_.max_current, options_.max_current)
                                  : 0.0;
     }
@@ -344,8 +294,7 @@ void BoardRobot<R>::drive(const Joints& torque) noexcept {
   }
 }
 
-template <class R>
-void BoardRobot<R>::release() noexcept {
+void BoardRobot::release() noexcept {
   for (Board& board : boards_) {
     // A start that waits on a bus without a board must not happen later.
     if (board.is_ready()) {
@@ -355,15 +304,5 @@ void BoardRobot<R>::release() noexcept {
     }
   }
 }
-
-template <class R>
-std::string_view BoardRobot<R>::fault_text(std::int32_t) const noexcept {
-  return fault_text_.view();
-}
-
-template class BoardRobot<TriFinger>;
-template class BoardRobot<Finger>;
-template class BoardRobot<TwoJoints>;
-template class BoardRobot<OneJoint>;
 
 }  // namespace trifinger::boards

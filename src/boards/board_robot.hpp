@@ -3,14 +3,15 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "boards/board.hpp"
@@ -19,43 +20,38 @@
 #include "boards/self_test.hpp"
 #include "boards/wear.hpp"
 #include "boards/wiring_test.hpp"
+#include "joint/counted_driver.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
-#include "trifinger/joint/limits.hpp"
-#include "trifinger/joint/orderly_stop.hpp"
-#include "trifinger/joint/safety.hpp"
-#include "trifinger/joint/types.hpp"
+#include "trifinger/joint/counted.hpp"
 #include "trifinger/realtime/clock.hpp"
 
 namespace trifinger::boards {
-
-/// A test rig of one joint.
-struct OneJoint : JointRobot<1> {
-  static constexpr std::string_view kType = "one_joint";
-};
-
-/// A test rig of two joints on one board.
-struct TwoJoints : JointRobot<2> {
-  static constexpr std::string_view kType = "two_joints";
-};
 
 /// A motor, or an analog input, of one of a robot's boards.
 struct Terminal {
   std::size_t board{0};
   std::size_t number{0};  ///< 0 or 1
+
+  friend bool operator==(const Terminal&, const Terminal&) = default;
 };
 
-/// What is between a current and a joint.
-struct Drive {
+/// The motor of a joint, and what is between its current and the joint.
+struct BoardMotor {
+  Terminal place{};
+  double polarity{1.0};          ///< 1, or -1 for a motor that turns the other way.
   double gear_ratio{9.0};        ///< Revolutions of the motor per revolution of the joint.
   double torque_constant{0.02};  ///< Torque of the motor per ampere [Nm/A].
+  HomingOptions homing{};
 
   /// Torque of the joint per ampere [Nm/A].
   [[nodiscard]] constexpr double torque_per_ampere() const noexcept {
     return torque_constant * gear_ratio;
   }
+  /// Angle of the joint per revolution of the motor [rad].
+  [[nodiscard]] double angle_per_revolution() const noexcept;
 };
 
 /// How the value of an analog input becomes the force of a tip.
@@ -64,61 +60,44 @@ struct TipSensor {
   double scale{5.0};  ///< Force at a value of `zero` + 1 [N].
 };
 
-/// The settings of a robot on motor boards.
-template <class R>
-struct BoardRobotOptions {
-  static constexpr std::size_t kJoints = R::kJoints;
-
-  std::vector<std::string> names{};        ///< Names of the boards' buses, such as "can0".
-  std::array<Terminal, kJoints> motors{};  ///< The motor of each joint.
-  JointVector<kJoints> polarity{};         ///< 1, or -1 for a motor that turns the other way.
-  std::array<Terminal, R::kTips> tips{};   ///< The analog input of each tip.
-  Drive drive{};
+/// The settings of a robot on motor boards, whose joints turn.
+struct BoardRobotOptions : CountedDriverOptions {
+  std::vector<std::string> interfaces{};  ///< The bus of each board, such as "can0".
+  std::vector<BoardMotor> motors{};       ///< The motor of each joint.
+  std::vector<Terminal> tips{};           ///< The analog input of each tip.
   TipSensor tip_sensor{};
   double max_current{2.0};  ///< No motor ever gets more [A].
-  JointLimits<kJoints> limits{};
-  HomingOptions<kJoints> homing{};
+  double max_travel{8.0};   ///< Longest travel of a joint to its end stop [rad].
+  Nanoseconds max_homing_time{std::chrono::seconds(20)};  ///< For each part of the homing.
   std::string serial{"any"};  ///< What is written on the robot; "any" if it does not matter.
   bool self_test{false};      ///< Tests the wiring before every homing, see `WiringTest`.
-  JointVector<kJoints> initial_position{};         ///< Where the robot moves after homing [rad].
-  Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of this movement.
-  OrderlyStopOptions stop{};
+  /// How long the robot moves to its initial position after homing.
+  Nanoseconds move_time{std::chrono::seconds(3)};
   BoardOptions board{};
-  Nanoseconds period{std::chrono::milliseconds(1)};  ///< Period of the back-end.
-  /// Returns the torques that carry the weight of the joints at a position; default: none. It runs
-  /// in the loop.
-  std::function<JointVector<kJoints>(const JointVector<kJoints>& position)> weight{};
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
 };
 
-/// The wiring of the original robots: finger k has boards 2k and 2k+1, which drive its middle and
-/// lower joint, and its upper joint. Its tip is input A of board 2k.
-[[nodiscard]] std::array<Terminal, 9> trifinger_motors() noexcept;
-[[nodiscard]] std::array<Terminal, 3> trifinger_tips() noexcept;
-
 /// What `prepare` does beyond what is necessary: for those who look after a robot.
-template <std::size_t N>
 struct Preparation {
   bool home{false};  ///< Homes the joints even if their places are known.
   bool test{false};  ///< Tests the wiring, homes, and measures load and friction of each joint.
   /// Leaves the motors without current until somebody has put the joints at these angles [rad]
   /// (`BoardRobot::take_reference`) and has taken the hands away (`leave_reference`). Then homes
   /// the joints, and finds out where their homes are.
-  std::optional<JointVector<N>> reference{};
+  std::optional<std::vector<double>> reference{};
 };
 
-/// A robot whose joints are driven by motor boards: six for a TriFinger, one for a test rig.
+/// A robot with any number of joints, which are driven by motor boards: six for a TriFinger, one
+/// for a test rig.
 ///
 /// `prepare` starts the boards, homes the joints if their places are not known, and moves to the
 /// initial position. It moves there, too, if a joint is beyond a soft limit. Every action passes
 /// the same safety chain as in simulation. The companion "wear" has its running hours.
-template <class R>
-class BoardRobot final : public Driver<R>, public WearMeter {
+class BoardRobot final : public CountedDriver {
  public:
-  using Options = BoardRobotOptions<R>;
-  using Joints = JointVector<R::kJoints>;
+  using Options = BoardRobotOptions;
 
   /// What `prepare` is doing.
   enum class Phase : std::uint8_t {
@@ -131,10 +110,6 @@ class BoardRobot final : public Driver<R>, public WearMeter {
     kReady,
   };
 
-  using typename Driver<R>::Action;
-  using typename Driver<R>::AppliedAction;
-  using typename Driver<R>::Observation;
-
   /// `buses` has the bus of each board. `clock`, which must outlive the robot, is the back-end's.
   /// @throws InvalidArgument
   BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses, const Clock& clock);
@@ -143,21 +118,23 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   ~BoardRobot() override;
 
   [[nodiscard]] const Options& options() const noexcept { return options_; }
-  [[nodiscard]] SafetyChain<R>& safety() noexcept { return safety_; }
   [[nodiscard]] const std::vector<Board>& boards() const noexcept { return boards_; }
   /// True if the places of all joints are known.
   [[nodiscard]] bool is_homed() const noexcept;
   /// Its running hours. Call this only while nobody runs the robot.
-  [[nodiscard]] const Wear<R::kJoints>& wear() const noexcept { return wear_; }
-
-  [[nodiscard]] const CompanionDescription& wear_description() const noexcept override;
-  [[nodiscard]] std::span<const std::byte> wear_bytes() const noexcept override;
-  void continue_wear(std::span<const std::byte> kept) override;
+  [[nodiscard]] const Wear& wear() const noexcept { return wear_; }
+  /// They are an element of this companion.
+  [[nodiscard]] const CompanionDescription& wear_description() const noexcept {
+    return companions_[0];
+  }
+  [[nodiscard]] std::vector<std::byte> wear_bytes() const;
+  /// Goes on counting from what was kept. No bytes: from zero. Call it once, before the robot runs:
+  /// it counts a start.
+  /// @throws InvalidArgument if these are the running hours of another robot
+  void continue_wear(std::span<const std::byte> kept);
 
   /// Sets what `prepare` does from now on. Call it while nobody runs the robot.
-  void set_preparation(const Preparation<R::kJoints>& preparation) noexcept {
-    preparation_ = preparation;
-  }
+  void set_preparation(Preparation preparation) { preparation_ = std::move(preparation); }
   /// The joints are at the angles of the reference now. Motors stay without current. Any thread may
   /// call it.
   void take_reference() noexcept { reference_step_ = ReferenceStep::kTaken; }
@@ -170,17 +147,11 @@ class BoardRobot final : public Driver<R>, public WearMeter {
     return reports_[joint];
   }
   /// The angle of each joint at its home [rad]: that of the options, or what a reference has given.
-  [[nodiscard]] const Joints& home_position() const noexcept { return home_position_; }
-
-  using Driver<R>::get_latest_observation;
-  using Driver<R>::apply_action;
-  using Driver<R>::hold;
+  [[nodiscard]] const std::vector<double>& home_position() const noexcept { return home_position_; }
 
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
-  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
-  [[nodiscard]] DriverReport apply_action(const Action& desired,
-                                          AppliedAction& applied) noexcept override;
-  [[nodiscard]] DriverReport hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   /// Nothing: the boards let their motors go by themselves when no currents come.
   void cut() noexcept override {}
@@ -190,11 +161,6 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   }
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
-
-  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
-  [[nodiscard]] std::string_view rejection_text() const noexcept override {
-    return rejection_text_.view();
-  }
 
  private:
   enum class ReferenceStep : std::uint8_t { kWaiting, kTaken, kStored, kLeft };
@@ -211,7 +177,7 @@ class BoardRobot final : public Driver<R>, public WearMeter {
 
   [[nodiscard]] DriverReport fault_of_boards() noexcept;
   [[nodiscard]] DriverReport joint_fault(std::size_t joint, std::string_view text) noexcept;
-  void append_joints(std::size_t board) noexcept;
+  void append_joints(std::size_t board, FixedText& text) const noexcept;
   void start_what_is_not_ready(TimeIndex step, Instant now) noexcept;
   [[nodiscard]] std::uint64_t lost_frames() const noexcept;
   void receive(Instant now) noexcept;
@@ -238,64 +204,52 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   // The joints have come to rest: is that where their end stops are?
   [[nodiscard]] DriverReport confirm_stops() noexcept;
   [[nodiscard]] DriverReport home() noexcept;
+  [[nodiscard]] bool homes_at_end_stops() const noexcept;
   void begin_move() noexcept;
   [[nodiscard]] DriverReport move() noexcept;
   void begin_sweeps() noexcept;
   [[nodiscard]] DriverReport sweep() noexcept;
   // Torques that move the joints towards `target` and carry their weight.
-  [[nodiscard]] Joints torques_towards(const Joints& target) const noexcept;
+  [[nodiscard]] PerJoint<double> torques_towards(const PerJoint<double>& target) const noexcept;
   void measure_index_distances() noexcept;
-  void drive(const Joints& torque) noexcept;
+  void drive(const PerJoint<double>& torque) noexcept;
   void release() noexcept;
-  [[nodiscard]] double angle_per_revolution() const noexcept;
 
   Options options_;
   const Clock& clock_;
-  SafetyChain<R> safety_;
-  SafetyState<R::kJoints> state_{};
-  OrderlyStop stop_;
   std::vector<Board> boards_;
-  Preparation<R::kJoints> preparation_{};
+  Preparation preparation_{};
   // Both atomics carry nothing but themselves between two threads, a few times per minute, so the
   // default order, the strictest one, costs nothing.
   std::atomic<ReferenceStep> reference_step_{ReferenceStep::kWaiting};
   std::atomic<Phase> phase_{Phase::kStarting};
   WiringTest wiring_;
-  std::array<JointHoming, R::kJoints> homing_{};
-  Joints home_position_{};
+  std::vector<JointHoming> homing_;
+  std::vector<double> home_position_;
   std::size_t swept_{0};  // the joint that sweeps
   JointSweep sweep_{};
-  std::array<JointReport, R::kJoints> reports_{};
-  std::array<NewestIndex, R::kJoints> newest_index_{};
+  std::vector<JointReport> reports_;
+  std::vector<NewestIndex> newest_index_;
   std::uint64_t lost_before_{0};  // frames lost before this session
   TimeIndex part_steps_{0};       // of this part of homing, or of the move
   bool must_free_{false};         // something was in the way of the last move
   int free_pushes_{0};            // to and fro, before the next push to the end stops
   int stop_pushes_{0};            // to the end stops, in this homing
   // The step of a push in which each joint begins.
-  std::array<TimeIndex, R::kJoints> turn_{};
-  Joints stops_{};         // where the joints came to rest in the one before
-  bool has_stops_{false};  // the joints came to rest there twice
+  std::vector<TimeIndex> turn_;
+  std::vector<double> stops_;  // where the joints came to rest in the one before
+  bool has_stops_{false};      // the joints came to rest there twice
   Random pushes_{};
-  Joints push_{};
-  Joints zero_{};   // raw angle of each joint at 0 rad
-  Joints start_{};  // where the move begins
+  std::vector<double> push_;
+  std::vector<double> zero_;  // raw angle of each joint at 0 rad
+  PerJoint<double> start_;    // where the move begins
   bool is_homed_{false};
-  bool has_fault_{false};
-  Observation observation_{};
-  DriverReport report_{};  // of the newest observation
+  CountedAction desired_;
   std::array<CompanionDescription, 1> companions_;
-  Wear<R::kJoints> wear_{};
-  std::array<MotorMeter, R::kJoints> meters_{};
+  Wear wear_;
+  std::vector<MotorMeter> meters_;
   Instant counted_{};                    // when wear was counted last
   std::optional<Instant> wear_shown_{};  // when its newest element was made
-  FixedText fault_text_;
-  FixedText rejection_text_;
 };
-
-extern template class BoardRobot<TriFinger>;
-extern template class BoardRobot<Finger>;
-extern template class BoardRobot<TwoJoints>;
-extern template class BoardRobot<OneJoint>;
 
 }  // namespace trifinger::boards

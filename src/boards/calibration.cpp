@@ -7,6 +7,7 @@
 #include <ctime>
 #include <span>
 #include <string_view>
+#include <utility>
 
 #include "base/regular_file.hpp"
 #include "base/text_of.hpp"
@@ -19,6 +20,7 @@
 namespace trifinger::boards {
 namespace {
 
+using config::Node;
 using trifinger::detail::text_of;
 
 std::string now_text() {
@@ -37,19 +39,27 @@ std::string_view name_of(HomingMethod method) {
 // The shortest text that reads back to the same number.
 std::string number_text(double value) { return std::string(FixedText().append(value).view()); }
 
-std::string list_text(std::span<const double> values) {
+template <class T, class Text>
+std::string list_text(const std::vector<T>& values, const Text& text_of_value) {
   std::string text;
-  for (const double value : values) text += (text.empty() ? "[" : ", ") + number_text(value);
+  for (const T& value : values) {
+    text += text.empty() ? "[" : ", ";
+    text += text_of_value(value);
+  }
   return text + "]";
 }
 
-template <class R>
-std::vector<double> directions(const BoardRobotOptions<R>& options) {
-  std::vector<double> directions;
-  for (const double torque : options.homing.torque) {
-    directions.push_back(std::signbit(torque) ? -1.0 : 1.0);
-  }
-  return directions;
+// A list, or one value if all are the same.
+template <class T, class Text>
+std::string shortest_text(const std::vector<T>& values, const Text& text_of_value) {
+  const bool is_one = std::ranges::all_of(values, [&](const T& x) { return x == values.front(); });
+  return is_one && !values.empty() ? std::string(text_of_value(values.front()))
+                                   : list_text(values, text_of_value);
+}
+
+// The entries of a list, or one value for all `count` joints.
+std::vector<Node> entries_of(const Node& node, std::size_t count) {
+  return node.is_list() ? node.items() : std::vector<Node>(count, node);
 }
 
 // A text in YAML that may contain any character of a line.
@@ -64,29 +74,35 @@ std::string quoted(const std::string& text) {
 
 }  // namespace
 
-template <class R>
 Calibration Calibration::of(const std::string& robot, const std::string& serial,
-                            const BoardRobotOptions<R>& options,
-                            const JointVector<R::kJoints>& home_position) {
-  return {.robot = robot,
-          .serial = serial,
-          .date = now_text(),
-          .method = options.homing.method,
-          .direction = directions(options),
-          .polarity = {options.polarity.begin(), options.polarity.end()},
-          .gear_ratio = options.drive.gear_ratio,
-          .home_position = {home_position.begin(), home_position.end()}};
+                            const BoardRobotOptions& options, std::vector<double> home_position) {
+  Calibration calibration{.robot = robot,
+                          .serial = serial,
+                          .date = now_text(),
+                          .method = {},
+                          .direction = {},
+                          .polarity = {},
+                          .gear_ratio = {},
+                          .home_position = std::move(home_position)};
+  for (const BoardMotor& motor : options.motors) {
+    calibration.method.push_back(motor.homing.method);
+    calibration.direction.push_back(std::signbit(motor.homing.torque) ? -1.0 : 1.0);
+    calibration.polarity.push_back(motor.polarity);
+    calibration.gear_ratio.push_back(motor.gear_ratio);
+  }
+  return calibration;
 }
 
 std::string Calibration::text() const {
-  return text_of(
-      "# Written by 'trifinger calibrate'.\nrobot: ", quoted(robot),
-      "\n# What is written on the robot.\nserial: ", quoted(serial), "\ndate: ", quoted(date),
-      "\n# Homing finds other places if one of these changes.\nmethod: ", name_of(method),
-      "\ndirection: ", list_text(direction), "\npolarity: ", list_text(polarity),
-      "\ngear_ratio: ", number_text(gear_ratio),
-      "\n# Angle of each joint at the place that homing finds [rad].\nhome_position: ",
-      list_text(home_position), "\n");
+  return text_of("# Written by 'trifinger calibrate'.\nrobot: ", quoted(robot),
+                 "\n# What is written on the robot.\nserial: ", quoted(serial),
+                 "\ndate: ", quoted(date),
+                 "\n# Homing finds other places if one of these changes.\nmethod: ",
+                 shortest_text(method, name_of), "\ndirection: ", list_text(direction, number_text),
+                 "\npolarity: ", list_text(polarity, number_text),
+                 "\ngear_ratio: ", shortest_text(gear_ratio, number_text),
+                 "\n# Angle of each joint at the place that homing finds [rad].\nhome_position: ",
+                 list_text(home_position, number_text), "\n");
 }
 
 std::filesystem::path calibration_file(const std::string& robot) {
@@ -101,18 +117,24 @@ std::filesystem::path calibration_file(const std::string& robot) {
 
 Calibration read_calibration(const std::filesystem::path& path) {
   const config::File file = config::File::load(path);
-  const config::Node root = file.root();
+  const Node root = file.root();
   using Numbers = std::vector<double>;
-  Calibration calibration{
-      .robot = root.required<std::string>("robot"),
-      .serial = root.required<std::string>("serial"),
-      .date = root.required<std::string>("date"),
-      .method = root.required_choice<HomingMethod>("method", homing_methods()),
-      .direction = root.required<Numbers>("direction", {.min = -1, .max = 1}),
-      .polarity = root.required<Numbers>("polarity", {.min = -1, .max = 1}),
-      .gear_ratio = root.required<double>("gear_ratio", {.min = 0, .max = 1000, .above_min = true}),
-      .home_position =
-          root.required<Numbers>("home_position", {.unit = "rad", .min = -20, .max = 20})};
+  Calibration calibration{.robot = root.required<std::string>("robot"),
+                          .serial = root.required<std::string>("serial"),
+                          .date = root.required<std::string>("date"),
+                          .method = {},
+                          .direction = root.required<Numbers>("direction", {.min = -1, .max = 1}),
+                          .polarity = root.required<Numbers>("polarity", {.min = -1, .max = 1}),
+                          .gear_ratio = {},
+                          .home_position = root.required<Numbers>(
+                              "home_position", {.unit = "rad", .min = -20, .max = 20})};
+  const std::size_t joints = calibration.home_position.size();
+  for (const Node& node : entries_of(root.at("method"), joints)) {
+    calibration.method.push_back(node.as_choice(homing_methods()));
+  }
+  for (const Node& node : entries_of(root.at("gear_ratio"), joints)) {
+    calibration.gear_ratio.push_back(node.as<double>({.min = 0, .max = 1000, .above_min = true}));
+  }
   file.reject_unknown_keys();
   return calibration;
 }
@@ -127,8 +149,7 @@ void write_calibration(const std::filesystem::path& path, const Calibration& cal
   replace_file(path, std::as_bytes(std::span(text)));
 }
 
-template <class R>
-void calibrate(BoardRobotOptions<R>& options, const std::string& robot,
+void calibrate(BoardRobotOptions& options, const std::string& robot,
                const Calibration& calibration) {
   const auto refuse = [&calibration](const std::string& problem) {
     throw InvalidArgument(text_of("the calibration of ", calibration.date, " ", problem,
@@ -142,9 +163,9 @@ void calibrate(BoardRobotOptions<R>& options, const std::string& robot,
                    options.serial, "'"));
   }
   const Calibration mine = Calibration::of(robot, options.serial, options, {});
-  if (calibration.home_position.size() != mine.home_position.size()) {
+  if (calibration.home_position.size() != options.motors.size()) {
     refuse(text_of("has ", calibration.home_position.size(), " joints, the robot has ",
-                   mine.home_position.size()));
+                   options.motors.size()));
   }
   const bool is_same_homing =
       calibration.method == mine.method && calibration.direction == mine.direction &&
@@ -154,14 +175,9 @@ void calibrate(BoardRobotOptions<R>& options, const std::string& robot,
         "was measured with another homing: method, direction, polarity and gear ratio must be "
         "those of the configuration");
   }
-  std::ranges::copy(calibration.home_position, options.homing.home_position.begin());
+  for (std::size_t i = 0; i < options.motors.size(); ++i) {
+    options.motors[i].homing.home_position = calibration.home_position[i];
+  }
 }
-
-template Calibration Calibration::of(const std::string&, const std::string&,
-                                     const BoardRobotOptions<TriFinger>&, const JointVector<9>&);
-template Calibration Calibration::of(const std::string&, const std::string&,
-                                     const BoardRobotOptions<Finger>&, const JointVector<3>&);
-template void calibrate(BoardRobotOptions<TriFinger>&, const std::string&, const Calibration&);
-template void calibrate(BoardRobotOptions<Finger>&, const std::string&, const Calibration&);
 
 }  // namespace trifinger::boards

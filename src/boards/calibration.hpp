@@ -18,17 +18,16 @@ struct Calibration {
   std::string serial;  ///< What is written on it; "any" if nobody has said it.
   std::string date;    ///< When it was measured: "2026-11-22 21:50:00 UTC".
   // Homing finds other places with other values of these:
-  HomingMethod method{HomingMethod::kEndStopIndex};
-  std::vector<double> direction;  ///< 1 or -1: sign of each homing torque.
-  std::vector<double> polarity;   ///< 1 or -1, of each joint.
-  double gear_ratio{9.0};
+  std::vector<HomingMethod> method;  ///< Of each joint; in the file one word if all have the same.
+  std::vector<double> direction;     ///< 1 or -1: sign of each homing torque.
+  std::vector<double> polarity;      ///< 1 or -1, of each joint.
+  std::vector<double> gear_ratio;  ///< Of each joint; in the file one number if all have the same.
   std::vector<double> home_position;  ///< Angle of each joint at its home [rad].
 
   /// The calibration of a robot whose homing has found these homes, with the present date.
-  template <class R>
   [[nodiscard]] static Calibration of(const std::string& robot, const std::string& serial,
-                                      const BoardRobotOptions<R>& options,
-                                      const JointVector<R::kJoints>& home_position);
+                                      const BoardRobotOptions& options,
+                                      std::vector<double> home_position);
 
   /// Returns the text of a file, in YAML.
   [[nodiscard]] std::string text() const;
@@ -48,8 +47,7 @@ void write_calibration(const std::filesystem::path& path, const Calibration& cal
 /// Gives a robot the homes of `calibration`.
 /// @throws InvalidArgument if it is the calibration of another robot than `robot`, or if it was
 /// measured with another homing
-template <class R>
-void calibrate(BoardRobotOptions<R>& options, const std::string& robot,
+void calibrate(BoardRobotOptions& options, const std::string& robot,
                const Calibration& calibration);
 
 }  // namespace trifinger::boards

@@ -11,24 +11,24 @@
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::boards {
-
 namespace {
 
 using Kind = EmulatedFault::Kind;
 
 }  // namespace
 
-template <class R>
-Emulator<R>::Emulator(const BoardRobotOptions<R>& wiring,
-                      std::vector<std::unique_ptr<can::Bus>> buses, Plant<R>& plant, Instant now,
-                      const EmulatedBoardOptions& options)
+Emulator::Emulator(const BoardRobotOptions& wiring, std::vector<std::unique_ptr<can::Bus>> buses,
+                   Plant& plant, Instant now, const EmulatedBoardOptions& options)
     : wiring_((wiring.validate(), wiring)),
       buses_(std::move(buses)),
       plant_(plant),
+      torque_(wiring_.motors.size()),
+      aligned_at_(wiring_.motors.size()),
       started_(now),
       scripted_(buses_.size(), nullptr),
+      joint_faults_(wiring_.motors.size()),
       random_{.seed = options.seed} {
-  trifinger::detail::require(buses_.size() == wiring_.names.size(),
+  trifinger::detail::require(buses_.size() == wiring_.interfaces.size(),
                              "every emulated board needs a bus");
   for (std::size_t i = 0; i < buses_.size(); ++i) {
     EmulatedBoardOptions its_options = options;
@@ -44,13 +44,11 @@ Emulator<R>::Emulator(const BoardRobotOptions<R>& wiring,
   set_power(true, now);
 }
 
-template <class R>
-void Emulator<R>::set_power(bool is_on, Instant now) noexcept {
+void Emulator::set_power(bool is_on, Instant now) noexcept {
   for (std::size_t i = 0; i < boards_.size(); ++i) set_power(i, is_on, now);
 }
 
-template <class R>
-void Emulator<R>::set_power(std::size_t board, bool is_on, Instant now) noexcept {
+void Emulator::set_power(std::size_t board, bool is_on, Instant now) noexcept {
   if (is_on) {
     boards_[board].switch_on(now, rotors(board));
   } else {
@@ -58,25 +56,23 @@ void Emulator<R>::set_power(std::size_t board, bool is_on, Instant now) noexcept
   }
 }
 
-template <class R>
-void Emulator<R>::tick(Instant now) noexcept {
+void Emulator::tick(Instant now) noexcept {
   execute(now);
-  const double ampere = wiring_.drive.torque_per_ampere();
-  typename Plant<R>::Joints torque{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const Terminal& place = wiring_.motors[i];
+  for (std::size_t i = 0; i < torque_.size(); ++i) {
+    const BoardMotor& motor = wiring_.motors[i];
+    const EmulatedBoard& board = boards_[motor.place.board];
+    const double current = board.currents()[motor.place.number];
     if (joint_faults_[i].is_loose) {
-      turn_loose_motor(i, wiring_.polarity[i] * boards_[place.board].currents()[place.number]);
-      continue;
+      torque_[i] = 0.0;
+      turn_loose_motor(i, motor.polarity * current);
+    } else if (board.is_aligning(motor.place.number)) {
+      torque_[i] = holding_torque(i);
+    } else {
+      aligned_at_[i] = plant_.position()[i];
+      torque_[i] = motor.polarity * motor.torque_per_ampere() * current;
     }
-    if (boards_[place.board].is_aligning(place.number)) {
-      torque[i] = holding_torque(i);
-      continue;
-    }
-    aligned_at_[i] = plant_.position()[i];
-    torque[i] = wiring_.polarity[i] * ampere * boards_[place.board].currents()[place.number];
   }
-  plant_.step(torque);
+  plant_.step(torque_);
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     if (scripted_[i] != nullptr) scripted_[i]->set_time(now);
     for (const can::Frame& frame : buses_[i]->receive(frames_)) boards_[i].receive(frame, now);
@@ -85,8 +81,7 @@ void Emulator<R>::tick(Instant now) noexcept {
 }
 
 // Currents of alignment hold the rotor where it is.
-template <class R>
-double Emulator<R>::holding_torque(std::size_t joint) const noexcept {
+double Emulator::holding_torque(std::size_t joint) const noexcept {
   constexpr double kStiffness = 20.0;  // [Nm/rad]
   constexpr double kDamping = 0.1;     // [Nms/rad]
   constexpr double kMost = 0.5;        // [Nm]
@@ -95,39 +90,33 @@ double Emulator<R>::holding_torque(std::size_t joint) const noexcept {
   return std::clamp(torque, -kMost, kMost);
 }
 
-template <class R>
-EmulatedBoard::Rotors Emulator<R>::rotors(std::size_t board) noexcept {
-  const double per_angle = wiring_.drive.gear_ratio / (2.0 * std::numbers::pi);
+EmulatedBoard::Rotors Emulator::rotors(std::size_t board) noexcept {
   EmulatedBoard::Rotors rotors{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const Terminal& place = wiring_.motors[i];
-    if (place.board != board) continue;
-    const double turns = wiring_.polarity[i] * per_angle;
+  for (std::size_t i = 0; i < wiring_.motors.size(); ++i) {
+    const BoardMotor& motor = wiring_.motors[i];
+    if (motor.place.board != board) continue;
+    const double turns = motor.polarity * (motor.gear_ratio / (2.0 * std::numbers::pi));
     // From revolutions per second to 1000 revolutions per minute.
-    rotors[place.number] = {.revolutions = turns * seen_angle(i),
-                            .kilo_rpm = turns * seen_speed(i) * 60.0 / 1000.0};
+    rotors[motor.place.number] = {.revolutions = turns * seen_angle(i),
+                                  .kilo_rpm = turns * seen_speed(i) * 60.0 / 1000.0};
   }
   return rotors;
 }
 
-template <class R>
-std::array<double, 2> Emulator<R>::analog_inputs(std::size_t board) const noexcept {
+std::array<double, 2> Emulator::analog_inputs(std::size_t board) const noexcept {
   std::array<double, 2> values{};
-  if constexpr (R::kTips > 0) {
-    const auto force = plant_.tip_force();
-    for (std::size_t i = 0; i < R::kTips; ++i) {
-      const Terminal& place = wiring_.tips[i];
-      if (place.board != board) continue;
-      values[place.number] = wiring_.tip_sensor.zero + force[i] / wiring_.tip_sensor.scale;
-    }
+  const std::span<const double> force = plant_.tip_force();
+  for (std::size_t i = 0; i < wiring_.tips.size(); ++i) {
+    const Terminal& place = wiring_.tips[i];
+    if (place.board != board) continue;
+    values[place.number] = wiring_.tip_sensor.zero + force[i] / wiring_.tip_sensor.scale;
   }
   return values;
 }
 
 // ---- faults ----
 
-template <class R>
-void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
+void Emulator::add(const EmulatedFault& fault, Instant now) {
   const auto require_number = [](const char* what, std::size_t number, std::size_t count) {
     trifinger::detail::require(number < count, std::string("there is no ") + what + " " +
                                                    std::to_string(number) + ", only 0 to " +
@@ -136,8 +125,9 @@ void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
   const Instant begin = fault.at ? started_ + *fault.at : now;
   const Instant end = fault.duration ? begin + *fault.duration : Instant::max();
   if (fault.kind >= Kind::kJointJumps) {
-    require_number("joint", fault.number, R::kJoints);
-    if (fault.kind == Kind::kJointsSwapped) require_number("joint", fault.other, R::kJoints);
+    require_number("joint", fault.number, wiring_.motors.size());
+    if (fault.kind == Kind::kJointsSwapped)
+      require_number("joint", fault.other, wiring_.motors.size());
   } else if (fault.kind > Kind::kPowerOn) {
     require_number(fault.kind >= Kind::kBusLoses ? "bus" : "board", fault.number, boards_.size());
   }
@@ -146,8 +136,7 @@ void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
 }
 
 // Adds a fault of a bus to the script of that bus.
-template <class R>
-void Emulator<R>::add_to_bus(const EmulatedFault& fault, Instant begin, Instant end) {
+void Emulator::add_to_bus(const EmulatedFault& fault, Instant begin, Instant end) {
   using Bus = can::BusFault::Kind;
   const auto script = [&](Bus kind, double probability = 1.0) {
     can::BusFault on_bus{
@@ -194,8 +183,7 @@ void Emulator<R>::add_to_bus(const EmulatedFault& fault, Instant begin, Instant 
   }
 }
 
-template <class R>
-can::ScriptedBus& Emulator<R>::scripted(std::size_t bus) {
+can::ScriptedBus& Emulator::scripted(std::size_t bus) {
   if (scripted_[bus] == nullptr) {
     auto made = std::make_unique<can::ScriptedBus>(std::move(buses_[bus]), random_.seed + bus);
     scripted_[bus] = made.get();
@@ -204,8 +192,7 @@ can::ScriptedBus& Emulator<R>::scripted(std::size_t bus) {
   return *scripted_[bus];
 }
 
-template <class R>
-void Emulator<R>::execute(Instant now) noexcept {
+void Emulator::execute(Instant now) noexcept {
   using Phase = ScheduledFault::Phase;
   for (ScheduledFault& scheduled : faults_) {
     if (scheduled.phase == Phase::kWaits && now >= scheduled.begin) {
@@ -219,8 +206,7 @@ void Emulator<R>::execute(Instant now) noexcept {
   }
 }
 
-template <class R>
-bool Emulator<R>::has_power(std::size_t board) const noexcept {
+bool Emulator::has_power(std::size_t board) const noexcept {
   return std::ranges::none_of(faults_, [board](const ScheduledFault& scheduled) {
     const EmulatedFault& fault = scheduled.fault;
     return scheduled.phase == ScheduledFault::Phase::kLasts &&
@@ -230,16 +216,14 @@ bool Emulator<R>::has_power(std::size_t board) const noexcept {
 }
 
 // Switches boards on and off as the faults that last say.
-template <class R>
-void Emulator<R>::restore_power(Instant now) noexcept {
+void Emulator::restore_power(Instant now) noexcept {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     if (boards_[i].is_on() != has_power(i)) set_power(i, has_power(i), now);
   }
 }
 
 // Ends the faults for which boards are without power.
-template <class R>
-void Emulator<R>::end_power_faults() noexcept {
+void Emulator::end_power_faults() noexcept {
   for (ScheduledFault& other : faults_) {
     const bool is_off = other.fault.kind == Kind::kPowerOff || other.fault.kind == Kind::kBoardOff;
     if (is_off && other.phase == ScheduledFault::Phase::kLasts) {
@@ -248,8 +232,7 @@ void Emulator<R>::end_power_faults() noexcept {
   }
 }
 
-template <class R>
-void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
+void Emulator::begin(const EmulatedFault& fault, Instant now) noexcept {
   const std::size_t number = fault.number;
   switch (fault.kind) {
     case Kind::kPowerOff:
@@ -284,9 +267,9 @@ void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
       joint_faults_[number].noise = std::abs(fault.amount);
       break;
     case Kind::kJointHot:
-      joint_faults_[number].hot_motor = wiring_.motors[number];
-      boards_[wiring_.motors[number].board].set_current_factor(wiring_.motors[number].number,
-                                                               fault.amount);
+      joint_faults_[number].hot_motor = wiring_.motors[number].place;
+      boards_[wiring_.motors[number].place.board].set_current_factor(
+          wiring_.motors[number].place.number, fault.amount);
       break;
     case Kind::kJointLoose:
       joint_faults_[number].loose_angle = plant_.position()[number];
@@ -294,18 +277,17 @@ void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
       joint_faults_[number].is_loose = true;
       break;
     case Kind::kJointReversed:
-      wiring_.polarity[number] = -wiring_.polarity[number];
+      wiring_.motors[number].polarity = -wiring_.motors[number].polarity;
       break;
     case Kind::kJointsSwapped:
-      std::swap(wiring_.motors[number], wiring_.motors[fault.other]);
+      std::swap(wiring_.motors[number].place, wiring_.motors[fault.other].place);
       break;
     default:  // in the script of the bus
       break;
   }
 }
 
-template <class R>
-void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
+void Emulator::end(const EmulatedFault& fault, Instant now) noexcept {
   const std::size_t number = fault.number;
   switch (fault.kind) {
     case Kind::kPowerOff:
@@ -338,8 +320,7 @@ void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
 }
 
 // A motor alone: its current drives it against friction that grows with its speed.
-template <class R>
-void Emulator<R>::turn_loose_motor(std::size_t joint, double amperes) noexcept {
+void Emulator::turn_loose_motor(std::size_t joint, double amperes) noexcept {
   constexpr double kTick = 1e-3;         // [s]
   constexpr double kTimeConstant = 0.1;  // [s]
   constexpr double kSpeed = 5.0;         // at the joint, per ampere [rad/s]
@@ -348,8 +329,7 @@ void Emulator<R>::turn_loose_motor(std::size_t joint, double amperes) noexcept {
   fault.loose_angle += kTick * fault.loose_speed;
 }
 
-template <class R>
-double Emulator<R>::seen_angle(std::size_t joint) noexcept {
+double Emulator::seen_angle(std::size_t joint) noexcept {
   const JointFault& fault = joint_faults_[joint];
   if (fault.is_stuck) return fault.stuck_at;
   double angle = fault.is_loose ? fault.loose_angle : plant_.position()[joint];
@@ -358,16 +338,10 @@ double Emulator<R>::seen_angle(std::size_t joint) noexcept {
   return angle;
 }
 
-template <class R>
-double Emulator<R>::seen_speed(std::size_t joint) const noexcept {
+double Emulator::seen_speed(std::size_t joint) const noexcept {
   const JointFault& fault = joint_faults_[joint];
   if (fault.is_stuck) return 0.0;
   return fault.is_loose ? fault.loose_speed : plant_.velocity()[joint];
 }
-
-template class Emulator<TriFinger>;
-template class Emulator<Finger>;
-template class Emulator<TwoJoints>;
-template class Emulator<OneJoint>;
 
 }  // namespace trifinger::boards

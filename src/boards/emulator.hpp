@@ -15,29 +15,25 @@
 #include "can/scripted_bus.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/joint/types.hpp"
 
 namespace trifinger::boards {
 
 /// What emulated motors move: a simulation, or a few equations.
-template <class R>
 class Plant {
  public:
-  using Joints = JointVector<R::kJoints>;
-
   Plant() = default;
   Plant(const Plant&) = delete;
   Plant& operator=(const Plant&) = delete;
   virtual ~Plant() = default;
 
   /// Angles of the joints [rad].
-  [[nodiscard]] virtual Joints position() const noexcept = 0;
+  [[nodiscard]] virtual std::span<const double> position() const noexcept = 0;
   /// Velocities of the joints [rad/s].
-  [[nodiscard]] virtual Joints velocity() const noexcept = 0;
+  [[nodiscard]] virtual std::span<const double> velocity() const noexcept = 0;
   /// Forces at the tips [N].
-  [[nodiscard]] virtual std::array<double, R::kTips> tip_force() const noexcept = 0;
+  [[nodiscard]] virtual std::span<const double> tip_force() const noexcept = 0;
   /// Moves on by one millisecond with these torques at the joints [Nm].
-  virtual void step(const Joints& torque) noexcept = 0;
+  virtual void step(std::span<const double> torque) noexcept = 0;
 };
 
 /// A fault with its time.
@@ -51,14 +47,13 @@ struct ScheduledFault {
 };
 
 /// All boards of a robot with what they move, each on a bus of its own.
-template <class R>
 class Emulator {
  public:
   /// `wiring` is the robot that the boards belong to; of it count wires, drive and tip sensors.
   /// `buses` has the bus of each board. The boards are on, and the plant is where it is.
   /// @throws InvalidArgument
-  Emulator(const BoardRobotOptions<R>& wiring, std::vector<std::unique_ptr<can::Bus>> buses,
-           Plant<R>& plant, Instant now, const EmulatedBoardOptions& options = {});
+  Emulator(const BoardRobotOptions& wiring, std::vector<std::unique_ptr<can::Bus>> buses,
+           Plant& plant, Instant now, const EmulatedBoardOptions& options = {});
 
   /// One millisecond: frames are received, the plant moves, and frames are sent.
   void tick(Instant now) noexcept;
@@ -109,22 +104,18 @@ class Emulator {
   [[nodiscard]] EmulatedBoard::Rotors rotors(std::size_t board) noexcept;
   [[nodiscard]] std::array<double, 2> analog_inputs(std::size_t board) const noexcept;
 
-  BoardRobotOptions<R> wiring_;
+  BoardRobotOptions wiring_;
   std::vector<std::unique_ptr<can::Bus>> buses_;
-  Plant<R>& plant_;
+  Plant& plant_;
+  std::vector<double> torque_;  // memory for a tick
   std::vector<EmulatedBoard> boards_;
-  typename Plant<R>::Joints aligned_at_{};  // where the joints were before their alignment
+  std::vector<double> aligned_at_;  // where the joints were before their alignment
   std::array<can::Frame, 64> frames_{};
   Instant started_;
   std::vector<ScheduledFault> faults_;
   std::vector<can::ScriptedBus*> scripted_;  // of each board; null until its bus has a fault
-  std::array<JointFault, R::kJoints> joint_faults_{};
+  std::vector<JointFault> joint_faults_;
   Random random_{};
 };
-
-extern template class Emulator<TriFinger>;
-extern template class Emulator<Finger>;
-extern template class Emulator<TwoJoints>;
-extern template class Emulator<OneJoint>;
 
 }  // namespace trifinger::boards

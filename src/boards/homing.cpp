@@ -26,6 +26,7 @@ void JointHoming::begin(HomingMethod method, double torque, double index_distanc
   method_ = method;
   torque_ = torque;
   index_distance_ = index_distance;
+  is_home_ = false;
   switch (method) {
     case HomingMethod::kEndStopIndex:
     case HomingMethod::kEndStop:
@@ -57,6 +58,8 @@ void JointHoming::begin_part(Part part, const HomingMeasurement& measured) noexc
 }
 
 bool JointHoming::next_part(const HomingMeasurement& measured) noexcept {
+  // Other joints still search. It may have moved since.
+  if (is_home_) return false;
   const bool has_pushed = part_ == Part::kPush;
   if (has_pushed && method_ == HomingMethod::kEndStopIndex) {
     begin_part(Part::kIndex, measured);
@@ -64,6 +67,7 @@ bool JointHoming::next_part(const HomingMeasurement& measured) noexcept {
     begin_part(Part::kRelease, measured);
   } else {
     begin_part(Part::kDone, measured);
+    is_home_ = true;
   }
   return part_ != Part::kDone;
 }
@@ -74,6 +78,8 @@ double JointHoming::next(const HomingMeasurement& measured, const HomingGains& g
   double torque = 0.0;
   if (part_ == Part::kPush) torque = push(measured, gains, period);
   if (part_ == Part::kIndex) torque = search_index(measured, gains, period);
+  // Its home is here, whatever happens until the others have found theirs.
+  if (part_ == Part::kDone) static_cast<void>(next_part(measured));
   if (part_ == Part::kRelease) is_part_done_ = time_ >= kReleaseTime;
   return std::clamp(torque - gains.kd * measured.velocity, -gains.max_torque, gains.max_torque);
 }

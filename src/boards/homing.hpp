@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 
-#include "trifinger/base/time.hpp"
-#include "trifinger/joint/types.hpp"
 #include "trifinger/realtime/annotations.hpp"
 
 namespace trifinger::boards {
@@ -20,15 +16,18 @@ enum class HomingMethod : std::uint8_t {
   kHere,             ///< Its home is where it stands.
 };
 
-/// The homing of N joints. Torque, travel and time are bounded, whatever the joints do.
-template <std::size_t N>
+/// How one joint is homed.
 struct HomingOptions {
   HomingMethod method{HomingMethod::kEndStopIndex};
-  JointVector<N> torque{};         ///< Torque towards the end stop, with its sign [Nm].
-  JointVector<N> home_position{};  ///< Angle of each joint at its home [rad]: the calibration.
-  double max_travel{8.0};          ///< Longest travel to an end stop [rad].
-  Nanoseconds max_time{std::chrono::seconds(20)};  ///< For each part of the homing.
+  double torque{0.0};         ///< Torque towards the end stop, with its sign [Nm].
+  double home_position{0.0};  ///< Angle of the joint at its home [rad]: the calibration.
 };
+
+/// True if the joint pushes to its end stop: where it begins does not count then.
+[[nodiscard]] constexpr bool homes_at_end_stop(HomingMethod method) noexcept {
+  return method == HomingMethod::kEndStop || method == HomingMethod::kEndStopIndex ||
+         method == HomingMethod::kReleasedEndStop;
+}
 
 /// What homing knows of a joint in one step.
 struct HomingMeasurement {
@@ -88,6 +87,7 @@ class JointHoming {
   double index_distance_{0.0};
   Part part_{Part::kDone};
   bool is_part_done_{false};
+  bool is_home_{false};
   double time_{0.0};         // in this part [s]
   double start_{0.0};        // angle at its beginning [rad]
   double still_angle_{0.0};  // where the joint was when `still_time_` began

@@ -11,8 +11,8 @@
 
 #include "boards/board_robot.hpp"
 #include "can/bus.hpp"
+#include "joint/counted_driver.hpp"
 #include "trifinger/config/node.hpp"
-#include "trifinger/joint/limits.hpp"
 
 namespace trifinger::boards {
 
@@ -25,17 +25,12 @@ enum class BusKind : std::uint8_t {
 /// The methods of homing, by the words of configurations.
 [[nodiscard]] const std::vector<std::pair<std::string_view, HomingMethod>>& homing_methods();
 
-/// Reads the section `boards` of a configuration. Limits, stop, initial position and period belong
-/// to other sections; the caller sets them before `validate`.
+/// Reads the section `boards` of a configuration. `robot` is all that other sections say of the
+/// robot. If its joints have names, the section says by name what belongs to a joint; otherwise it
+/// has lists, as in config/trifinger_edu_can.yml. The caller calls `validate`.
 /// @throws config::ConfigError at the value that is wrong.
-template <class R>
-[[nodiscard]] BoardRobotOptions<R> read_board_options(const config::Node& section,
-                                                      const JointLimits<R::kJoints>& limits);
-
-extern template BoardRobotOptions<TriFinger> read_board_options<TriFinger>(
-    const config::Node&, const JointLimits<TriFinger::kJoints>&);
-extern template BoardRobotOptions<Finger> read_board_options<Finger>(
-    const config::Node&, const JointLimits<Finger::kJoints>&);
+[[nodiscard]] BoardRobotOptions read_board_options(const config::Node& section,
+                                                   const CountedDriverOptions& robot);
 
 /// Reads `boards.bus`.
 /// @throws config::ConfigError

@@ -14,6 +14,7 @@ struct JointReport {
   std::optional<WiringFinding> wiring{};  ///< Nothing before the test.
   std::optional<SweepResult> sweep{};     ///< Nothing if the test did not come so far.
   std::optional<double> weight{};  ///< Torque that should carry its weight in the sweep [Nm].
+  double max_torque{0.0};          ///< The largest of this joint [Nm]: a strong joint may rub more.
   double index_distance{0.0};  ///< From one index of its encoder to the next [rad]; 0 if none came.
 };
 

@@ -2,7 +2,11 @@
 #include "boards/wear.hpp"
 
 #include <cmath>
+#include <cstddef>
+#include <cstring>
 #include <numbers>
+#include <string>
+#include <utility>
 
 namespace trifinger::boards {
 namespace {
@@ -16,7 +20,69 @@ bool is_whole(double revolutions) noexcept {
   return std::abs(revolutions - std::round(revolutions)) <= kLargestIndexError;
 }
 
+// Calls `use` with the bytes of each number of `wear`, in the order of an element.
+template <class W, class Use>
+void for_each_part(W& wear, Use use) {
+  use(&wear.starts, sizeof(wear.starts));
+  use(&wear.homings, sizeof(wear.homings));
+  use(&wear.faults, sizeof(wear.faults));
+  for (auto* const values :
+       {&wear.powered_time, &wear.revolutions, &wear.work, &wear.squared_current}) {
+    use(values->data(), values->size() * sizeof(double));
+  }
+  use(wear.index_slips.data(), wear.index_slips.size() * sizeof(std::uint64_t));
+}
+
 }  // namespace
+
+Wear::Wear(std::size_t joints)
+    : powered_time(joints),
+      revolutions(joints),
+      work(joints),
+      squared_current(joints),
+      index_slips(joints) {}
+
+ElementDescription Wear::describe(std::size_t joints) {
+  std::vector<FieldDescription> fields;
+  for (const FieldDescription& field : trifinger::describe<Stamp>().fields()) {
+    fields.push_back(field);
+    fields.back().name = "stamp." + field.name;
+  }
+  std::size_t size = sizeof(Stamp);
+  const auto add = [&](const char* name, ScalarType type, std::vector<std::size_t> shape,
+                       const char* unit = "") {
+    fields.push_back(
+        {.name = name, .type = type, .shape = std::move(shape), .unit = unit, .offset = size});
+    size += fields.back().count() * size_of(type);
+  };
+  add("starts", ScalarType::kUint64, {});
+  add("homings", ScalarType::kUint64, {});
+  add("faults", ScalarType::kUint64, {});
+  add("powered_time", ScalarType::kFloat64, {joints}, "s");
+  add("revolutions", ScalarType::kFloat64, {joints});
+  add("work", ScalarType::kFloat64, {joints}, "J");
+  add("squared_current", ScalarType::kFloat64, {joints}, "A^2s");
+  add("index_slips", ScalarType::kUint64, {joints});
+  return ElementDescription(std::move(fields));
+}
+
+void Wear::write(const Stamp& stamp, void* element) const noexcept {
+  auto* next = static_cast<std::byte*>(element);
+  std::memcpy(next, &stamp, sizeof(stamp));
+  next += sizeof(stamp);
+  for_each_part(*this, [&next](const void* part, std::size_t size) {
+    std::memcpy(next, part, size);
+    next += size;
+  });
+}
+
+void Wear::read(const void* element) noexcept {
+  const auto* next = static_cast<const std::byte*>(element) + sizeof(Stamp);
+  for_each_part(*this, [&next](void* part, std::size_t size) {
+    std::memcpy(part, next, size);
+    next += size;
+  });
+}
 
 MotorMeter::Step MotorMeter::measure(const MotorReading& motor, double elapsed,
                                      double torque_constant, double most_revolutions) noexcept {

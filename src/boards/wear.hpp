@@ -1,66 +1,43 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <span>
-#include <tuple>
+#include <vector>
 
 #include "boards/board.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/driver.hpp"
-#include "trifinger/joint/types.hpp"
 #include "trifinger/realtime/annotations.hpp"
 
 namespace trifinger::boards {
 
 /// The running hours of a robot on motor boards: what each joint has done since the robot was
-/// built. No number ever decreases. An element of its companion "wear", which has one for every
-/// second of a session.
-template <std::size_t N>
+/// built. No number ever decreases. As bytes it is an element of the robot's companion "wear",
+/// which has one for every second of a session.
 struct Wear {
-  Stamp stamp;
+  explicit Wear(std::size_t joints);
+
   /// Number of starts of the back-end. 0 if the file of the running hours cannot be used: all
   /// numbers then count from the last start.
   std::uint64_t starts{0};
-  std::uint64_t homings{0};          ///< Number of times that all joints have found their homes.
-  std::uint64_t faults{0};           ///< Number of faults of boards, homing and measurements.
-  JointVector<N> powered_time{};     ///< Time in sessions with the motor switched on [s].
-  JointVector<N> revolutions{};      ///< Travel of the motor, forth and back [revolutions].
-  JointVector<N> work{};             ///< Mechanical work of the motor, given or taken [J].
-  JointVector<N> squared_current{};  ///< Integral over time [A^2s]; the heat in a winding is this
-                                     ///< times its resistance.
+  std::uint64_t homings{0};             ///< Number of times that all joints have found their homes.
+  std::uint64_t faults{0};              ///< Number of faults of boards, homing and measurements.
+  std::vector<double> powered_time;     ///< Time in sessions with the motor switched on [s].
+  std::vector<double> revolutions;      ///< Travel of the motor, forth and back [revolutions].
+  std::vector<double> work;             ///< Mechanical work of the motor, given or taken [J].
+  std::vector<double> squared_current;  ///< Integral over time [A^2s]; the heat in a winding is
+                                        ///< this times its resistance.
   /// Number of index pulses that were not a whole number of revolutions from the one before: the
   /// encoder or its disk has slipped.
-  std::array<std::uint64_t, N> index_slips{};
+  std::vector<std::uint64_t> index_slips;
 
-  static constexpr auto fields() {
-    return std::tuple{field("stamp", &Wear::stamp),
-                      field("starts", &Wear::starts),
-                      field("homings", &Wear::homings),
-                      field("faults", &Wear::faults),
-                      field("powered_time", &Wear::powered_time, "s"),
-                      field("revolutions", &Wear::revolutions),
-                      field("work", &Wear::work, "J"),
-                      field("squared_current", &Wear::squared_current, "A^2s"),
-                      field("index_slips", &Wear::index_slips)};
-  }
-};
-
-/// A robot that counts its running hours, for those who keep them. The bytes are a `Wear`.
-class WearMeter {
- public:
-  virtual ~WearMeter() = default;
-
-  /// The companion "wear": its type and its elements.
-  [[nodiscard]] virtual const CompanionDescription& wear_description() const noexcept = 0;
-  /// What is counted now. Call this only while nobody runs the robot.
-  [[nodiscard]] virtual std::span<const std::byte> wear_bytes() const noexcept = 0;
-  /// Goes on counting from what was kept. No bytes: from zero. Call it once, before the robot runs:
-  /// it counts a start.
-  virtual void continue_wear(std::span<const std::byte> kept) = 0;
+  /// Describes an element.
+  [[nodiscard]] static ElementDescription describe(std::size_t joints);
+  /// Writes and reads an element.
+  void write(const Stamp& stamp, void* element) const noexcept TRIFINGER_REALTIME;
+  void read(const void* element) noexcept;
 };
 
 /// Counts what one motor does, for a loop at 1 kHz.

@@ -6,13 +6,28 @@
 #include <utility>
 #include <vector>
 
+#include "trifinger/model/scene_model.hpp"
+
 namespace trifinger {
 
-std::optional<CompanionDescription> object_companion(std::span<const ObjectDescription> objects) {
+namespace {
+
+template <class Objects>
+std::optional<CompanionDescription> companion_of(const Objects& objects) {
   std::vector<std::string> names;
   names.reserve(objects.size());
-  for (const ObjectDescription& object : objects) names.push_back(object.name);
+  for (const auto& object : objects) names.push_back(object.name);
   return object_companion(names);
+}
+
+}  // namespace
+
+std::optional<CompanionDescription> object_companion(std::span<const ObjectDescription> objects) {
+  return companion_of(objects);
+}
+
+std::optional<CompanionDescription> object_companion(const SceneModel& model) {
+  return companion_of(model.objects());
 }
 
 std::optional<CompanionDescription> object_companion(std::span<const std::string> names) {

@@ -9,8 +9,8 @@
 
 #include "base/text_of.hpp"
 #include "in_seconds.hpp"
+#include "read_motors.hpp"
 #include "read_object.hpp"
-#include "read_servos.hpp"
 #include "read_simulation.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/read_backend.hpp"
@@ -86,8 +86,6 @@ RobotConfig read_file_robot(const File& file) {
   RobotConfig config;
   SimulationOptions& simulation = config.simulation;
   config.name = root.required<std::string>("name");
-  const bool is_on_motors =
-      root.required_choice<bool>("driver", {{"simulation", false}, {"dynamixel", true}});
   const auto backend = root.optional_section("backend");
   const std::optional<Node> period = backend ? backend->find("period") : std::nullopt;
   simulation.file = read_model(root, period);
@@ -107,11 +105,7 @@ RobotConfig read_file_robot(const File& file) {
   if (const auto section = root.optional_section("simulation")) {
     read_simulation(*section, Missing::kUsual, simulation);
   }
-  if (is_on_motors) {
-    // What hardware needs must not be guessed.
-    static_cast<void>(root.section("backend"));
-    config.servos = std::make_shared<const servos::ServoConfig>(read_servos(root, simulation));
-  }
+  read_motors(root, config);
   read_sight(root, config);
   file.reject_unknown_keys();
   config.session.documents = {{"configuration.yml", "application/yaml", file.text()}};

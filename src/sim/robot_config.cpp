@@ -11,8 +11,8 @@
 
 #include "base/text_of.hpp"
 #include "read_file_robot.hpp"
+#include "read_motors.hpp"
 #include "read_object.hpp"
-#include "read_servos.hpp"
 #include "read_simulation.hpp"
 #include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
@@ -113,33 +113,6 @@ SimulationOptions simulation_of(const Node& root, RobotDescription description,
 
   detail::read_simulation(root.section("simulation"), detail::Missing::kRefused, options);
   return options;
-}
-
-// The limits, poses and the stop of the simulated robot are those of the one on boards, too.
-template <class R>
-boards::BoardRobotOptions<R> read_board_robot(const Node& section,
-                                              const SimulationOptions& simulation) {
-  boards::BoardRobotOptions<R> options =
-      boards::read_board_options<R>(section, limits_of<R::kJoints>(simulation.limits.value()));
-  std::ranges::copy(simulation.initial_position.value(), options.initial_position.begin());
-  options.stop = simulation.stop;
-  options.period = simulation.period;
-  try {
-    options.validate();
-  } catch (const InvalidArgument& error) {
-    section.fail(std::string("makes no sense: ") + error.what());
-  }
-  return options;
-}
-
-BoardsConfig read_boards(const Node& section, const SimulationOptions& simulation) {
-  BoardsConfig config{.bus = boards::read_bus_kind(section), .options = {}};
-  if (simulation.description.arrangement == Arrangement::kTriFinger) {
-    config.options = read_board_robot<TriFinger>(section, simulation);
-  } else {
-    config.options = read_board_robot<Finger>(section, simulation);
-  }
-  return config;
 }
 
 // Describes an object, as in "box of 0.065 x 0.065 x 0.065 m and 0.094 kg".
@@ -260,21 +233,10 @@ RobotConfig read_robot_config(const config::File& file) {
   if (detail::is_from_file(root)) return detail::read_file_robot(file);
   RobotConfig config;
   config.name = root.required<std::string>("name");
-  enum class DriverKind : std::uint8_t { kSimulation, kBoards, kServos };
-  const auto driver =
-      root.required_choice<DriverKind>("driver", {{"simulation", DriverKind::kSimulation},
-                                                  {"boards", DriverKind::kBoards},
-                                                  {"dynamixel", DriverKind::kServos}});
   RobotDescription description = read_description(root);
   config.backend = read_backend(root.section("backend"), config.session, kPhysicsStep);
   config.simulation = simulation_of(root, std::move(description), config.backend.period);
-  if (driver == DriverKind::kBoards) {
-    config.boards = std::make_shared<const BoardsConfig>(
-        read_boards(root.section("boards"), config.simulation));
-  } else if (driver == DriverKind::kServos) {
-    config.servos =
-        std::make_shared<const servos::ServoConfig>(detail::read_servos(root, config.simulation));
-  }
+  detail::read_motors(root, config);
   detail::read_sight(root, config);
   file.reject_unknown_keys();
   try {

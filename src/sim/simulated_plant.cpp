@@ -17,19 +17,23 @@ SimulationOptions in_milliseconds(SimulationOptions options) {
   options.object_period *= steps;
   options.object_delay *= steps;
   options.period = kPhysicsStep;
+  if (options.file != nullptr && steps != 1) {
+    ModelFileOptions model = options.file->options();
+    model.period = kPhysicsStep;
+    options.file = std::make_shared<const ModelFile>(std::move(model));
+  }
   return options;
 }
 
-ElementDescription element_of(const RobotDescription& description) {
-  const auto companion = object_companion(description.objects);
+ElementDescription element_of(const SceneModel& model) {
+  const auto companion = object_companion(model);
   detail::require(companion.has_value(), "there are no objects to track");
   return companion->element;
 }
 
 }  // namespace
 
-template <class R>
-SimulatedPlant<R>::SimulatedPlant(SimulationOptions options)
+SimulatedPlant::SimulatedPlant(SimulationOptions options)
     : simulator_(in_milliseconds(std::move(options))),
       data_(simulator_.model().make_data()),
       state_(simulator_.make_state()) {
@@ -41,41 +45,35 @@ SimulatedPlant<R>::SimulatedPlant(SimulationOptions options)
   }
 }
 
-template <class R>
-const Simulator::Capture* SimulatedPlant<R>::receive_poses() noexcept {
+const Simulator::Capture* SimulatedPlant::receive_poses() noexcept {
   if (initial_poses_.empty()) return nullptr;
   return simulator_.receive_poses(step_count(), *data_, state_);
 }
 
-template <class R>
-ObjectPose SimulatedPlant<R>::object_pose(const std::string& name) const {
+ObjectPose SimulatedPlant::object_pose(const std::string& name) const {
   return simulator_.object_pose(simulator_.model().object(name), *data_);
 }
 
-template <class R>
-void SimulatedPlant<R>::reset_objects() noexcept {
+void SimulatedPlant::reset_objects() noexcept {
   for (std::size_t i = 0; i < initial_poses_.size(); ++i) {
     simulator_.place(simulator_.model().objects()[i], initial_poses_[i], *data_, state_);
   }
 }
 
-template <class R>
-void SimulatedPlant<R>::step(const Joints& torque) noexcept {
+void SimulatedPlant::step(std::span<const double> torque) noexcept {
   if (has_diverged_) return;
-  has_diverged_ = !simulator_.move(PerJoint<double>(std::span(torque)),
-                                   *simulator_.model().mujoco(), *data_, state_);
+  has_diverged_ =
+      !simulator_.move(PerJoint<double>(torque), *simulator_.model().mujoco(), *data_, state_);
   if (!has_diverged_) simulator_.observe(*data_, state_);
 }
 
-template <class R>
-SimulatedTracker<R>::SimulatedTracker(const std::string& robot, SimulatedPlant<R>& plant)
+SimulatedTracker::SimulatedTracker(const std::string& robot, SimulatedPlant& plant)
     : plant_(plant),
-      element_(element_of(plant.options().description).size()),
+      element_(element_of(plant.model()).size()),
       times_(static_cast<std::size_t>(plant.options().object_delay) + 1),
-      writer_(robot, kObjectCompanion, element_of(plant.options().description)) {}
+      writer_(robot, kObjectCompanion, element_of(plant.model())) {}
 
-template <class R>
-void SimulatedTracker<R>::tick(Instant now) noexcept {
+void SimulatedTracker::tick(Instant now) noexcept {
   const auto time_of = [this](TimeIndex step) -> Instant& {
     return times_[static_cast<std::size_t>(step) % times_.size()];
   };
@@ -86,19 +84,16 @@ void SimulatedTracker<R>::tick(Instant now) noexcept {
   writer_.write(time_of(received->capture_index), element_.data());
 }
 
-template <class R>
-std::span<const double> SimulatedPlant<R>::configuration_position() const noexcept {
+std::span<const double> SimulatedPlant::configuration_position() const noexcept {
   return {data_->qpos, static_cast<std::size_t>(simulator_.model().mujoco()->nq)};
 }
 
-template <class R>
-std::span<const double> SimulatedPlant<R>::configuration_velocity() const noexcept {
+std::span<const double> SimulatedPlant::configuration_velocity() const noexcept {
   return {data_->qvel, static_cast<std::size_t>(simulator_.model().mujoco()->nv)};
 }
 
-template <class R>
-SimulatedScene<R>::SimulatedScene(const std::string& robot, const SimulatedPlant<R>& plant,
-                                  Nanoseconds period)
+SimulatedScene::SimulatedScene(const std::string& robot, const SimulatedPlant& plant,
+                               Nanoseconds period)
     : plant_(plant),
       period_(period / kPhysicsStep),
       element_(scene_companion(plant.model()).element.size()),
@@ -106,20 +101,12 @@ SimulatedScene<R>::SimulatedScene(const std::string& robot, const SimulatedPlant
   detail::require(period_ >= 1, "the period of a scene must be at least a millisecond");
 }
 
-template <class R>
-void SimulatedScene<R>::tick(Instant now) noexcept {
+void SimulatedScene::tick(Instant now) noexcept {
   if (plant_.step_count() < next_) return;
   next_ = plant_.step_count() + period_;
   write_scene({}, plant_.configuration_position(), plant_.configuration_velocity(),
               element_.data());
   writer_.write(now, element_.data());
 }
-
-template class SimulatedPlant<TriFinger>;
-template class SimulatedPlant<Finger>;
-template class SimulatedTracker<TriFinger>;
-template class SimulatedTracker<Finger>;
-template class SimulatedScene<TriFinger>;
-template class SimulatedScene<Finger>;
 
 }  // namespace trifinger

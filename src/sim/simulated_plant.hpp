@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <cstddef>
 #include <span>
 #include <string>
@@ -16,25 +14,22 @@
 
 namespace trifinger {
 
-/// The simulated robot as what emulated motor boards move: torques act without any safety checks.
-template <class R>
-class SimulatedPlant final : public boards::Plant<R> {
+/// Any simulated robot as what emulated motor boards move: torques act without any safety checks.
+class SimulatedPlant final : public boards::Plant {
  public:
-  using typename boards::Plant<R>::Joints;
-
   /// The robot begins at rest at its initial position. @throws InvalidArgument
   explicit SimulatedPlant(SimulationOptions options);
 
-  [[nodiscard]] Joints position() const noexcept override {
-    return array_of<R::kJoints>(state_.observation.position);
+  [[nodiscard]] std::span<const double> position() const noexcept override {
+    return state_.observation.position;
   }
-  [[nodiscard]] Joints velocity() const noexcept override {
-    return array_of<R::kJoints>(state_.observation.velocity);
+  [[nodiscard]] std::span<const double> velocity() const noexcept override {
+    return state_.observation.velocity;
   }
-  [[nodiscard]] std::array<double, R::kTips> tip_force() const noexcept override {
-    return array_of<R::kTips>(state_.tip_force);
+  [[nodiscard]] std::span<const double> tip_force() const noexcept override {
+    return state_.tip_force;
   }
-  void step(const Joints& torque) noexcept override;
+  void step(std::span<const double> torque) noexcept override;
 
   [[nodiscard]] const SimulationOptions& options() const noexcept { return simulator_.options(); }
   [[nodiscard]] const SceneModel& model() const noexcept { return simulator_.model(); }
@@ -56,13 +51,6 @@ class SimulatedPlant final : public boards::Plant<R> {
   [[nodiscard]] bool has_diverged() const noexcept { return has_diverged_; }
 
  private:
-  template <std::size_t N>
-  [[nodiscard]] static std::array<double, N> array_of(std::span<const double> values) noexcept {
-    std::array<double, N> result{};
-    std::ranges::copy(values.first(N), result.begin());
-    return result;
-  }
-
   Simulator simulator_;
   SceneModel::Data data_;
   Simulator::State state_;
@@ -72,18 +60,17 @@ class SimulatedPlant final : public boards::Plant<R> {
 
 /// The cameras above a plant: a sensor that tells a robot where its objects are, with the rate,
 /// delay and noise of the plant's options.
-template <class R>
 class SimulatedTracker {
  public:
   /// @throws InvalidArgument if the plant has no objects, SystemError, Error if another process
   /// tracks the objects of `robot`
-  SimulatedTracker(const std::string& robot, SimulatedPlant<R>& plant);
+  SimulatedTracker(const std::string& robot, SimulatedPlant& plant);
 
   /// Call it after each step of the plant, at `now` of the monotonic clock.
   void tick(Instant now) noexcept;
 
  private:
-  SimulatedPlant<R>& plant_;
+  SimulatedPlant& plant_;
   std::vector<std::byte> element_;
   std::vector<Instant> times_;  // of the plant's last steps, in a ring
   UntypedSensorWriter writer_;
@@ -91,29 +78,21 @@ class SimulatedTracker {
 
 /// Says where everything above a plant really is: the sensor "scene" of a robot, for cameras that
 /// are drawn and for evaluations.
-template <class R>
 class SimulatedScene {
  public:
   /// `period` is the time between two elements, in whole steps of the plant.
   /// @throws SystemError, InvalidArgument, Error if another process writes the scene of `robot`
-  SimulatedScene(const std::string& robot, const SimulatedPlant<R>& plant, Nanoseconds period);
+  SimulatedScene(const std::string& robot, const SimulatedPlant& plant, Nanoseconds period);
 
   /// Call it after each step of the plant, at `now` of the monotonic clock.
   void tick(Instant now) noexcept;
 
  private:
-  const SimulatedPlant<R>& plant_;
+  const SimulatedPlant& plant_;
   TimeIndex period_;
   TimeIndex next_{0};
   std::vector<std::byte> element_;
   UntypedSensorWriter writer_;
 };
-
-extern template class SimulatedPlant<TriFinger>;
-extern template class SimulatedPlant<Finger>;
-extern template class SimulatedTracker<TriFinger>;
-extern template class SimulatedTracker<Finger>;
-extern template class SimulatedScene<TriFinger>;
-extern template class SimulatedScene<Finger>;
 
 }  // namespace trifinger

@@ -77,9 +77,7 @@ SimulatedRobot::SimulatedRobot(SimulationOptions options)
       changed_by_step_(parts_changed_by_step()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  std::vector<std::string> objects;
-  for (const ObjectAddress& object : model().objects()) objects.push_back(object.name);
-  if (auto companion = object_companion(objects); companion && this->options().exact_poses) {
+  if (auto companion = object_companion(model()); companion && this->options().exact_poses) {
     companions_.push_back(std::move(*companion));
   }
   if (this->options().scene_period > 0) companions_.push_back(scene_companion(model()));

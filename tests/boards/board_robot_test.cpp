@@ -70,16 +70,16 @@ class Homing : public ::testing::TestWithParam<HomingMethod> {};
 
 TEST_P(Homing, FindsTheSameZeroFromEveryPose) {
   auto options = options_of_tests<TriFinger>();
-  options.homing.method = GetParam();
+  set_method(options, GetParam());
   // The calibration: one homing tells where the home is.
   {
     Rig<TriFinger> rig(options);
     ASSERT_TRUE(is_prepared(rig));
     rig.pass();
-    static_cast<void>(rig.robot->get_latest_observation(rig.observation));
+    static_cast<void>(rig.robot->get_latest_observation(&rig.observation));
     const auto truth = rig.joints.position();
     for (std::size_t i = 0; i < 9; ++i) {
-      options.homing.home_position[i] += truth[i] - rig.observation.position[i];
+      options.motors[i].homing.home_position += truth[i] - rig.observation.position[i];
     }
   }
   std::mt19937 random(7);
@@ -100,16 +100,17 @@ INSTANTIATE_TEST_SUITE_P(AtAnEndStop, Homing,
 
 TEST(BoardRobot, TakesTheNextIndexOrThePlaceWhereItStandsAsItsHome) {
   auto options = options_of_tests<OneJoint>();
-  options.homing.method = HomingMethod::kHere;
-  options.homing.home_position[0] = 0.7;
+  set_method(options, HomingMethod::kHere);
+  options.motors[0].homing.home_position = 0.7;
   Rig<OneJoint> here(options, {0.7});
   here.joints.weight = 0.0;
   ASSERT_TRUE(is_prepared(here));
   ASSERT_EQ(here.step(hold_at<OneJoint>(0.3)).state, State::kReady);
   EXPECT_NEAR(here.observation.position[0], here.joints.position()[0], kTolerance);
 
-  options.homing.method = HomingMethod::kNextIndex;
-  options.homing.home_position[0] = 0.25 * 2 * std::numbers::pi / 9;  // Where its encoder has it.
+  set_method(options, HomingMethod::kNextIndex);
+  options.motors[0].homing.home_position =
+      0.25 * 2 * std::numbers::pi / 9;  // Where its encoder has it.
   Rig<OneJoint> next(options, {0.0});
   ASSERT_TRUE(is_prepared(next));
   ASSERT_EQ(next.step(hold_at<OneJoint>(0.3)).state, State::kReady);
@@ -120,7 +121,7 @@ TEST(BoardRobot, fault_49_TakesNothingForAnEndStopThatAJointLeansOn) {
   for (const HomingMethod method :
        {HomingMethod::kEndStop, HomingMethod::kEndStopIndex, HomingMethod::kReleasedEndStop}) {
     auto options = options_of_tests<TriFinger>();
-    options.homing.method = method;
+    set_method(options, method);
     JointVector<9> expected{};
     for (const bool leans : {false, true}) {
       Rig<TriFinger> rig(options, {0.7});
@@ -152,7 +153,7 @@ TEST(BoardRobot, fault_49_SaysWhichJointRestsElsewhereEachTime) {
 
 TEST(BoardRobot, fault_49_SaysWhichJointHasNoEndStopAndLetsGo) {
   auto options = options_of_tests<TwoJoints>();
-  options.homing.max_travel = 3.0;
+  options.max_travel = 3.0;
   Rig<TwoJoints> rig(options);
   rig.joints.upper_stop = 100.0;
   const DriverReport report = rig.prepare();
@@ -166,11 +167,11 @@ TEST(BoardRobot, fault_49_SaysWhichJointHasNoEndStopAndLetsGo) {
 
 TEST(BoardRobot, fault_49_HomingNeverGivesMoreThanTheMotorsCarryForEver) {
   auto options = options_of_tests<OneJoint>();
-  options.homing.torque[0] = 0.1;
+  options.motors[0].homing.torque = 0.1;
   Rig<OneJoint> rig(options);
   double largest = 0.0;
   DriverReport report = DriverReport::busy();
-  const double ampere = options.drive.torque_constant * options.drive.gear_ratio;
+  const double ampere = options.motors[0].torque_per_ampere();
   bool has_pushed = false;
   for (TimeIndex step = 0; step < 20'000 && report.state == State::kBusy; ++step) {
     rig.pass();
@@ -198,9 +199,9 @@ TEST(BoardRobot, AppliesTheTorqueThatIsAskedForAndMeasuresIt) {
 
 TEST(BoardRobot, PolarityTurnsCurrentsAndPositions) {
   auto options = options_of_tests<TwoJoints>();
-  options.homing.method = HomingMethod::kHere;
-  options.homing.home_position = {};
-  options.polarity = {1.0, -1.0};
+  set_method(options, HomingMethod::kHere);
+  set_home_position(options, 0.0);
+  options.motors[1].polarity = -1.0;
   Rig<TwoJoints> rig(options);
   rig.joints.weight = 0.0;
   ASSERT_TRUE(is_prepared(rig));
@@ -211,9 +212,9 @@ TEST(BoardRobot, PolarityTurnsCurrentsAndPositions) {
 
 TEST(BoardRobot, NoMotorEverGetsMoreThanTheLargestCurrent) {
   auto options = options_of_tests<TwoJoints>();
-  options.homing.method = HomingMethod::kHere;
-  options.homing.home_position = {};
-  options.initial_position = {};
+  set_method(options, HomingMethod::kHere);
+  set_home_position(options, 0.0);
+  options.initial_position.assign(2, 0.0);
   options.max_current = 0.1;
   Rig<TwoJoints> rig(options);
   rig.joints.weight = 0.0;
@@ -274,8 +275,8 @@ TEST(BoardRobot, AfterAPauseItWaitsForTheNewPositionOfEveryMotor) {
 TEST(BoardRobot, fault_12_BeyondAHardLimitItHomesAgainWhereThatLeadsToAnEndStop) {
   for (const HomingMethod method : {HomingMethod::kEndStop, HomingMethod::kHere}) {
     auto options = options_of_tests<Finger>();
-    options.homing.method = method;
-    if (method == HomingMethod::kHere) options.homing.home_position.fill(0.0);
+    set_method(options, method);
+    if (method == HomingMethod::kHere) set_home_position(options, 0.0);
     Rig<Finger> rig(options);
     ASSERT_TRUE(is_prepared(rig));
     rig.joints.push[1] = 1.0;
@@ -488,7 +489,7 @@ TEST(BoardRobot, fault_39_CorruptCurrentsDoNotWarmTheMotors) {
                      .node = 1,
                      .id = static_cast<std::uint32_t>(encode(can::MotorCurrents{}).id)});
   const auto options = options_of_tests<TriFinger>();
-  const double most = 2 * options.max_current * options.drive.torque_per_ampere();
+  const double most = 2 * options.max_current * options.motors[0].torque_per_ampere();
   for (int i = 0; i < 5000; ++i) {
     const DriverReport report = rig.step(hold_at<TriFinger>(0.3));
     ASSERT_EQ(report.state, State::kReady) << text_of(rig, report);
@@ -576,7 +577,7 @@ TEST(BoardRobot, ARobotThatWasNeverPreparedLeavesTheBoardsAlone) {
   buses.reserve(rig.buses.size());
   for (const auto& bus : rig.buses) buses.push_back(bus->connect());
   // As a second 'trifinger run' that finds out that the robot is run already.
-  std::optional<BoardRobot<TriFinger>> other;
+  std::optional<BoardRobot> other;
   other.emplace(options_of_tests<TriFinger>(), std::move(buses), rig.clock);
   other.reset();
   for (int i = 0; i < 100; ++i) {
@@ -618,11 +619,11 @@ TEST(BoardRobot, fault_40_WhenTheHostIsGoneTheBoardsLetTheirMotorsGo) {
 
 TEST(BoardRobotOptions, SayWhatMakesNoSense) {
   auto options = options_of_tests<TriFinger>();
-  options.names.pop_back();
+  options.interfaces.pop_back();
   EXPECT_EQ(message_of<InvalidArgument>([&] { options.validate(); }),
             "the motor of joint 6 is on board 5, but there are 5");
   options = options_of_tests<TriFinger>();
-  options.names[3] = "can2";
+  options.interfaces[3] = "can2";
   EXPECT_EQ(message_of<InvalidArgument>([&] { options.validate(); }),
             "boards 2 and 3 are both on can2");
   options = options_of_tests<TriFinger>();
@@ -630,11 +631,11 @@ TEST(BoardRobotOptions, SayWhatMakesNoSense) {
   EXPECT_EQ(message_of<InvalidArgument>([&] { options.validate(); }),
             "receive_timeout is 0.5 ms, must be a whole number of ms and longer than the period");
   options = options_of_tests<TriFinger>();
-  options.motors[4] = options.motors[1];
+  options.motors[4].place = options.motors[1].place;
   EXPECT_EQ(message_of<InvalidArgument>([&] { options.validate(); }),
             "joints 1 and 4 are on the same motor");
   options = options_of_tests<TriFinger>();
-  options.polarity[2] = 0.5;
+  options.motors[2].polarity = 0.5;
   EXPECT_EQ(message_of<InvalidArgument>([&] { options.validate(); }),
             "the polarity of joint 2 is 0.5, must be 1 or -1");
   options = options_of_tests<TriFinger>();

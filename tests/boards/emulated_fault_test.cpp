@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <map>
+#include <span>
 #include <sstream>
 #include <string>
 
@@ -202,7 +204,7 @@ TEST(EmulatedFaults, fault_47_AMotorThatGetsTooMuchCurrentIsTooHot) {
 
 TEST(EmulatedFaults, fault_49_AJointWhoseMotorIsLooseDoesNotFindItsEndStop) {
   auto options = options_of_tests<TwoJoints>();
-  options.homing.max_travel = 3.0;
+  options.max_travel = 3.0;
   Rig<TwoJoints> rig(options);
   rig.emulator->add(parse_fault("joint 1 loose"), rig.clock.now());
   const DriverReport report = rig.prepare();
@@ -215,18 +217,18 @@ TEST(EmulatedFaults, fault_49_AJointWhoseMotorIsLooseDoesNotFindItsEndStop) {
 TEST(EmulatedFaults, fault_50_SwappedReversedAndLooseMotorsMoveWhatTheyShouldNot) {
   const auto turned = [](const char* fault) {
     auto options = options_of_tests<TwoJoints>();
-    options.homing.method = HomingMethod::kHere;
-    options.homing.home_position = {};
-    options.initial_position = {};
+    set_method(options, HomingMethod::kHere);
+    set_home_position(options, 0.0);
+    options.initial_position.assign(2, 0.0);
     Rig<TwoJoints> rig(options);
     rig.joints.weight = 0.0;
     if (*fault != '\0') rig.emulator->add(parse_fault(fault), rig.clock.now());
     EXPECT_EQ(rig.prepare().state, State::kReady);
-    const auto before = rig.joints.position();
+    const std::array before{rig.joints.position()[0], rig.joints.position()[1]};
     TwoJoints::Action action;
     action.torque = {0.02, 0.0};
     for (int i = 0; i < 60; ++i) static_cast<void>(rig.step(action));
-    const auto after = rig.joints.position();
+    const std::span<const double> after = rig.joints.position();
     return JointVector<2>{after[0] - before[0], after[1] - before[1]};
   };
   EXPECT_GT(turned("")[0], 0.005);

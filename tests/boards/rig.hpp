@@ -6,20 +6,64 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "boards/board_robot.hpp"
 #include "boards/emulator.hpp"
 #include "can/memory_bus.hpp"
+#include "trifinger/core/description.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/joint/types.hpp"
 #include "trifinger/realtime/clock.hpp"
 
 namespace trifinger::boards::test {
 
+/// A test rig of one joint.
+struct OneJoint : JointRobot<1> {
+  static constexpr std::string_view kType = "one_joint";
+};
+
+/// A test rig of two joints on one board.
+struct TwoJoints : JointRobot<2> {
+  static constexpr std::string_view kType = "two_joints";
+};
+
+/// An element of the companion "wear" of a robot with N joints.
+template <std::size_t N>
+struct WearElement {
+  Stamp stamp;
+  std::uint64_t starts{0};
+  std::uint64_t homings{0};
+  std::uint64_t faults{0};
+  JointVector<N> powered_time{};
+  JointVector<N> revolutions{};
+  JointVector<N> work{};
+  JointVector<N> squared_current{};
+  std::array<std::uint64_t, N> index_slips{};
+
+  static constexpr auto fields() {
+    return std::tuple{field("stamp", &WearElement::stamp),
+                      field("starts", &WearElement::starts),
+                      field("homings", &WearElement::homings),
+                      field("faults", &WearElement::faults),
+                      field("powered_time", &WearElement::powered_time, "s"),
+                      field("revolutions", &WearElement::revolutions),
+                      field("work", &WearElement::work, "J"),
+                      field("squared_current", &WearElement::squared_current, "A^2s"),
+                      field("index_slips", &WearElement::index_slips)};
+  }
+};
+
 /// Joints that know nothing of each other: inertia, friction, weight and two end stops each.
 template <class R>
-class Joints final : public Plant<R> {
+class Joints final : public Plant {
  public:
   using Vector = JointVector<R::kJoints>;
 
@@ -28,12 +72,10 @@ class Joints final : public Plant<R> {
     sign_of_motor.fill(1.0);
   }
 
-  [[nodiscard]] Vector position() const noexcept override { return position_; }
-  [[nodiscard]] Vector velocity() const noexcept override { return velocity_; }
-  [[nodiscard]] std::array<double, R::kTips> tip_force() const noexcept override {
-    return tip_force_;
-  }
-  void step(const Vector& torque) noexcept override {
+  [[nodiscard]] std::span<const double> position() const noexcept override { return position_; }
+  [[nodiscard]] std::span<const double> velocity() const noexcept override { return velocity_; }
+  [[nodiscard]] std::span<const double> tip_force() const noexcept override { return tip_force_; }
+  void step(std::span<const double> torque) noexcept override {
     constexpr double kStep = 1e-3;
     constexpr double kInertia = 2e-3;         // [kgm^2]
     constexpr double kDamping = 1e-3;         // [Nms/rad]
@@ -78,16 +120,31 @@ class Joints final : public Plant<R> {
   std::array<double, R::kTips> tip_force_{};
 };
 
+/// The wiring of the original robots: finger k has boards 2k and 2k+1, which drive its middle and
+/// lower joint, and its upper joint. Its tip is input A of board 2k.
+inline Terminal trifinger_motor(std::size_t joint) {
+  const std::size_t finger = joint / 3;
+  return joint % 3 == 0 ? Terminal{.board = 2 * finger + 1, .number = 0}
+                        : Terminal{.board = 2 * finger, .number = joint % 3 - 1};
+}
+
 template <class R>
-BoardRobotOptions<R> options_of_tests() {
-  BoardRobotOptions<R> options;
-  for (std::size_t i = 0; i < R::kJoints; ++i)
-    options.motors[i] = {.board = i / 2, .number = i % 2};
-  if constexpr (R::kJoints == 9) options.motors = trifinger_motors();
-  const std::size_t boards = R::kJoints == 9 ? 6 : (R::kJoints + 1) / 2;
-  for (std::size_t i = 0; i < boards; ++i) options.names.push_back("can" + std::to_string(i));
-  if constexpr (R::kTips == 3) options.tips = trifinger_tips();
-  options.polarity.fill(1.0);
+BoardRobotOptions options_of_tests() {
+  BoardRobotOptions options;
+  options.types = describe_robot<R>();
+  options.names.resize(R::kJoints);
+  options.num_tips = R::kTips;
+  const bool is_trifinger = R::kJoints == 9;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    options.motors.push_back(
+        {.place = is_trifinger ? trifinger_motor(i) : Terminal{.board = i / 2, .number = i % 2},
+         // The stop gives way a little.
+         .homing = {.method = HomingMethod::kEndStop, .torque = 0.22, .home_position = 2.1011}});
+  }
+  const std::size_t boards = is_trifinger ? 6 : (R::kJoints + 1) / 2;
+  for (std::size_t i = 0; i < boards; ++i) options.interfaces.push_back("can" + std::to_string(i));
+  for (std::size_t i = 0; i < R::kTips; ++i) options.tips.push_back({.board = 2 * i});
+  options.limits.resize(R::kJoints);
   for (JointLimit& limit : options.limits) {
     for (const JointLimitField& field : JointLimit::fields()) limit.*field.value = field.usual;
     limit.max_torque = 0.36;
@@ -104,25 +161,30 @@ BoardRobotOptions<R> options_of_tests() {
     limit.braking = 10.0;
     limit.stuck_torque = 0.18;
   }
-  options.homing.torque.fill(0.22);
-  options.homing.method = HomingMethod::kEndStop;
-  options.homing.home_position.fill(2.1011);  // The stop gives way a little.
-  options.initial_position.fill(0.3);
+  options.initial_position.assign(R::kJoints, 0.3);
   options.move_time = std::chrono::seconds(1);
   options.stop.damping_time = std::chrono::milliseconds(50);
   return options;
+}
+
+inline void set_method(BoardRobotOptions& options, HomingMethod method) {
+  for (BoardMotor& motor : options.motors) motor.homing.method = method;
+}
+
+inline void set_home_position(BoardRobotOptions& options, double position) {
+  for (BoardMotor& motor : options.motors) motor.homing.home_position = position;
 }
 
 /// The robot, its boards, and the buses in between.
 template <class R>
 class Rig {
  public:
-  explicit Rig(const BoardRobotOptions<R>& options = options_of_tests<R>(),
+  explicit Rig(const BoardRobotOptions& options = options_of_tests<R>(),
                const typename Joints<R>::Vector& position = {})
       : joints(position) {
     std::vector<std::unique_ptr<can::Bus>> of_robot;
     std::vector<std::unique_ptr<can::Bus>> of_boards;
-    for (std::size_t i = 0; i < options.names.size(); ++i) {
+    for (std::size_t i = 0; i < options.interfaces.size(); ++i) {
       buses.push_back(std::make_unique<can::MemoryBus>(clock));
       of_robot.push_back(buses.back()->connect());
       of_boards.push_back(buses.back()->connect());
@@ -151,9 +213,9 @@ class Rig {
   /// One step with this action. Returns the report at fault, or that of the action.
   DriverReport step(const typename R::Action& action) {
     pass();
-    const DriverReport measured = robot->get_latest_observation(observation);
+    const DriverReport measured = robot->get_latest_observation(&observation);
     if (measured.state != DriverReport::State::kReady) return measured;
-    DriverReport report = robot->apply_action(action, applied);
+    DriverReport report = robot->apply_action(&action, &applied);
     report.measurement_age = measured.measurement_age;
     report.lost_frames = measured.lost_frames;
     return report;
@@ -162,8 +224,8 @@ class Rig {
   ManualClock clock;
   Joints<R> joints;
   std::vector<std::unique_ptr<can::MemoryBus>> buses;
-  std::optional<Emulator<R>> emulator;
-  std::optional<BoardRobot<R>> robot;
+  std::optional<Emulator> emulator;
+  std::optional<BoardRobot> robot;
   typename R::Observation observation{};
   typename R::AppliedAction applied{};
 };

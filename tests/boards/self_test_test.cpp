@@ -206,7 +206,7 @@ TEST(WiringTest, MovesEachJointByAFewDegreesAndLeavesItAtRest) {
 
 constexpr std::size_t kJoints = TriFinger::kJoints;
 
-BoardRobotOptions<TriFinger> options_with_test() {
+BoardRobotOptions options_with_test() {
   auto options = options_of_tests<TriFinger>();
   options.self_test = true;
   return options;
@@ -313,13 +313,14 @@ TEST(Reference, GivesTheHomesOfTheJoints) {
     JointVector<kJoints> pose{};
     for (double& angle : pose) angle = uniform(random);
     auto options = options_of_tests<TriFinger>();
-    options.homing.home_position.fill(0.0);  // nobody knows it yet
-    options.homing.method = round % 2 == 0 ? HomingMethod::kEndStop : HomingMethod::kEndStopIndex;
+    test::set_home_position(options, 0.0);  // nobody knows it yet
+    test::set_method(options,
+                     round % 2 == 0 ? HomingMethod::kEndStop : HomingMethod::kEndStopIndex);
     Rig<TriFinger> rig(options, pose);
-    rig.robot->set_preparation({.reference = pose});
+    rig.robot->set_preparation({.reference = std::vector(pose.begin(), pose.end())});
     rig.joints.is_blocked = true;  // somebody holds the joints at the reference
     ASSERT_EQ(rig.prepare(2000).state, DriverReport::State::kBusy);
-    ASSERT_EQ(rig.robot->phase(), BoardRobot<TriFinger>::Phase::kReference);
+    ASSERT_EQ(rig.robot->phase(), BoardRobot::Phase::kReference);
     for (std::size_t board = 0; board < 6; ++board) {
       for (const double current : rig.emulator->board(board).currents()) EXPECT_EQ(current, 0.0);
     }
@@ -342,11 +343,11 @@ TEST(Reference, GivesTheHomesOfTheJoints) {
     }
     ASSERT_EQ(report.state, DriverReport::State::kReady);
     rig.pass();
-    ASSERT_EQ(rig.robot->get_latest_observation(rig.observation).state,
+    ASSERT_EQ(rig.robot->get_latest_observation(&rig.observation).state,
               DriverReport::State::kReady);
     for (std::size_t i = 0; i < kJoints; ++i) {
       EXPECT_NEAR(rig.observation.position[i], rig.joints.position()[i], 0.002);
-      if (options.homing.method == HomingMethod::kEndStop) {
+      if (options.motors[0].homing.method == HomingMethod::kEndStop) {
         EXPECT_NEAR(rig.robot->home_position()[i], 2.1011, 0.002);
       }
     }

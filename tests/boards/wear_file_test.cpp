@@ -21,6 +21,7 @@
 #include <thread>
 
 #include "boards/wear.hpp"
+#include "rig.hpp"
 #include "support/child_process.hpp"
 #include "support/folder.hpp"
 #include "support/nobody.hpp"
@@ -36,7 +37,7 @@ using ::testing::HasSubstr;
 using trifinger::test::ChildProcess;
 using trifinger::test::Folder;
 
-using Total = Wear<3>;
+using Total = WearElement<3>;
 const WearFile::Owner kOwner{.robot = "left", .type = "finger_wear"};
 
 // Files do not keep the stamp.
@@ -308,7 +309,7 @@ TEST(WearFile, fault_70_OfAnotherRobotIsNamedAndLeftAlone) {
   const std::string text = text_of(path);
   EXPECT_THAT(message_of([&] { return open(path, {.robot = "right", .type = "finger_wear"}); }),
               HasSubstr("has the running hours of 'left' (finger_wear) instead of 'right'"));
-  EXPECT_THAT(message_of([&] { return WearFile(path, kOwner, describe<Wear<2>>()); }),
+  EXPECT_THAT(message_of([&] { return WearFile(path, kOwner, Wear::describe(2)); }),
               HasSubstr("wear.powered_time has 3 numbers, must have 2"));
   EXPECT_EQ(text_of(path), text);
 }

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "boards/board_robot.hpp"
+#include "boards/rig.hpp"
 #include "machine/candump.hpp"
 #include "machine/robot.hpp"
 #include "support/message_of.hpp"
@@ -151,12 +152,12 @@ TEST_F(MotionOverSocketCan, SwitchesEachBoardOffInTheEnd) {
 
 // What candump writes for the currents of these torques. This computes it anew, without our code.
 std::string currents_frame(const Joints& torque, std::size_t board) {
-  constexpr boards::Drive kDrive;
+  constexpr boards::BoardMotor kMotor;
   std::array<unsigned, 2> words{};
   for (std::size_t joint = 0; joint < torque.size(); ++joint) {
-    const boards::Terminal motor = boards::trifinger_motors()[joint];
+    const boards::Terminal motor = boards::test::trifinger_motor(joint);
     if (motor.board != board) continue;
-    const double amperes = torque[joint] / kDrive.torque_per_ampere();
+    const double amperes = torque[joint] / kMotor.torque_per_ampere();
     words[motor.number] = static_cast<unsigned>(std::lround(amperes * (1 << 24)));
   }
   std::array<char, 24> text{};
@@ -176,15 +177,15 @@ TEST_F(MotionOverSocketCan, PutsTheTorquesOfEveryStepOnTheBusOnceAndInOrder) {
 
 // The velocity of a joint, which candump has seen as "040#...".
 double velocity(const std::string& frame, std::size_t motor) {
-  constexpr boards::Drive kDrive;
+  constexpr boards::BoardMotor kMotor;
   const auto word = static_cast<std::uint32_t>(std::stoul(frame.substr(4 + 8 * motor, 8), {}, 16));
   const double kilo_rpm = static_cast<std::int32_t>(word) / double{1 << 24};
-  return kilo_rpm * 1000.0 / 60.0 * 2.0 * std::numbers::pi / kDrive.gear_ratio;
+  return kilo_rpm * 1000.0 / 60.0 * 2.0 * std::numbers::pi / kMotor.gear_ratio;
 }
 
 TEST_F(MotionOverSocketCan, MeasuresWhatWasOnTheBusInOrder) {
   for (std::size_t joint = 0; joint < 9; ++joint) {
-    const boards::Terminal motor = boards::trifinger_motors()[joint];
+    const boards::Terminal motor = boards::test::trifinger_motor(joint);
     const auto seen = frames(motor.board, "040");
     auto next = seen.begin();
     for (const auto& observation : story_->observations) {

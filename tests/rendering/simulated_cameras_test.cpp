@@ -194,8 +194,8 @@ TEST(SimulatedCameras, WaitForARobotAndForItsNextSession) {
 
 TEST(SimulatedCameras, SeeWhatAnEmulatorSaysAboutItsPlant) {
   const test::SessionFolder folder;
-  SimulatedPlant<TriFinger> plant({});
-  SimulatedScene<TriFinger> scene("robot", plant, 10ms);
+  SimulatedPlant plant({});
+  SimulatedScene scene("robot", plant, 10ms);
   DriverWithSensors driver(std::make_unique<SimulatedRobot>(), "robot",
                            {scene_companion(plant.model())});
   SessionHost host = SessionHost::named("robot");

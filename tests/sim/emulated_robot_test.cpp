@@ -12,8 +12,8 @@
 #include <numeric>
 #include <optional>
 #include <random>
+#include <span>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "boards/board_robot.hpp"
@@ -34,19 +34,23 @@ using State = DriverReport::State;
 constexpr std::size_t kJoints = TriFinger::kJoints;
 
 // The simulated robot, with cables that may lead to wrong motors.
-class Fingers final : public boards::Plant<TriFinger> {
+class Fingers final : public boards::Plant {
  public:
   explicit Fingers(SimulationOptions options) : plant_(std::move(options)) {
     std::iota(joint_of_motor.begin(), joint_of_motor.end(), 0U);
     sign_of_motor.fill(1.0);
   }
-  [[nodiscard]] Joints position() const noexcept override { return plant_.position(); }
-  [[nodiscard]] Joints velocity() const noexcept override { return plant_.velocity(); }
-  [[nodiscard]] std::array<double, 3> tip_force() const noexcept override {
+  [[nodiscard]] std::span<const double> position() const noexcept override {
+    return plant_.position();
+  }
+  [[nodiscard]] std::span<const double> velocity() const noexcept override {
+    return plant_.velocity();
+  }
+  [[nodiscard]] std::span<const double> tip_force() const noexcept override {
     return plant_.tip_force();
   }
-  void step(const Joints& torque) noexcept override {
-    Joints at_joints{};
+  void step(std::span<const double> torque) noexcept override {
+    JointVector<kJoints> at_joints{};
     for (std::size_t i = 0; i < kJoints; ++i) {
       at_joints[joint_of_motor[i]] += sign_of_motor[i] * torque[i];
     }
@@ -55,20 +59,16 @@ class Fingers final : public boards::Plant<TriFinger> {
   [[nodiscard]] bool has_diverged() const noexcept { return plant_.has_diverged(); }
 
   std::array<std::size_t, kJoints> joint_of_motor{};
-  Joints sign_of_motor{};
+  JointVector<kJoints> sign_of_motor{};
 
  private:
-  SimulatedPlant<TriFinger> plant_;
+  SimulatedPlant plant_;
 };
 
 RobotConfig config_of_tests() {
   // Without any friction, fingers that were let go fling about until they hook into each other.
   return load_robot_config(TRIFINGER_CONFIG_DIR "/trifinger_edu_emulated.yml",
                            {"joints.friction=0.01"});
-}
-
-boards::BoardRobotOptions<TriFinger> boards_of(const RobotConfig& config) {
-  return std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
 }
 
 // Where the fingers are, and for how long they fall before the motors are switched on [ms].
@@ -79,9 +79,10 @@ struct Start {
 
 // The pose is the initial one, changed by at most `spread` [rad].
 Start any_start(std::mt19937& random, double spread) {
-  const auto options = boards_of(config_of_tests());
+  const boards::BoardRobotOptions options = config_of_tests().boards->options;
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  Start start{.pose = options.initial_position};
+  Start start;
+  std::ranges::copy(options.initial_position, start.pose.begin());
   for (std::size_t i = 0; i < kJoints; ++i) {
     const JointLimit& limit = options.limits[i];
     start.pose[i] =
@@ -95,12 +96,12 @@ struct Robot {
   Robot(const Start& start, bool self_test, const JointVector<kJoints>& home_correction = {}) {
     const RobotConfig config = config_of_tests();
     auto simulation = config.simulation;
-    auto options = boards_of(config);
+    boards::BoardRobotOptions options = config.boards->options;
     simulation.initial_position.emplace(start.pose.begin(), start.pose.end());
     plant.emplace(simulation);
     std::vector<std::unique_ptr<can::Bus>> of_robot;
     std::vector<std::unique_ptr<can::Bus>> of_boards;
-    for (std::size_t i = 0; i < options.names.size(); ++i) {
+    for (std::size_t i = 0; i < options.interfaces.size(); ++i) {
       buses.push_back(std::make_unique<can::MemoryBus>(clock));
       of_robot.push_back(buses.back()->connect());
       of_boards.push_back(buses.back()->connect());
@@ -110,7 +111,7 @@ struct Robot {
     for (int i = 0; i < start.fall; ++i) pass();
     options.self_test = self_test;
     for (std::size_t i = 0; i < kJoints; ++i) {
-      options.homing.home_position[i] += home_correction[i];
+      options.motors[i].homing.home_position += home_correction[i];
     }
     driver.emplace(options, std::move(of_robot), clock);
   }
@@ -132,15 +133,15 @@ struct Robot {
   ManualClock clock;
   std::optional<Fingers> plant;
   std::vector<std::unique_ptr<can::MemoryBus>> buses;
-  std::optional<boards::Emulator<TriFinger>> emulator;
-  std::optional<boards::BoardRobot<TriFinger>> driver;
+  std::optional<boards::Emulator> emulator;
+  std::optional<boards::BoardRobot> driver;
 };
 
 // How far the measured angles are from the true ones.
 JointVector<kJoints> errors_of(Robot& robot) {
   robot.pass();
   TriFinger::Observation observation;
-  EXPECT_EQ(robot.driver->get_latest_observation(observation).state, State::kReady);
+  EXPECT_EQ(robot.driver->get_latest_observation(&observation).state, State::kReady);
   const auto truth = robot.plant->position();
   JointVector<kJoints> errors{};
   for (std::size_t i = 0; i < kJoints; ++i) errors[i] = observation.position[i] - truth[i];

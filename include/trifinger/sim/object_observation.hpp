@@ -12,6 +12,8 @@
 
 namespace trifinger {
 
+class SceneModel;
+
 /// Pose of a loose object in the world frame: z up, origin on the table.
 struct ObjectPose {
   std::array<double, 3> position{};                       ///< Position of the centre [m].
@@ -53,6 +55,8 @@ inline constexpr const char* kObjectCompanion = "object";
     std::span<const std::string> names);
 [[nodiscard]] std::optional<CompanionDescription> object_companion(
     std::span<const ObjectDescription> objects);
+/// The same for all objects of a model, in its order.
+[[nodiscard]] std::optional<CompanionDescription> object_companion(const SceneModel& model);
 
 /// Writes an element of that companion.
 void write_objects(const Stamp& stamp, std::span<const ObjectPose> objects,

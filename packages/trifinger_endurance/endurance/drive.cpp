@@ -7,9 +7,7 @@
 #include <cstring>
 #include <thread>
 #include <utility>
-#include <variant>
 
-#include "sim/boards_config.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -51,15 +49,7 @@ std::span<const double> numbers(const std::byte* element, std::size_t offset, st
 }  // namespace
 
 std::vector<JointLimit> limits_of(const Session& session) {
-  const RobotConfig config = read_robot_config(config_file_of(session));
-  if (config.boards) {
-    return std::visit(
-        [](const auto& boards) {
-          return std::vector<JointLimit>(boards.limits.begin(), boards.limits.end());
-        },
-        config.boards->options);
-  }
-  return config.simulation.limits.value();
+  return read_robot_config(config_file_of(session)).simulation.limits.value();
 }
 
 RunningRobot::RunningRobot(std::string name, const std::atomic<bool>& stop)

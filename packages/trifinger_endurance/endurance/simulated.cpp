@@ -9,7 +9,6 @@
 #include <cmath>
 #include <optional>
 #include <utility>
-#include <variant>
 
 #include "boards/board_robot.hpp"
 #include "boards/emulated_fault.hpp"
@@ -127,22 +126,13 @@ class SimulatedPlace::OtherWorld final : public World {
 };
 
 // A robot on emulated motor boards: each measurement takes a millisecond of the clock.
-template <class R>
-class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
+class SimulatedPlace::BoardWorld final : public World, public UntypedDriver {
  public:
-  using typename Driver<R>::Action;
-  using typename Driver<R>::AppliedAction;
-  using typename Driver<R>::Observation;
-
-  BoardWorld(boards::BoardRobotOptions<R> boards, const SimulationOptions& simulation,
+  BoardWorld(boards::BoardRobotOptions boards, const SimulationOptions& simulation,
              ManualClock& clock)
       : options_(std::move(boards)), clock_(clock), plant_(simulation) {
     make();
   }
-
-  using Driver<R>::apply_action;
-  using Driver<R>::get_latest_observation;
-  using Driver<R>::hold;
 
   [[nodiscard]] UntypedDriver& driver() noexcept override { return *this; }
   [[nodiscard]] bool moves_clock() const noexcept override { return true; }
@@ -155,8 +145,10 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
     buses_.clear();
     make();
   }
-  [[nodiscard]] std::size_t num_boards() const noexcept override { return options_.names.size(); }
-  [[nodiscard]] std::size_t num_joints() const noexcept override { return R::kJoints; }
+  [[nodiscard]] std::size_t num_boards() const noexcept override {
+    return options_.interfaces.size();
+  }
+  [[nodiscard]] std::size_t num_joints() const noexcept override { return options_.motors.size(); }
   void add(const std::string& fault) override {
     emulator_->add(boards::parse_fault(fault), clock_.now());
   }
@@ -165,19 +157,21 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
     tick();
     return robot_->prepare(step);
   }
-  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
+  [[nodiscard]] const RobotTypes& description() const noexcept override {
+    return robot_->description();
+  }
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override {
     return robot_->get_latest_observation(observation);
   }
-  [[nodiscard]] DriverReport apply_action(const Action& desired,
-                                          AppliedAction& applied) noexcept override {
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override {
     const DriverReport report = robot_->apply_action(desired, applied);
     tick();
     return report;
   }
-  [[nodiscard]] DriverReport hold(const Observation& observation,
-                                  Action& action) noexcept override {
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override {
     return robot_->hold(observation, action);
   }
+  void cut() noexcept override {}
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override {
     tick();
     return robot_->stop(step);
@@ -195,7 +189,7 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
   void make() {
     std::vector<std::unique_ptr<can::Bus>> of_robot;
     std::vector<std::unique_ptr<can::Bus>> of_boards;
-    for (std::size_t i = 0; i < options_.names.size(); ++i) {
+    for (std::size_t i = 0; i < options_.interfaces.size(); ++i) {
       buses_.push_back(std::make_unique<can::MemoryBus>(clock_));
       of_robot.push_back(buses_.back()->connect());
       of_boards.push_back(buses_.back()->connect());
@@ -208,12 +202,12 @@ class SimulatedPlace::BoardWorld final : public World, public Driver<R> {
     emulator_->tick(clock_.now());
   }
 
-  boards::BoardRobotOptions<R> options_;
+  boards::BoardRobotOptions options_;
   ManualClock& clock_;
-  SimulatedPlant<R> plant_;
+  SimulatedPlant plant_;
   std::vector<std::unique_ptr<can::MemoryBus>> buses_;
-  std::optional<boards::Emulator<R>> emulator_;
-  std::optional<boards::BoardRobot<R>> robot_;
+  std::optional<boards::Emulator> emulator_;
+  std::optional<boards::BoardRobot> robot_;
 };
 
 SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>& stop)
@@ -227,11 +221,7 @@ SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>
   backend_options_ = config.backend;
   session_options_ = std::move(config.session);
   if (config.boards) {
-    std::visit(
-        [&]<class R>(const boards::BoardRobotOptions<R>& boards) {
-          world_ = std::make_unique<BoardWorld<R>>(boards, config.simulation, clock_);
-        },
-        config.boards->options);
+    world_ = std::make_unique<BoardWorld>(config.boards->options, config.simulation, clock_);
   } else {
     world_ = std::make_unique<OtherWorld>(
         std::make_unique<SimulatedRobot>(std::move(config.simulation)), clock_);

@@ -68,7 +68,6 @@ class SimulatedPlace final : public Place {
 
  private:
   class World;
-  template <class R>
   class BoardWorld;
   class OtherWorld;
 

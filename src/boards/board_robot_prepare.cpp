@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How a robot on motor boards prepares: a part of board_robot.cpp, which alone includes it.
-#pragma once
-
+// How a robot on motor boards prepares.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -13,18 +11,13 @@
 
 namespace trifinger::boards {
 
-// Where these joints begin to search does not count.
-inline bool homes_at_end_stop(HomingMethod method) noexcept {
-  return method == HomingMethod::kEndStop || method == HomingMethod::kEndStopIndex ||
-         method == HomingMethod::kReleasedEndStop;
-}
+namespace {
 
-inline double seconds(Nanoseconds time) noexcept {
-  return std::chrono::duration<double>(time).count();
-}
+double seconds(Nanoseconds time) noexcept { return std::chrono::duration<double>(time).count(); }
 
-template <class R>
-DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
+}  // namespace
+
+DriverReport BoardRobot::prepare(TimeIndex step) noexcept {
   const Instant now = clock_.now();
   if (step == 0) {
     for (Board& board : boards_) board.resume(now);
@@ -35,7 +28,7 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
     wear_shown_.reset();
     for (MotorMeter& meter : meters_) meter.skip_travel();
     // Motors stay as warm as they were.
-    for (JointMemory& memory : state_.joints) memory = {.heat = memory.heat};
+    for (JointMemory& memory : chain_.memory()) memory = {.heat = memory.heat};
   }
   receive(now);
   if (phase_ == Phase::kStarting) start_what_is_not_ready(step, now);
@@ -47,7 +40,7 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
       return board.is_ready() && board.is_current();
     };
     if (!std::ranges::all_of(boards_, is_usable)) return DriverReport::busy();
-    for (std::size_t i = 0; i < R::kJoints; ++i) newest_index_[i] = {};
+    std::ranges::fill(newest_index_, NewestIndex());
     begin_phase_after(Phase::kStarting);
   }
   measure_index_distances();
@@ -56,8 +49,7 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
   return report;
 }
 
-template <class R>
-void BoardRobot<R>::begin_phase_after(Phase phase) noexcept {
+void BoardRobot::begin_phase_after(Phase phase) noexcept {
   const bool must_home =
       preparation_.home || preparation_.test || preparation_.reference || !is_homed();
   const bool must_test = preparation_.test || (options_.self_test && must_home);
@@ -85,8 +77,7 @@ void BoardRobot<R>::begin_phase_after(Phase phase) noexcept {
   phase_ = Phase::kReady;
 }
 
-template <class R>
-DriverReport BoardRobot<R>::do_phase() noexcept {
+DriverReport BoardRobot::do_phase() noexcept {
   switch (phase_) {
     case Phase::kStarting:
       return DriverReport::busy();
@@ -107,18 +98,16 @@ DriverReport BoardRobot<R>::do_phase() noexcept {
 }
 
 // A board that was ready may have been switched off in a pause, so this is no fault yet.
-template <class R>
-void BoardRobot<R>::start_what_is_not_ready(TimeIndex step, Instant now) noexcept {
+void BoardRobot::start_what_is_not_ready(TimeIndex step, Instant now) noexcept {
   for (Board& board : boards_) {
     const bool is_lost = board.is_ready() && board.fault() != BoardFault::kNone;
     if (is_lost || (step == 0 && !board.is_ready())) board.start(now);
   }
 }
 
-template <class R>
-bool BoardRobot<R>::is_outside() noexcept {
+bool BoardRobot::is_outside() noexcept {
   observe();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const JointLimit& limit = options_.limits[i];
     const double position = observation_.position[i];
     if (position < limit.soft_lower || position > limit.soft_upper) return true;
@@ -126,18 +115,16 @@ bool BoardRobot<R>::is_outside() noexcept {
   return false;
 }
 
-template <class R>
-void BoardRobot<R>::begin_reference() noexcept {
+void BoardRobot::begin_reference() noexcept {
   is_homed_ = false;
   reference_step_ = ReferenceStep::kWaiting;
   release();
   phase_ = Phase::kReference;
 }
 
-template <class R>
-DriverReport BoardRobot<R>::wait_for_reference() noexcept {
+DriverReport BoardRobot::wait_for_reference() noexcept {
   if (reference_step_ == ReferenceStep::kTaken) {
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
+    for (std::size_t i = 0; i < num_joints(); ++i) {
       zero_[i] = measure(i).angle - (*preparation_.reference)[i];
     }
     // Unless somebody has left it meanwhile.
@@ -149,21 +136,21 @@ DriverReport BoardRobot<R>::wait_for_reference() noexcept {
   return DriverReport::busy();
 }
 
-template <class R>
-void BoardRobot<R>::begin_test() noexcept {
+void BoardRobot::begin_test() noexcept {
   is_homed_ = false;
   phase_ = Phase::kTesting;
-  reports_ = {};
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    reports_[i] = {.max_torque = options_.limits[i].max_torque};
+  }
   wiring_.begin();
 }
 
-template <class R>
-DriverReport BoardRobot<R>::test() noexcept {
-  Joints angles{};
-  Joints torques{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) angles[i] = measure(i).angle;
+DriverReport BoardRobot::test() noexcept {
+  PerJoint<double> angles(num_joints(), 0.0);
+  PerJoint<double> torques(num_joints(), 0.0);
+  for (std::size_t i = 0; i < num_joints(); ++i) angles[i] = measure(i).angle;
   wiring_.next(angles, torques);
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const bool is_held = i != wiring_.joint() && wiring_.findings()[i].is_good(i);
     if (!is_held) {
       start_[i] = angles[i];
@@ -175,8 +162,8 @@ DriverReport BoardRobot<R>::test() noexcept {
   }
   drive(torques);
   if (!wiring_.is_done()) return DriverReport::busy();
-  for (std::size_t i = 0; i < R::kJoints; ++i) reports_[i].wiring = wiring_.findings()[i];
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) reports_[i].wiring = wiring_.findings()[i];
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const WiringFinding& found = wiring_.findings()[i];
     if (!found.moves) {
       return joint_fault(i,
@@ -188,10 +175,10 @@ DriverReport BoardRobot<R>::test() noexcept {
                          "moves as if something held it back; see that it is free, then recover");
     }
     if (found.joint != i) {
-      const DriverReport fault = joint_fault(i, "is not what its motor moves: that is joint ");
-      fault_text_.append(found.joint)
+      FixedText text("is not what its motor moves: that is ");
+      text.append(options_.joint_text(found.joint).view())
           .append("; exchange the cables of these motors, or those of their encoders");
-      return fault;
+      return joint_fault(i, text.view());
     }
     if (found.is_reversed) {
       return joint_fault(i, "turns against its torque; exchange two wires of its motor");
@@ -203,50 +190,49 @@ DriverReport BoardRobot<R>::test() noexcept {
 
 // The way between two indexes that came one after the other is a revolution of the motor, unless it
 // has turned back to the same one.
-template <class R>
-void BoardRobot<R>::measure_index_distances() noexcept {
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+void BoardRobot::measure_index_distances() noexcept {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const HomingMeasurement measured = measure(i);
     NewestIndex& newest = newest_index_[i];
     const double distance = std::abs(measured.index - newest.angle);
     if (newest.pulses > 0 && measured.index_pulses == newest.pulses + 1 &&
-        distance > 0.5 * angle_per_revolution()) {
+        distance > 0.5 * options_.motors[i].angle_per_revolution()) {
       reports_[i].index_distance = distance;
     }
     newest = {.angle = measured.index, .pulses = measured.index_pulses};
   }
 }
 
-template <class R>
-void BoardRobot<R>::begin_homing() noexcept {
+void BoardRobot::begin_homing() noexcept {
   is_homed_ = false;
   phase_ = Phase::kHoming;
   free_pushes_ = std::exchange(must_free_, false) ? 12 : 0;
   stop_pushes_ = 0;
-  has_stops_ = !homes_at_end_stop(options_.homing.method);
+  has_stops_ = !homes_at_end_stops();
   begin_push();
 }
 
-template <class R>
-void BoardRobot<R>::begin_push() noexcept {
+void BoardRobot::begin_push() noexcept {
   // If two pushes have ended elsewhere, the joints take turns in a random order, and until then go
   // the other way: a finger that leans on the table, on a wall or on another finger comes free when
   // its joints do not push at once.
   constexpr Nanoseconds kTurn = std::chrono::milliseconds(1500);
   constexpr std::int64_t kTurns = 3;
   part_steps_ = 0;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const BoardMotor& motor = options_.motors[i];
+    // Its home is known, or it still searches: others push, not this joint.
+    if (stop_pushes_ > 0 && !homes_at_end_stop(motor.homing.method)) continue;
     turn_[i] = stop_pushes_ < 2 ? 0 : pushes_.integer(0, kTurns) * (kTurn / options_.period);
-    push_[i] = -pushes_.uniform(0.0, 1.0) * options_.homing.torque[i];
-    homing_[i].begin(options_.homing.method, options_.homing.torque[i], angle_per_revolution(),
+    push_[i] = -pushes_.uniform(0.0, 1.0) * motor.homing.torque;
+    homing_[i].begin(motor.homing.method, motor.homing.torque, motor.angle_per_revolution(),
                      measure(i));
   }
 }
 
 // Fingers that hook into each other come apart when each joint is pushed another way each time. No
 // push is harder than that towards an end stop.
-template <class R>
-DriverReport BoardRobot<R>::free_joints() noexcept {
+DriverReport BoardRobot::free_joints() noexcept {
   constexpr Nanoseconds kPush = std::chrono::milliseconds(400);
   const TimeIndex steps = std::max<TimeIndex>(1, kPush / options_.period);
   if (part_steps_ == steps * free_pushes_) {
@@ -254,39 +240,41 @@ DriverReport BoardRobot<R>::free_joints() noexcept {
     begin_push();
     return home();
   }
-  Joints torque{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const double towards_stop = options_.homing.torque[i];
+  PerJoint<double> torque(num_joints(), 0.0);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const HomingOptions& homing = options_.motors[i].homing;
+    const double towards_stop = homing.torque;
     // The first push leads away from what the joint leans on.
     if (part_steps_ == 0) {
       push_[i] = -pushes_.uniform(0.5, 1.0) * towards_stop;
     } else if (part_steps_ % steps == 0) {
       push_[i] = pushes_.uniform(-1.0, 1.0) * towards_stop;
     }
-    torque[i] = free_torque(i, measure(i));
+    torque[i] = homes_at_end_stop(homing.method)
+                    ? free_torque(i, measure(i))
+                    : homing_[i].next(measure(i), gains(i), seconds(options_.period));
   }
   ++part_steps_;
   drive(torque);
   return DriverReport::busy();
 }
 
-template <class R>
-double BoardRobot<R>::free_torque(std::size_t joint,
-                                  const HomingMeasurement& measured) const noexcept {
+double BoardRobot::free_torque(std::size_t joint,
+                               const HomingMeasurement& measured) const noexcept {
   const HomingGains gain = gains(joint);
-  const double most = std::min(std::abs(options_.homing.torque[joint]), gain.max_torque);
+  const double most = std::min(std::abs(options_.motors[joint].homing.torque), gain.max_torque);
   return std::clamp(push_[joint] - gain.kd * measured.velocity, -most, most);
 }
 
 // An end stop is always in the same place. A finger that leans on the table, on a wall or on
 // another finger comes to rest elsewhere when it was pushed to and fro meanwhile.
-template <class R>
-DriverReport BoardRobot<R>::confirm_stops() noexcept {
+DriverReport BoardRobot::confirm_stops() noexcept {
   constexpr double kSamePlace = 0.02;  // [rad]
   constexpr int kFreePushes = 3;
   constexpr int kMaxPushes = 12;
   std::optional<std::size_t> moved;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    if (!homes_at_end_stop(options_.motors[i].homing.method)) continue;
     const double angle = measure(i).angle;
     if (std::abs(angle - std::exchange(stops_[i], angle)) > kSamePlace && !moved) moved = i;
   }
@@ -302,22 +290,21 @@ DriverReport BoardRobot<R>::confirm_stops() noexcept {
   return DriverReport::busy();
 }
 
-template <class R>
-DriverReport BoardRobot<R>::home() noexcept {
+DriverReport BoardRobot::home() noexcept {
   if (free_pushes_ > 0) return free_joints();
-  Joints torque{};
+  PerJoint<double> torque(num_joints(), 0.0);
   bool is_part_done = true;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const HomingMeasurement measured = measure(i);
     torque[i] = part_steps_ < turn_[i]
                     ? free_torque(i, measured)
                     : homing_[i].next(measured, gains(i), seconds(options_.period));
-    const auto failure = homing_[i].failure(measured, options_.homing.max_travel);
+    const auto failure = homing_[i].failure(measured, options_.max_travel);
     if (failure != JointHoming::Failure::kNone) return joint_fault(i, boards::text_of(failure));
     is_part_done = is_part_done && homing_[i].is_part_done();
   }
-  if (++part_steps_ * options_.period > options_.homing.max_time) {
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
+  if (++part_steps_ * options_.period > options_.max_homing_time) {
+    for (std::size_t i = 0; i < num_joints(); ++i) {
       if (homing_[i].is_part_done()) continue;
       return joint_fault(i, "does not come to rest at its end stop; check the belt and the torque");
     }
@@ -329,13 +316,13 @@ DriverReport BoardRobot<R>::home() noexcept {
     if (report.state != DriverReport::State::kReady) return report;
   }
   bool has_next_part = false;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     has_next_part |= homing_[i].next_part(measure(i));
   }
   part_steps_ = 0;
-  turn_.fill(0);
+  std::ranges::fill(turn_, 0);
   if (has_next_part) return DriverReport::busy();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     if (preparation_.reference) {
       home_position_[i] = homing_[i].home() - zero_[i];
     } else {
@@ -349,19 +336,23 @@ DriverReport BoardRobot<R>::home() noexcept {
   return DriverReport::busy();
 }
 
-template <class R>
-void BoardRobot<R>::begin_move() noexcept {
+bool BoardRobot::homes_at_end_stops() const noexcept {
+  return std::ranges::any_of(options_.motors, [](const BoardMotor& motor) {
+    return homes_at_end_stop(motor.homing.method);
+  });
+}
+
+void BoardRobot::begin_move() noexcept {
   phase_ = Phase::kMoving;
   part_steps_ = 0;
   observe();
   start_ = observation_.position;
 }
 
-template <class R>
-typename BoardRobot<R>::Joints BoardRobot<R>::torques_towards(const Joints& target) const noexcept {
-  Joints torque{};
-  if (options_.weight) torque = options_.weight(observation_.position);
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+PerJoint<double> BoardRobot::torques_towards(const PerJoint<double>& target) const noexcept {
+  PerJoint<double> torque(num_joints(), 0.0);
+  write_weight(observation_.position, torque);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const HomingGains gain = gains(i);
     torque[i] += gain.kp * (target[i] - observation_.position[i]);
     torque[i] = std::clamp(torque[i] - gain.kd * observation_.velocity[i], -gain.max_torque,
@@ -371,25 +362,24 @@ typename BoardRobot<R>::Joints BoardRobot<R>::torques_towards(const Joints& targ
 }
 
 // End stops may be beyond hard limits, so the safety chain cannot judge this movement.
-template <class R>
-DriverReport BoardRobot<R>::move() noexcept {
+DriverReport BoardRobot::move() noexcept {
   observe();
   // At the end the joints have half a second to arrive.
   const double time = seconds(++part_steps_ * options_.period);
   const double done = trifinger::detail::smooth(std::min(time / seconds(options_.move_time), 1.0));
-  Joints target{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  PerJoint<double> target(num_joints(), 0.0);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     target[i] = start_[i] + done * (options_.initial_position[i] - start_[i]);
   }
   drive(torques_towards(target));
   constexpr double kSettling = 0.5;
   if (time < seconds(options_.move_time) + kSettling) return DriverReport::busy();
   constexpr double kTolerance = 0.2;  // [rad]
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
     const double error = std::abs(observation_.position[i] - options_.initial_position[i]);
     if (error > kTolerance) {
       // Fingers that have fallen may hold each other, and then homing took that for end stops.
-      must_free_ = homes_at_end_stop(options_.homing.method);
+      must_free_ = homes_at_end_stops();
       return joint_fault(i,
                          "did not reach its initial position; check max_current, home_position, "
                          "and whether something is in its way");
@@ -399,26 +389,28 @@ DriverReport BoardRobot<R>::move() noexcept {
   return phase_ == Phase::kReady ? DriverReport::ready() : DriverReport::busy();
 }
 
-template <class R>
-void BoardRobot<R>::begin_sweeps() noexcept {
+void BoardRobot::begin_sweeps() noexcept {
   phase_ = Phase::kSweeping;
   swept_ = 0;
   sweep_.begin();
 }
 
-template <class R>
-DriverReport BoardRobot<R>::sweep() noexcept {
+DriverReport BoardRobot::sweep() noexcept {
   observe();
-  Joints target = options_.initial_position;
+  PerJoint<double> target{std::span<const double>(options_.initial_position)};
   target[swept_] += sweep_.next(seconds(options_.period));
-  const Joints torque = torques_towards(target);
+  const PerJoint<double> torque = torques_towards(target);
   drive(torque);
   sweep_.add(torque[swept_], observation_.position[swept_] - options_.initial_position[swept_]);
   if (!sweep_.is_done()) return DriverReport::busy();
   JointReport& report = reports_[swept_];
   report.sweep = sweep_.result();
-  if (options_.weight) report.weight = options_.weight(options_.initial_position)[swept_];
-  if (++swept_ < R::kJoints) {
+  if (weight_) {
+    PerJoint<double> weight(num_joints(), 0.0);
+    weight_(options_.initial_position, weight);
+    report.weight = weight[swept_];
+  }
+  if (++swept_ < num_joints()) {
     sweep_.begin();
     return DriverReport::busy();
   }
