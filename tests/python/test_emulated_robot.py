@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -12,7 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 import trifinger
-from conftest import EMULATED, PATIENT_BOARDS, PROGRAM, StartProgram
+from conftest import (
+    EMULATED,
+    PATIENT_BOARDS,
+    PROGRAM,
+    StartProgram,
+    output_of,
+    patient_backend,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -21,9 +29,9 @@ START = np.array([0.0, 0.9, -1.7] * 3)  # [rad]
 GOAL = np.array([0.2, 0.7, -1.5] * 3)  # [rad]
 
 
-def hold_for_ever(robot: trifinger.Frontend) -> None:
+def hold_for_ever(robot: trifinger.Frontend, position: np.ndarray = GOAL) -> None:
     while True:
-        t = robot.append_desired_action(robot.new_action(position=GOAL))
+        t = robot.append_desired_action(robot.new_action(position=position))
         robot.get_observation(t)
 
 
@@ -330,3 +338,116 @@ def test_a_robot_that_runs_cannot_be_looked_after(start_program: StartProgram) -
         # Nobody has switched its boards off.
         t = robot.append_desired_action(robot.new_action(position=START))
         np.testing.assert_allclose(robot.get_observation(t).position, START, atol=0.03)
+
+
+# ---- a robot from a file ----
+
+# An arm of three joints on two boards. Its drives are as different as its joints.
+DESK_ARM_MODEL = """<mujoco model="desk arm">
+  <compiler angle="radian"/>
+  <option timestep="0.001"/>
+  <default><geom density="600" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="upper" pos="0 0 0.8">
+      <joint name="shoulder" axis="0 -1 0" range="-2 2" damping="0.05" armature="0.01"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+      <body name="fore" pos="0 0 -0.2">
+        <joint name="elbow" axis="0 -1 0" range="-2.5 2.5" damping="0.05" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.015"/>
+        <body name="hand" pos="0 0 -0.2">
+          <joint name="wrist" axis="0 -1 0" range="-1.5 1.5" damping="0.02" armature="0.004"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -0.1" size="0.015"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="shoulder" ctrlrange="-4 4"/>
+    <motor joint="elbow" ctrlrange="-3 3"/>
+    <motor joint="wrist" ctrlrange="-1 1"/>
+  </actuator>
+</mujoco>
+"""
+
+DESK_ARM = f"""name: desk-arm
+robot:
+  mjcf: desk_arm.xml
+  initial_position: {{shoulder: 0.3, elbow: -0.5, wrist: 0.2}}
+safety:
+  every_joint: {{safety_kd: 0.2, max_velocity: 4, braking: 10, default_kp: 30, default_kd: 1.5}}
+  shoulder: {{soft_lower: -1.6, soft_upper: 1.6}}
+  elbow: {{soft_lower: -2.2, soft_upper: 2.2}}
+  wrist: {{soft_lower: -1.2, soft_upper: 1.2, default_kp: 8, default_kd: 0.2}}
+stop: {{damping_time: 0.1}}
+{patient_backend(0.001)}"""
+
+
+def desk_arm(folder: Path) -> str:
+    """Writes this robot, with the boards of docs/any_robot.md, for a patient emulator."""
+    page = (Path(__file__).parents[2] / "docs" / "any_robot.md").read_text()
+    [boards] = re.findall(r"```yaml\n(driver: boards\n.*?)```", page, re.DOTALL)
+    for key, value in {
+        "bus": "emulated",
+        "silent_after": "3",
+        "receive_timeout": "10",
+        "move_time": "1",
+        "self_test": "false",
+    }.items():
+        boards, count = re.subn(rf"(?m)^  {key}: \S+", f"  {key}: {value}", boards)
+        assert count == 1
+    (folder / "desk_arm.xml").write_text(DESK_ARM_MODEL)
+    (folder / "desk_arm.yml").write_text(DESK_ARM + boards)
+    return str(folder / "desk_arm.yml")
+
+
+def test_a_robot_from_a_file_runs_on_boards(
+    start_program: StartProgram, calibrations: Path, log_folder: Path, tmp_path: Path
+) -> None:
+    arm = desk_arm(tmp_path)
+    emulated = start_program("emulate", arm)
+    emulated.wait_for("2 emulated boards are on")
+    # The machine of a test has no processor of its own, so not all is good.
+    doctor = subprocess.run(
+        [PROGRAM, "doctor", arm], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert "2 answer" in doctor.stdout
+
+    tested = output_of(PROGRAM, "self-test", arm)
+    rows = [line.split()[2:] for line in tested.splitlines() if " good " in line]
+    load, weight = np.array([[float(number) for number in row[:2]] for row in rows]).T
+    np.testing.assert_allclose(load, weight, atol=0.05)
+    # The wrist does not turn so far that it passes two indexes.
+    indexes = [float(row[3]) for row in rows[:2]]
+    np.testing.assert_allclose(indexes, [2 * np.pi / 20, 2 * np.pi / 15], atol=0.01)
+    assert "passes" in tested
+    assert "home and at its initial position [rad]: 0." in output_of(PROGRAM, "home", arm)
+
+    # It is put to the reference by nobody, so the angles are those of where it hangs.
+    done = subprocess.run(
+        [PROGRAM, "calibrate", arm, "--serial", "7"],
+        input="\n\n",
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=110,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "gear_ratio: [20, 15, 5]" in (calibrations / "desk-arm.yml").read_text()
+    (calibrations / "desk-arm.yml").unlink()
+
+    start_program("run", arm).wait_for("holds its pose")
+    robot = trifinger.connect("desk-arm")
+    start, goal = np.array([0.3, -0.5, 0.2]), np.array([-0.4, 0.6, -0.3])
+    np.testing.assert_allclose(robot.latest_observation().position, start, atol=0.1)
+    for step in range(1, 2001):
+        target = start + min(step / 1500, 1.0) * (goal - start)
+        t = robot.append_desired_action(robot.new_action(position=target))
+    np.testing.assert_allclose(robot.get_observation(t).position, goal, atol=0.1)
+    assert robot.companion("wear").latest_observation().starts == 4
+    kept = json.loads((log_folder / "desk-arm.wear").read_text().splitlines()[-1])
+    assert kept["type"] == "desk_arm_wear"
+    assert len(kept["wear"]["revolutions"]) == 3
+    emulated.end(signal.SIGKILL)
+    name = r"board \d \(can\d, joints? .*(elbow|wrist)\): no measurements come"
+    with pytest.raises(trifinger.RobotStopped, match=name):
+        hold_for_ever(robot, goal)

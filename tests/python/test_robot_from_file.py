@@ -102,7 +102,8 @@ def test_its_sessions_are_recorded_and_drawn(arm: str, tmp_path: Path) -> None:
 def test_the_program_of_the_page_runs(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "any_robot.md").read_text()
     fences = re.findall(r"```(yaml|python)\n(.*?)```", page, re.DOTALL)
-    [(_, configuration), (_, program)] = fences
+    # The last one is a part of a configuration, which test_emulated_robot.py runs.
+    [(_, configuration), (_, program), _] = fences
     (tmp_path / "panda.yml").write_text(configuration)
     (tmp_path / "panda").mkdir()
     (tmp_path / "panda" / "robot.xml").write_text(CHAIN)
