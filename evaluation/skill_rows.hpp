@@ -7,8 +7,8 @@
 
 namespace trifinger::evaluation {
 
-// The rows of each skill, in packages/trifinger_skills, beside the skill: SKILL/judge.cpp. A judge knows nothing of its
-// skill but what it should do.
+// The rows of each skill, in packages/trifinger_skills, beside the skill: SKILL/judge.cpp. A judge
+// knows nothing of its skill but what it should do.
 [[nodiscard]] std::vector<SkillRow> balance_rows();
 [[nodiscard]] std::vector<SkillRow> carry_rows();
 [[nodiscard]] std::vector<SkillRow> catch_rows();

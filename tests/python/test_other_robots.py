@@ -5,8 +5,6 @@ tools/fetch_robots.py fetches them, tests/robots has their configurations. D'Cla
 example go the same way, also without a network.
 """
 
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -165,31 +163,3 @@ def test_a_robot_of_others_keeps_its_rate(
     assert session.steps >= STEPS
     assert session.period == pytest.approx(OTHERS[name].period)
     assert_steady(session)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["view", "arm", "--control", "--no-browser"],
-        ["view", "arm", "--hand", "--no-browser"],
-        ["teach", "arm", "-o", "a.motion"],
-    ],
-    ids=" ".join,
-)
-def test_what_needs_a_trifinger_says_so(
-    words: list[str], start_program: StartProgram, tmp_path: Path
-) -> None:
-    robot = start_program("run", str(ROOT / "examples/arm.yml"))
-    robot.wait_for("waits for a user")
-    call = f"from trifinger_view.commands.{words[0]} import main; raise SystemExit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", call, *words[1:]],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
-    )
-    assert done.returncode != 0
-    assert "robot 'arm' is of type 'arm'" in done.stderr
-    assert "finger" in done.stderr

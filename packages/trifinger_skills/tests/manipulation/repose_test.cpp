@@ -7,11 +7,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "support/allocation_counter.hpp"
 #include "manipulation/parts/carrier.hpp"
 #include "manipulation/parts/fetcher.hpp"
 #include "manipulation/parts/object_observer.hpp"
 #include "manipulation/skills/makers.hpp"
+#include "support/allocation_counter.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
 #include "trifinger/sim/robot_config.hpp"
