@@ -117,8 +117,10 @@ void bind_joint_facts(nb::module_& m) {
   m.def(
       "kinematics_of",
       [](const std::string& text) {
-        return Kinematics(
-            description_of(read_robot_config(config::File::parse(text, "configuration.yml"))));
+        const config::File file = config::File::parse(text, "configuration.yml");
+        // Before it is read: an untrusted text must open no file.
+        detail::require(!is_from_file(file), "the robot is from a file, which is not opened here");
+        return Kinematics(description_of(read_robot_config(file)));
       },
       "configuration"_a, nb::sig("def kinematics_of(configuration: str) -> Kinematics"),
       "The kinematics of the robot in the text of a configuration.");

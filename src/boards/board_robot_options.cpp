@@ -72,6 +72,16 @@ void BoardRobotOptions::validate() const {
           text_of("max_current is ", max_current, " A, must be above 0 and at most 20"));
   require(move_time > Nanoseconds::zero(), "move_time must be above 0");
   for (std::size_t i = 0; i < motors.size(); ++i) validate_motor(*this, i);
+  // All joints are homed again if the place of one is in doubt. That would give a joint without an
+  // end stop another zero wherever it stands by then.
+  for (std::size_t i = 1; i < motors.size(); ++i) {
+    const HomingMethod first = motors[0].homing.method;
+    const HomingMethod method = motors[i].homing.method;
+    require(method == first || (homes_at_end_stop(method) && homes_at_end_stop(first)),
+            text_of("joint 0 and ", joint_text(i).view(),
+                    " find their homes in different ways, of which only one needs an end stop; all "
+                    "joints must have end stops, or the same method"));
+  }
   require(tips.size() == num_tips,
           text_of("there are ", tips.size(), " sensors for ", num_tips, " tips, must be one each"));
   for (std::size_t i = 0; i < tips.size(); ++i)
