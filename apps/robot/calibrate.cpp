@@ -31,6 +31,7 @@ std::vector<double> repeated(const std::vector<double>& angles, std::size_t coun
                                  count > 3 && count % 3 == 0 ? ", 3" : "", count));
   }
   std::vector<double> pose;
+  pose.reserve(count);
   for (std::size_t i = 0; i < count; ++i) pose.push_back(angles[i % angles.size()]);
   return pose;
 }

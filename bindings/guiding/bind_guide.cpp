@@ -71,7 +71,7 @@ int frame_of(const Guide& guide, const std::variant<int, std::string>& frame) {
   if (const int* const number = std::get_if<int>(&frame)) return *number;
   const std::vector<std::string>& frames = guide.robot().frames;
   const std::vector<std::string_view> names(frames.begin(), frames.end());
-  const std::string& name = std::get<std::string>(frame);
+  const auto& name = std::get<std::string>(frame);
   const auto found = std::ranges::find(names, name);
   if (found == names.end()) {
     throw InvalidArgument(trifinger::detail::text_of("there is no frame '", name, "'; there are ",

@@ -49,6 +49,7 @@ nb::object facts_of(const std::string& robot, const std::vector<std::string>& jo
 std::vector<JointLimit> limits_in(const config::File& file,
                                   const std::vector<std::string>& joints) {
   std::vector<NamedJoint> named;
+  named.reserve(joints.size());
   for (const std::string& name : joints) {
     named.push_back({.name = name,
                      .kind = JointKind::kHinge,

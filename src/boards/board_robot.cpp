@@ -32,6 +32,7 @@ const BoardRobotOptions& with_torque_of_current(BoardRobotOptions& options) {
 // The largest torques that test the wiring: what a motor may give for long.
 std::vector<double> test_torques(const BoardRobotOptions& options) {
   std::vector<double> torques;
+  torques.reserve(options.limits.size());
   for (const JointLimit& limit : options.limits) {
     torques.push_back(std::min(limit.max_torque, limit.continuous_torque));
   }
@@ -40,6 +41,7 @@ std::vector<double> test_torques(const BoardRobotOptions& options) {
 
 std::vector<double> home_positions(const BoardRobotOptions& options) {
   std::vector<double> positions;
+  positions.reserve(options.motors.size());
   for (const BoardMotor& motor : options.motors) positions.push_back(motor.homing.home_position);
   return positions;
 }

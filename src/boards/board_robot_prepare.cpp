@@ -55,20 +55,33 @@ void BoardRobot::begin_phase_after(Phase phase) noexcept {
   const bool must_test = preparation_.test || (options_.self_test && must_home);
   switch (phase) {
     case Phase::kStarting:
-      if (preparation_.reference) return begin_reference();
+      if (preparation_.reference) {
+        begin_reference();
+        return;
+      }
       [[fallthrough]];
     case Phase::kReference:
-      if (must_test) return begin_test();
+      if (must_test) {
+        begin_test();
+        return;
+      }
       [[fallthrough]];
     case Phase::kTesting:
-      if (must_home) return begin_homing();
+      if (must_home) {
+        begin_homing();
+        return;
+      }
       // It may have been moved by hand, or have fallen while it was released.
       if (!is_outside()) break;
       [[fallthrough]];
     case Phase::kHoming:
-      return begin_move();
+      begin_move();
+      return;
     case Phase::kMoving:
-      if (preparation_.test) return begin_sweeps();
+      if (preparation_.test) {
+        begin_sweeps();
+        return;
+      }
       break;
     case Phase::kSweeping:
     case Phase::kReady:
@@ -78,7 +91,7 @@ void BoardRobot::begin_phase_after(Phase phase) noexcept {
 }
 
 DriverReport BoardRobot::do_phase() noexcept {
-  switch (phase_) {
+  switch (phase_.load()) {
     case Phase::kStarting:
       return DriverReport::busy();
     case Phase::kReference:

@@ -123,6 +123,7 @@ void read_by_name(const Node& section, BoardRobotOptions& options) {
   const Node motors = section.section("motors");
   const auto every = motors.optional_section("every_joint");
   std::vector<std::pair<std::string_view, std::size_t>> boards;
+  boards.reserve(options.interfaces.size());
   for (const std::string& name : options.interfaces) boards.emplace_back(name, boards.size());
   for (std::size_t i = 0; i < options.motors.size(); ++i) {
     const JointSection joint(motors.section(options.names[i]), every);

@@ -223,7 +223,8 @@ bool FrameKinematics::find_posture(const FrameGoal& goal, GuidedJoints& position
                                  closed_form_->inverse_kinematics(goal.frame, goal.point)}) {
     bool is_within = pose.reach == Reach::kYes;
     for (int j = 0; j < kJointsPerFinger; ++j) {
-      const JointLimit& limit = limits_[static_cast<std::size_t>(first + j)];
+      const JointLimit& limit =
+          limits_[static_cast<std::size_t>(first) + static_cast<std::size_t>(j)];
       is_within =
           is_within && pose.position[j] >= limit.soft_lower && pose.position[j] <= limit.soft_upper;
     }

@@ -187,7 +187,8 @@ std::vector<std::string> end_frames(const SceneModel& model) {
     has_bodies[parent] = true;
     is_moved[body] = is_moved[parent];
     for (int i = 0; i < mujoco.body_dofnum[body]; ++i) {
-      const auto dof = static_cast<std::size_t>(mujoco.body_dofadr[body] + i);
+      const int number = mujoco.body_dofadr[body] + i;
+      const auto dof = static_cast<std::size_t>(number);
       unit[dof] = 1.0;
       for (std::size_t joint = 0; joint < model.joints().size(); ++joint) {
         if (model.torque_of(joint, unit.data()) != 0.0) is_moved[body] = true;
@@ -198,11 +199,10 @@ std::vector<std::string> end_frames(const SceneModel& model) {
   for (std::size_t body = 1; body < count; ++body) {
     if (!is_moved[body] || has_bodies[body]) continue;
     int site = 0;
-    while (site < static_cast<int>(mujoco.nsite) &&
-           mujoco.site_bodyid[site] != static_cast<int>(body)) {
-      ++site;
-    }
-    if (site == static_cast<int>(mujoco.nsite) || !add(mjOBJ_SITE, site)) {
+    const auto num_sites = static_cast<int>(mujoco.nsite);
+    const auto own = static_cast<int>(body);
+    while (site < num_sites && mujoco.site_bodyid[site] != own) ++site;
+    if (site == num_sites || !add(mjOBJ_SITE, site)) {
       add(mjOBJ_BODY, static_cast<int>(body));
     }
   }
