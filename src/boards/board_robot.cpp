@@ -259,10 +259,7 @@ DriverReport BoardRobot::apply_action(const void* desired, void* applied) noexce
   if (fault == SafetyFault::kPositionJumped) is_homed_ = false;
   // It counts from a wrong place, or something holds it: the way to the end stops, with small
   // torques, leads out of both.
-  if (fault == SafetyFault::kHardLimit) {
-    const auto joint = static_cast<std::size_t>((report.fault_code >> 8) - 1);
-    if (homes_at_end_stop(options_.motors[joint].homing.method)) is_homed_ = false;
-  }
+  if (fault == SafetyFault::kHardLimit && homes_at_end_stops()) is_homed_ = false;
   return report;
 }
 

@@ -234,8 +234,6 @@ void BoardRobot::begin_push() noexcept {
   part_steps_ = 0;
   for (std::size_t i = 0; i < num_joints(); ++i) {
     const BoardMotor& motor = options_.motors[i];
-    // Its home is known, or it still searches: others push, not this joint.
-    if (stop_pushes_ > 0 && !homes_at_end_stop(motor.homing.method)) continue;
     turn_[i] = stop_pushes_ < 2 ? 0 : pushes_.integer(0, kTurns) * (kTurn / options_.period);
     push_[i] = -pushes_.uniform(0.0, 1.0) * motor.homing.torque;
     homing_[i].begin(motor.homing.method, motor.homing.torque, motor.angle_per_revolution(),
@@ -255,17 +253,14 @@ DriverReport BoardRobot::free_joints() noexcept {
   }
   PerJoint<double> torque(num_joints(), 0.0);
   for (std::size_t i = 0; i < num_joints(); ++i) {
-    const HomingOptions& homing = options_.motors[i].homing;
-    const double towards_stop = homing.torque;
+    const double towards_stop = options_.motors[i].homing.torque;
     // The first push leads away from what the joint leans on.
     if (part_steps_ == 0) {
       push_[i] = -pushes_.uniform(0.5, 1.0) * towards_stop;
     } else if (part_steps_ % steps == 0) {
       push_[i] = pushes_.uniform(-1.0, 1.0) * towards_stop;
     }
-    torque[i] = homes_at_end_stop(homing.method)
-                    ? free_torque(i, measure(i))
-                    : homing_[i].next(measure(i), gains(i), seconds(options_.period));
+    torque[i] = free_torque(i, measure(i));
   }
   ++part_steps_;
   drive(torque);
@@ -287,7 +282,6 @@ DriverReport BoardRobot::confirm_stops() noexcept {
   constexpr int kMaxPushes = 12;
   std::optional<std::size_t> moved;
   for (std::size_t i = 0; i < num_joints(); ++i) {
-    if (!homes_at_end_stop(options_.motors[i].homing.method)) continue;
     const double angle = measure(i).angle;
     if (std::abs(angle - std::exchange(stops_[i], angle)) > kSamePlace && !moved) moved = i;
   }
@@ -349,6 +343,7 @@ DriverReport BoardRobot::home() noexcept {
   return DriverReport::busy();
 }
 
+// All joints do, or none: `BoardRobotOptions::validate`.
 bool BoardRobot::homes_at_end_stops() const noexcept {
   return std::ranges::any_of(options_.motors, [](const BoardMotor& motor) {
     return homes_at_end_stop(motor.homing.method);

@@ -196,10 +196,10 @@ std::vector<std::string> end_frames(const SceneModel& model) {
       unit[dof] = 0.0;
     }
   }
+  const auto num_sites = static_cast<int>(mujoco.nsite);
   for (std::size_t body = 1; body < count; ++body) {
     if (!is_moved[body] || has_bodies[body]) continue;
     int site = 0;
-    const auto num_sites = static_cast<int>(mujoco.nsite);
     const auto own = static_cast<int>(body);
     while (site < num_sites && mujoco.site_bodyid[site] != own) ++site;
     if (site == num_sites || !add(mjOBJ_SITE, site)) {
