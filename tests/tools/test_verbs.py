@@ -75,8 +75,9 @@ def test_a_stage_that_cannot_run_here_is_neither_passed_nor_failed(
 
 
 def test_the_machine_that_began_beside_another_stage_is_not_started_again(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
+    monkeypatch.setattr(machines, "FOLDER", tmp_path)  # that of a real run has results
     monkeypatch.setattr(machines, "build", lambda *_: None)
     monkeypatch.setattr(machines.can_machine, "fetch_kernel", lambda: None)
     monkeypatch.setattr(machines, "PYTHON", "echo")
