@@ -23,11 +23,27 @@ constexpr double kDamping = 0.01;
 // A step brings a frame at most so much nearer [m], and a joint at most so far [rad].
 constexpr double kStride = 0.01;
 constexpr double kLargestStep = 0.2;
+// A closed form brings the tip at least so near to its goal, unless the frame is none of its tips
+// [m].
+constexpr double kExact = 1e-6;
+
+// Returns `robot` if its parts fit together.
+const GuidedRobot& checked(const GuidedRobot& robot) {
+  require(robot.model != nullptr, "a guided robot must have a model");
+  const std::size_t joints = robot.model->joints().size();
+  require(robot.limits.size() == joints,
+          text_of("there are limits of ", robot.limits.size(), " joints, the model has ", joints));
+  require(joints <= kMaxCountedJoints,
+          text_of("the model has ", joints, " joints, allowed are ", kMaxCountedJoints));
+  require(robot.frames.size() <= kMaxGuidedFrames,
+          text_of("there are ", robot.frames.size(), " frames, allowed are ", kMaxGuidedFrames));
+  return robot;
+}
 
 }  // namespace
 
 FrameKinematics::FrameKinematics(const GuidedRobot& robot)
-    : model_(robot.model),
+    : model_(checked(robot).model),
       limits_(robot.limits),
       frames_(robot.model, robot.frames),
       radians_(GuidedJoints::Ones(std::ssize(robot.limits))),
@@ -36,11 +52,6 @@ FrameKinematics::FrameKinematics(const GuidedRobot& robot)
       data_(model_->make_data()),
       rows_(static_cast<std::size_t>(3 * model_->mujoco()->nv), 0.0),
       step_(GuidedJoints::Zero(std::ssize(robot.limits))) {
-  require(limits_.size() == model_->joints().size(),
-          text_of("there are limits of ", limits_.size(), " joints, the model has ",
-                  model_->joints().size()));
-  require(frames_.size() <= kMaxGuidedFrames,
-          text_of("there are ", frames_.size(), " frames, allowed are ", kMaxGuidedFrames));
   for (int i = 0; i < num_joints(); ++i) {
     if (model_->joints()[static_cast<std::size_t>(i)].is_slide) radians_[i] = kArm;
   }
@@ -50,7 +61,11 @@ FrameKinematics::FrameKinematics(const GuidedRobot& robot)
   find_friction();
   find_moved(robot);
   find_groups();
-  if (robot.description) closed_form_.emplace(*robot.description);
+  if (!robot.description) return;
+  closed_form_.emplace(*robot.description);
+  require(closed_form_->num_joints() == num_joints(),
+          text_of("the description has ", closed_form_->num_joints(), " joints, the model has ",
+                  num_joints()));
 }
 
 // Lets each motor alone move its joints, and sees what damps them.
@@ -99,18 +114,20 @@ void FrameKinematics::find_moved(const GuidedRobot& robot) {
   }
 }
 
-void FrameKinematics::find_groups() noexcept {
-  for (const auto& moved : moves_) {
-    std::bitset<kMaxGuidedFrames> group;
-    for (std::size_t other = 0; other < moves_.size(); ++other)
-      group[other] = (moved & moves_[other]).any();
-    together_.push_back(group);
-  }
-  for (std::size_t between = 0; between < together_.size(); ++between) {
-    for (auto& group : together_) {
-      if (group.test(between)) group |= together_[between];
+void FrameKinematics::find_groups() {
+  for (int frame = 0; frame < num_frames(); ++frame) {
+    groups_.push_back(frame);
+    for (int other = 0; other < frame; ++other) {
+      const bool shares =
+          (moves_[static_cast<std::size_t>(frame)] & moves_[static_cast<std::size_t>(other)]).any();
+      if (!shares || moves_with(frame, other)) continue;
+      const auto [first, second] = std::minmax({group(frame), group(other)});
+      std::ranges::replace(groups_, second, first);
     }
   }
+  group_moves_.resize(moves_.size());
+  for (std::size_t frame = 0; frame < moves_.size(); ++frame)
+    group_moves_[static_cast<std::size_t>(groups_[frame])] |= moves_[frame];
 }
 
 void FrameKinematics::measure(const GuidedJoints& position, std::span<const double> all) noexcept {
@@ -180,20 +197,21 @@ double FrameKinematics::approach(std::span<const FrameGoal> goals,
   double farthest = 0.0;
   for (int row = 0; row < rows; row += 3) {
     add_columns(goals[static_cast<std::size_t>(row / 3)], row);
-    const double distance = error_.segment<3>(row).norm();
+    const double distance = error_.segment<3>(row).stableNorm();
     farthest = std::max(farthest, distance);
     if (distance > kStride) error_.segment<3>(row) *= kStride / distance;
   }
+  square_ = columns_.lazyProduct(columns_.transpose());
+  square_.diagonal().array() += kDamping * kDamping;
   // A joint at its limit leaves its part to the others, so each turn has fewer joints.
-  for (int turn = 0; turn < num_joints(); ++turn) {
-    square_ = columns_.lazyProduct(columns_.transpose());
-    square_.diagonal().array() += kDamping * kDamping;
+  for (int turn = 1; turn <= kMaxTurns; ++turn) {
+    ++num_solved_;
     solver_.compute(square_);
     solved_ = solver_.solve(error_);
     step_ = columns_.transpose().lazyProduct(solved_);
     const double largest = step_.cwiseAbs().maxCoeff();
     if (largest > kLargestStep) step_ *= kLargestStep / largest;
-    if (stop_at_limits(position)) continue;
+    if (stop_at_limits(position) && turn < kMaxTurns) continue;
     position += step_.cwiseProduct(radians_);
     break;
   }
@@ -209,30 +227,39 @@ bool FrameKinematics::stop_at_limits(GuidedJoints& position) noexcept {
     if (allowed == wanted || step_[i] == 0.0) continue;
     error_ -= columns_.col(i) * ((allowed - position[i]) / radians_[i]);
     position[i] = allowed;
+    step_[i] = 0.0;
+    square_ -= columns_.col(i).lazyProduct(columns_.col(i).transpose());
     columns_.col(i).setZero();
     has_stopped = true;
   }
   return has_stopped;
 }
 
-bool FrameKinematics::find_posture(const FrameGoal& goal, GuidedJoints& position) const noexcept {
+bool FrameKinematics::find_posture(const FrameGoal& goal, GuidedJoints& position) noexcept {
   if (!closed_form_) return false;
-  const int first = kJointsPerFinger * goal.frame;
-  const Eigen::Vector3d present = position.segment<kJointsPerFinger>(first);
-  for (const FingerPose& pose : {closed_form_->inverse_kinematics(goal.frame, goal.point, present),
-                                 closed_form_->inverse_kinematics(goal.frame, goal.point)}) {
-    bool is_within = pose.reach == Reach::kYes;
-    for (int j = 0; j < kJointsPerFinger; ++j) {
-      const JointLimit& limit =
-          limits_[static_cast<std::size_t>(first) + static_cast<std::size_t>(j)];
-      is_within =
-          is_within && pose.position[j] >= limit.soft_lower && pose.position[j] <= limit.soft_upper;
-    }
-    if (!is_within) continue;
-    position.segment<kJointsPerFinger>(first) = pose.position;
+  int first = 0;
+  while (!moves(first, goal.frame)) ++first;
+  const int finger = first / kJointsPerFinger;
+  first = kJointsPerFinger * finger;
+  GuidedJoints other = position;
+  for (const FingerPose& pose : {closed_form_->inverse_kinematics(
+                                     finger, goal.point, position.segment<kJointsPerFinger>(first)),
+                                 closed_form_->inverse_kinematics(finger, goal.point)}) {
+    other.segment<kJointsPerFinger>(first) = pose.position;
+    if (!is_within_limits(other) || (point(goal.frame, other) - goal.point).norm() > kExact)
+      continue;
+    position = other;
     return true;
   }
   return false;
+}
+
+bool FrameKinematics::is_within_limits(const GuidedJoints& position) const noexcept {
+  for (int i = 0; i < num_joints(); ++i) {
+    const JointLimit& limit = limits_[static_cast<std::size_t>(i)];
+    if (position[i] < limit.soft_lower || position[i] > limit.soft_upper) return false;
+  }
+  return true;
 }
 
 }  // namespace trifinger::guiding::detail

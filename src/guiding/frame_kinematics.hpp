@@ -35,9 +35,18 @@ class FrameKinematics {
   [[nodiscard]] bool moves(int joint, int frame) const noexcept {
     return moves_[static_cast<std::size_t>(frame)].test(static_cast<std::size_t>(joint));
   }
-  // True if the frames share joints, or if frames between them do.
+  // Frames that share joints, and those that share joints with these, are a group: its first frame.
+  [[nodiscard]] int group(int frame) const noexcept {
+    return groups_[static_cast<std::size_t>(frame)];
+  }
   [[nodiscard]] bool moves_with(int frame, int other) const noexcept {
-    return together_[static_cast<std::size_t>(frame)].test(static_cast<std::size_t>(other));
+    return group(frame) == group(other);
+  }
+
+  // True if the motor of `joint` moves `frame` or another one of its group.
+  [[nodiscard]] bool moves_group(int joint, int frame) const noexcept {
+    return group_moves_[static_cast<std::size_t>(group(frame))].test(
+        static_cast<std::size_t>(joint));
   }
 
   // Sets the measured pose. `all` are the positions of all hinges and slides of the model, in its
@@ -57,9 +66,12 @@ class FrameKinematics {
   // Changes joints so that frames come nearer to their goals: one step of damped least squares
   // within the soft limits. Returns the largest distance before the step [m].
   double approach(std::span<const FrameGoal> goals, GuidedJoints& position) noexcept;
+  // How many systems of equations `approach` has solved: at most `kMaxTurns` in a step.
+  [[nodiscard]] int num_solved() const noexcept { return num_solved_; }
+  static constexpr int kMaxTurns = 4;
   // Changes the joints of one frame to another posture, in which it is at its goal. Returns false
-  // if none is known: only a TriFinger's fingers have a closed form.
-  [[nodiscard]] bool find_posture(const FrameGoal& goal, GuidedJoints& position) const noexcept;
+  // if none is known: only tips of a TriFinger have a closed form.
+  [[nodiscard]] bool find_posture(const FrameGoal& goal, GuidedJoints& position) noexcept;
 
   // What counts as one radian of a joint: 1 rad, or that many metres of a slide.
   [[nodiscard]] double radian(int joint) const noexcept { return radians_[joint]; }
@@ -73,19 +85,21 @@ class FrameKinematics {
 
   void find_friction();
   void find_moved(const GuidedRobot& robot);
-  void find_groups() noexcept;
+  void find_groups();
   void pose(const GuidedJoints& position) noexcept;
   void add_columns(const FrameGoal& goal, int row) noexcept;
-  // Moves joints that the step would move beyond their limits to these, and takes them out of the
-  // next step. Returns false if there are none.
+  // Moves joints that the step would move beyond their limits to these, and takes them out of this
+  // step and the next. Returns false if there are none.
   bool stop_at_limits(GuidedJoints& position) noexcept;
+  [[nodiscard]] bool is_within_limits(const GuidedJoints& position) const noexcept;
 
   std::shared_ptr<const SceneModel> model_;
   std::vector<JointLimit> limits_;
   Frames frames_;
-  std::optional<Kinematics> closed_form_;                // of the tips of fingers
-  std::vector<std::bitset<kMaxCountedJoints>> moves_;    // for each frame
-  std::vector<std::bitset<kMaxGuidedFrames>> together_;  // for each frame
+  std::optional<Kinematics> closed_form_;                    // of the tips of fingers
+  std::vector<std::bitset<kMaxCountedJoints>> moves_;        // for each frame
+  std::vector<int> groups_;                                  // for each frame
+  std::vector<std::bitset<kMaxCountedJoints>> group_moves_;  // by the first frame of each group
   GuidedJoints radians_, damping_, friction_;
   SceneModel::Data data_;              // in the measured pose, at rest
   std::vector<double> configuration_;  // of one pose, in the order of MuJoCo's `qpos`
@@ -97,6 +111,7 @@ class FrameKinematics {
   Square square_;
   Eigen::LDLT<Square> solver_;
   GuidedJoints step_;
+  int num_solved_{0};
 };
 
 }  // namespace trifinger::guiding::detail

@@ -24,15 +24,20 @@ constexpr double kArrivalDistance = 0.02;
 constexpr double kArrivalSpeed = 0.1;
 // A point of a line that is so near to its end is at its end [m].
 constexpr double kSamePoint = 1e-9;
-// The search for a target does so many steps in one step of the robot, each so far ahead [m]. At
-// the end of the line it goes on until the frame is as near as this, or as often as this.
+// The search for a target does so many steps in one step of the robot, each so far ahead on the
+// line [m]. If it is so far ahead of a frame that cannot follow, it goes on at the end of the line
+// [m].
 constexpr int kSearchesPerStep = 6;
 constexpr double kSearchStride = 0.01;
+constexpr double kMaxAhead = 1.0;
+// At the end of the line it goes on until the frame is as near as this [m], or as often as this.
 constexpr double kFound = 1e-7;
 constexpr int kMaxSettling = 100;
-// It ends earlier if so many steps one after the other bring the frame hardly nearer.
+// It ends earlier if so many steps one after the other bring the frame hardly nearer: by less than
+// this share of the distance, and by less than this [m].
 constexpr int kMaxStuck = 8;
-constexpr double kHardly = 0.99;
+constexpr double kHardly = 0.01;
+constexpr double kSlowly = 1e-3;
 // A frame that its joints cannot keep nearer to its line than this has left it [m].
 constexpr double kMaxGap = 5e-3;
 // A frame that stays further away from its point than this does not get there [m].
@@ -140,15 +145,7 @@ bool GuideController::begin(const MeasuredJoints& measured) noexcept TRIFINGER_R
 }
 
 bool GuideController::accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTIME {
-  if (!has_begun_) return false;
-  if (setpoint.mode == Mode::kMoveJoints &&
-      (setpoint.joints.size() != joints_ || !setpoint.joints.allFinite())) {
-    return false;
-  }
-  if (setpoint.mode == Mode::kMoveFrame &&
-      (setpoint.frame < 0 || setpoint.frame >= frames_ || !setpoint.point.allFinite())) {
-    return false;
-  }
+  if (!can_accept(setpoint)) return false;
   const bool has_floated = state_.mode == Mode::kFloat;
   if (has_floated) {
     if (setpoint.mode == Mode::kFloat) return true;
@@ -173,12 +170,28 @@ bool GuideController::accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTI
       aim_frame(setpoint.frame, setpoint.point);
       break;
     case Mode::kFloat:
-      forget_lines();
+      for (int frame = 0; frame < frames_; ++frame) forget_line(frame);
+      state_.is_clamped.fill(false);
       break;
   }
   state_.mode = setpoint.mode;
   state_.has_arrived = false;
   return true;
+}
+
+bool GuideController::can_accept(const Setpoint& setpoint) const noexcept {
+  if (!has_begun_) return false;
+  switch (setpoint.mode) {
+    case Mode::kMoveJoints:
+      return setpoint.joints.size() == joints_ && !setpoint.joints.array().isInf().any() &&
+             !setpoint.joints.array().isNaN().all();
+    case Mode::kMoveFrame:
+      return setpoint.frame >= 0 && setpoint.frame < frames_ && setpoint.point.allFinite();
+    case Mode::kFloat:
+      return !robot_.refuses_torques;
+    default:
+      return true;
+  }
 }
 
 const GuideCommand& GuideController::update(const MeasuredJoints& measured) noexcept
@@ -188,10 +201,13 @@ const GuideCommand& GuideController::update(const MeasuredJoints& measured) noex
   if (state_.mode == Mode::kFloat) {
     command_float();
   } else {
-    search();
+    for (int frame = 0; frame < frames_; ++frame) {
+      if (kinematics_->group(frame) == frame) search(frame);
+    }
     advance_lines();
     command_reference();
   }
+  if (robot_.refuses_torques) command_.torque.setZero();
   find_arrival();
   find_frames();
   return command_;
@@ -240,19 +256,25 @@ void GuideController::aim_at_rest() noexcept {
   aim(rest);
 }
 
+// Aims the joints at `target`, except for those that keep theirs: NaN.
 void GuideController::aim(const GuidedJoints& target) noexcept {
-  forget_lines();
   for (int i = 0; i < joints_; ++i) {
+    if (std::isnan(target[i])) continue;
+    for (int frame = 0; frame < frames_; ++frame) {
+      const bool has_line = lines_[static_cast<std::size_t>(frame)].is_given;
+      if (has_line && kinematics_->moves_group(i, frame)) forget_line(frame);
+    }
     state_.target[i] = inside(i, target[i]);
     state_.is_clamped[static_cast<std::size_t>(i)] = state_.target[i] != target[i];
   }
 }
 
-void GuideController::forget_lines() noexcept {
-  lines_.fill({});
-  is_led_.fill(false);
-  state_.missing.fill(0.0);
-  state_.is_clamped.fill(false);
+void GuideController::forget_line(int frame) noexcept {
+  lines_[static_cast<std::size_t>(frame)] = {};
+  state_.missing[static_cast<std::size_t>(frame)] = 0.0;
+  for (int i = 0; i < joints_; ++i) {
+    if (kinematics_->moves(i, frame)) is_led_[static_cast<std::size_t>(i)] = false;
+  }
 }
 
 void GuideController::aim_frame(int frame, const Eigen::Vector3d& point) noexcept {
@@ -278,8 +300,7 @@ void GuideController::aim_frame(int frame, const Eigen::Vector3d& point) noexcep
       state_.is_clamped[static_cast<std::size_t>(i)] = false;
     }
   }
-  search_steps_ = stuck_steps_ = 0;
-  nearest_ = std::numeric_limits<double>::infinity();
+  searches_[static_cast<std::size_t>(kinematics_->group(frame))] = {};
 }
 
 // Begins the line of a frame where the reference is.
@@ -297,40 +318,51 @@ void GuideController::begin_line(int frame) noexcept {
   }
 }
 
-// Goes on to search the joints with which the frames are at the ends of their lines. It goes ahead
-// on the lines, so it finds the posture to which they lead.
-void GuideController::search() noexcept {
+// Goes on to search the joints with which the frames of a group are at the ends of their lines. It
+// goes ahead on the lines, so it finds the posture to which they lead.
+void GuideController::search(int group) noexcept {
+  Search& search = searches_[static_cast<std::size_t>(group)];
   for (int i = 0; i < kSearchesPerStep; ++i) {
     Goals goals;
     bool is_ahead = true;  // at the ends of all lines
-    for (int frame = 0; frame < frames_; ++frame) {
+    for (int frame = group; frame < frames_; ++frame) {
       Line& line = lines_[static_cast<std::size_t>(frame)];
-      if (!line.is_given || line.is_found) continue;
-      const Eigen::Vector3d rest = line.end - line.ahead;
-      const double distance = rest.norm();
-      line.ahead = distance <= kSearchStride
-                       ? line.end
-                       : Eigen::Vector3d(line.ahead + rest * (kSearchStride / distance));
+      if (!line.is_given || line.is_found || !kinematics_->moves_with(frame, group)) continue;
+      go_ahead(frame);
       goals.add({.frame = frame, .point = line.ahead});
       is_ahead = is_ahead && line.ahead == line.end;
     }
     if (goals.all().empty()) return;
     const double farthest = kinematics_->approach(goals.all(), state_.target);
     if (!is_ahead) continue;
-    stuck_steps_ = farthest > kHardly * nearest_ ? stuck_steps_ + 1 : 0;
-    nearest_ = farthest;
-    if (farthest <= kFound || stuck_steps_ >= kMaxStuck || ++search_steps_ >= kMaxSettling)
-      end_search();
+    const double hardly = std::min(kHardly * farthest, kSlowly);
+    search.stuck_steps = farthest >= search.nearest - hardly ? search.stuck_steps + 1 : 0;
+    search.nearest = farthest;
+    if (farthest <= kFound || search.stuck_steps >= kMaxStuck || ++search.steps >= kMaxSettling)
+      end_search(group);
   }
 }
 
-void GuideController::end_search() noexcept {
-  for (int frame = 0; frame < frames_; ++frame) {
+// Moves the search for the target of a frame by one stride on its line.
+void GuideController::go_ahead(int frame) noexcept {
+  Line& line = lines_[static_cast<std::size_t>(frame)];
+  const Eigen::Vector3d rest = line.end - line.ahead;
+  const bool follows = (line.ahead - kinematics_->point(frame, state_.target)).norm() <= kMaxAhead;
+  if (follows && rest.stableNorm() > kSearchStride) {
+    // The length of the longest line is no number.
+    line.ahead += kSearchStride * (rest / rest.lpNorm<Eigen::Infinity>()).normalized();
+  } else {
+    line.ahead = line.end;
+  }
+}
+
+void GuideController::end_search(int group) noexcept {
+  for (int frame = group; frame < frames_; ++frame) {
     Line& line = lines_[static_cast<std::size_t>(frame)];
-    if (!line.is_given || line.is_found) continue;
+    if (!line.is_given || line.is_found || !kinematics_->moves_with(frame, group)) continue;
     line.is_found = true;
     const Eigen::Vector3d point = kinematics_->point(frame, state_.target);
-    const double missing = (point - line.end).norm();
+    const double missing = (point - line.end).stableNorm();
     const bool is_reached =
         missing <= kReached ||
         kinematics_->find_posture({.frame = frame, .point = line.end}, state_.target);
@@ -351,12 +383,15 @@ bool GuideController::is_at_end(int frame) const noexcept {
 void GuideController::advance_lines() noexcept {
   path_rates_ = path_;
   for (int frame = 0; frame < frames_; ++frame) advance_line(frame);
-  Goals goals;
-  for (int frame = 0; frame < frames_; ++frame) {
-    const Line& line = lines_[static_cast<std::size_t>(frame)];
-    if (line.is_given && !is_at_end(frame)) goals.add({.frame = frame, .point = line.at});
+  for (int group = 0; group < frames_; ++group) {
+    Goals goals;
+    for (int frame = group; frame < frames_; ++frame) {
+      const Line& line = lines_[static_cast<std::size_t>(frame)];
+      if (line.is_given && !is_at_end(frame) && kinematics_->group(frame) == group)
+        goals.add({.frame = frame, .point = line.at});
+    }
+    for (int i = 0; i < kApproaches; ++i) kinematics_->approach(goals.all(), path_);
   }
-  for (int i = 0; i < kApproaches; ++i) kinematics_->approach(goals.all(), path_);
   path_rates_ = (path_ - path_rates_) / period_;
   for (int frame = 0; frame < frames_; ++frame) {
     if (!lines_[static_cast<std::size_t>(frame)].is_given || !is_at_end(frame)) continue;
@@ -388,14 +423,14 @@ void GuideController::advance_line(int frame) noexcept {
     line.at = line.is_found ? line.end : point;
   }
   const Eigen::Vector3d displacement = line.end - line.at;
-  const double distance = displacement.norm();
+  const double distance = displacement.stableNorm();
   const double change = kArm * speeds_.joint_acceleration * period_;
   if (distance <= kSamePoint) {
     line.at = line.end;
     line.speed = 0.0;
     return;
   }
-  const Eigen::Vector3d along = displacement / distance;
+  const Eigen::Vector3d along = displacement.stableNormalized();
   // Around a corner only the part of the speed remains that points in the new direction.
   line.speed *= std::max(0.0, line.along.dot(along));
   line.along = along;

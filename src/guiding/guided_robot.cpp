@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "servos/read_options.hpp"
 #include "trifinger/model/frames.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
@@ -15,14 +16,13 @@ GuidedRobot guided_robot(const SimulationOptions& options, std::span<const std::
   GuidedRobot robot{.model = make_model(bare),
                     .limits = options.limits.value_or(std::vector<JointLimit>{}),
                     .home = {},
-                    .frames = {frames.begin(), frames.end()},
-                    .description = {}};
+                    .frames = {frames.begin(), frames.end()}};
   if (robot.limits.empty()) robot.limits = default_limits(options.description);
   if (frames.empty()) {
     robot.frames = end_frames(*robot.model);
     if (robot.frames.size() > kMaxGuidedFrames) robot.frames.resize(kMaxGuidedFrames);
-    if (options.file == nullptr) robot.description = bare.description;
   }
+  if (options.file == nullptr) robot.description = bare.description;
   const SceneModel::Data start = robot.model->make_data();
   robot.model->reset(*start);
   robot.home.resize(std::ssize(robot.limits));
@@ -36,7 +36,11 @@ GuidedRobot guided_robot(const SimulationOptions& options, std::span<const std::
 }
 
 GuidedRobot guided_robot(const Session& session, std::span<const std::string> frames) {
-  return guided_robot(read_robot_config(config_file_of(session)).simulation, frames);
+  const RobotConfig config = read_robot_config(config_file_of(session));
+  GuidedRobot robot = guided_robot(config.simulation, frames);
+  robot.refuses_torques =
+      config.servos != nullptr && config.servos->robot.mode == servos::ServoMode::kPosition;
+  return robot;
 }
 
 }  // namespace trifinger::guiding

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -15,8 +16,13 @@
 
 #include "guiding/frame_kinematics.hpp"
 #include "guiding/robots.hpp"
+#include "servos/rig.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/message_of.hpp"
 #include "support/soak.hpp"
+#include "trifinger/joint/reasons.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -416,6 +422,78 @@ TEST_P(GuideControllerOf, GoesNearAPointThatNoFrameReaches) {
   EXPECT_EQ(state.missing[0], 0.0);
 }
 
+TEST_P(GuideControllerOf, FindsItsTargetInFewStepsHoweverFarThePointIs) {
+  for (const double far : {1e3, 1e160, std::numeric_limits<double>::max()}) {
+    GuidedSimulation simulation(GetParam());
+    const ControllerState& state = simulation.controller.state();
+    ASSERT_TRUE(simulation.controller.accept(
+        {.mode = Mode::kMoveFrame, .point = {far, -0.3 * far, 0.1 * far}}));
+    for (int step = 0; step < 200; ++step) simulation.step();
+    EXPECT_GT(state.missing[0], 0.9 * far);
+    ASSERT_TRUE(simulation.arrive());
+    const Eigen::Vector3d end = state.target_frames.col(0);
+    ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveFrame, .point = end}));
+    EXPECT_TRUE(simulation.arrive());
+    EXPECT_EQ(state.missing[0], 0.0);
+  }
+}
+
+TEST(GuideController, SearchesForEachFingerByItself) {
+  GuidedSimulation simulation("trifinger");
+  const ControllerState& state = simulation.controller.state();
+  const Eigen::Vector3d begin = state.measured_frames.col(1);
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveFrame, .point = {1.5, 0.5, 1.0}}));
+  // Somebody leads another finger meanwhile.
+  for (int step = 0; step < 200; ++step) {
+    const Eigen::Vector3d point = begin + Eigen::Vector3d(0.0, 0.0, 1e-4 * step);
+    ASSERT_TRUE(
+        simulation.controller.accept({.mode = Mode::kMoveFrame, .frame = 1, .point = point}));
+    simulation.step();
+  }
+  EXPECT_GT(state.missing[0], 0.5);
+  ASSERT_TRUE(simulation.arrive());
+  EXPECT_EQ(state.missing[1], 0.0);
+}
+
+TEST(GuideController, EndsASearchWhileThatOfAnotherFingerGoesOn) {
+  GuidedSimulation simulation("trifinger");
+  const ControllerState& state = simulation.controller.state();
+  const Eigen::Vector3d point = state.measured_frames.col(1) + Eigen::Vector3d(0.0, 0.0, 0.5);
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveFrame, .point = {1.5, 0.5, 1.0}}));
+  ASSERT_TRUE(simulation.controller.accept({.mode = Mode::kMoveFrame, .frame = 1, .point = point}));
+  for (int step = 0; step < 12; ++step) simulation.step();
+  EXPECT_GT(state.missing[1], 0.1);
+  EXPECT_EQ(state.missing[0], 0.0);
+  for (int step = 0; step < 200; ++step) simulation.step();
+  EXPECT_GT(state.missing[0], 0.5);
+}
+
+TEST(GuideController, MovesOneJointAndLeavesTheOtherSetpointsAlone) {
+  GuidedSimulation simulation("trifinger");
+  const ControllerState& state = simulation.controller.state();
+  const GuidedJoints begin = state.target;
+  const std::array<Eigen::Vector3d, 2> points{
+      state.measured_frames.col(0) + Eigen::Vector3d(0.0, 0.0, 0.03),
+      state.measured_frames.col(1) + Eigen::Vector3d(0.0, 0.0, 0.03)};
+  for (const int frame : {0, 1}) {
+    ASSERT_TRUE(
+        simulation.controller.accept({.mode = Mode::kMoveFrame,
+                                      .frame = frame,
+                                      .point = points.at(static_cast<std::size_t>(frame))}));
+  }
+  Setpoint setpoint{.mode = Mode::kMoveJoints, .joints = GuidedJoints::Constant(9, kNan)};
+  EXPECT_FALSE(simulation.controller.accept(setpoint));
+  setpoint.joints[1] = 0.7;  // of finger 0
+  ASSERT_TRUE(simulation.controller.accept(setpoint));
+  ASSERT_TRUE(simulation.arrive());
+  EXPECT_EQ(state.mode, Mode::kMoveJoints);
+  EXPECT_EQ(state.reference[0], begin[0]);
+  EXPECT_EQ(state.reference[1], 0.7);
+  EXPECT_EQ(state.reference[2], begin[2]);
+  EXPECT_LT((state.reference_frames.col(1) - points[1]).norm(), 1e-6);
+  for (int i = 6; i < 9; ++i) EXPECT_EQ(state.reference[i], begin[i]);
+}
+
 TEST_P(GuideControllerOf, ClampsTargetsToSoftLimitsAndSaysSo) {
   GuideController controller(robot_, speeds_, period_);
   ASSERT_TRUE(controller.begin(at_rest(robot_.home)));
@@ -488,6 +566,149 @@ TEST(GuideController, ChangesThePostureOfAFingerIfNoLineLeadsToThePoint) {
       EXPECT_GT(distance, 0.01);
     }
   }
+}
+
+TEST(GuideController, ChangesThePostureOfTheFingerWhoseTipTheFrameIs) {
+  SimulationOptions options = guided_options("trifinger");
+  options.description.variant = Variant::kEdu;
+  GuidedRobot robot = guided_robot(options);
+  std::ranges::reverse(robot.frames);
+  robot.frames.emplace_back("finger_lower_link_0");
+  GuideController controller(robot, {});
+  MeasuredJoints measured{.position = robot.home, .velocity = GuidedJoints::Zero(9)};
+  GuidedJoints bent = robot.home;
+  bent.tail<3>() = Eigen::Vector3d(0.12, 1.24, 1.87);
+  guiding::detail::FrameKinematics kinematics(robot);
+  const Eigen::Vector3d point = kinematics.point(0, bent);
+  ASSERT_TRUE(controller.begin(measured));
+  ASSERT_TRUE(controller.accept({.mode = Mode::kMoveFrame, .point = point}));
+  for (int step = 0; step < 20000 && !controller.state().has_arrived; ++step)
+    measured.position = controller.update(measured).position;
+  EXPECT_TRUE(controller.state().has_arrived);
+  EXPECT_LT((controller.state().measured_frames.col(0) - point).norm(), 1e-6);
+  EXPECT_EQ(measured.position.head<6>(), robot.home.head<6>());
+  // A frame that is no tip has no closed form.
+  const Eigen::Vector3d link = kinematics.point(3, bent);
+  EXPECT_FALSE(kinematics.find_posture({.frame = 3, .point = link}, bent));
+}
+
+TEST(GuideController, ChecksTheSizesOfARobotThatSomebodyHasMade) {
+  const auto refusal_of = [](const auto& change) {
+    GuidedRobot robot = guided("trifinger");
+    change(robot);
+    return message_of<InvalidArgument>(
+        [&] { return std::make_unique<GuideController>(robot, GuideSpeeds{}); });
+  };
+  EXPECT_EQ(refusal_of([](GuidedRobot& robot) { robot.model = nullptr; }),
+            "a guided robot must have a model");
+  for (const std::size_t count : {0U, 3U, 1000U}) {
+    EXPECT_EQ(refusal_of([&](GuidedRobot& robot) { robot.limits.resize(count); }),
+              "there are limits of " + std::to_string(count) + " joints, the model has 9");
+  }
+  EXPECT_EQ(refusal_of([](GuidedRobot& robot) { robot.frames.resize(9, robot.frames[0]); }),
+            "there are 9 frames, allowed are 8");
+  EXPECT_EQ(refusal_of([](GuidedRobot& robot) {
+              robot.description = guided_options("finger").description;
+            }),
+            "the description has 3 joints, the model has 9");
+  EXPECT_EQ(refusal_of([](GuidedRobot& robot) { robot.home.resize(3); }),
+            "home has 3 joints, the robot has 9");
+}
+
+TEST(GuideController, GivesNoTorqueToMotorsThatRefuseIt) {
+  GuidedRobot robot = guided("finger");
+  robot.refuses_torques = true;
+  GuideController controller(robot, {});
+  MeasuredJoints measured{.position = robot.home, .velocity = GuidedJoints::Zero(3)};
+  ASSERT_TRUE(controller.begin(measured));
+  EXPECT_FALSE(controller.accept({.mode = Mode::kFloat}));
+  EXPECT_EQ(controller.state().mode, Mode::kHold);
+  const GuidedJoints goal = robot.home.array() + 0.2;
+  ASSERT_TRUE(controller.accept({.mode = Mode::kMoveJoints, .joints = goal}));
+  for (int step = 0; step < 2000 && !controller.state().has_arrived; ++step) {
+    const GuideCommand& command = controller.update(measured);
+    ASSERT_TRUE(command.torque.isZero(0.0));
+    measured.position = command.position;
+  }
+  EXPECT_EQ(measured.position, goal);
+}
+
+TEST(GuideController, MovesMotorsThatFollowPositions) {
+  servos::test::RigOptions options{.robot = servos::test::claw_options()};
+  options.robot.mode = servos::ServoMode::kPosition;
+  servos::test::Rig rig(options);
+  rig.begin();
+  ASSERT_EQ(rig.observe().state, DriverReport::State::kReady);
+  const auto measured = [&] {
+    return MeasuredJoints{.position = GuidedJoints::Map(rig.observation.position.data(), 9),
+                          .velocity = GuidedJoints::Map(rig.observation.velocity.data(), 9)};
+  };
+  const RobotConfig config =
+      load_robot_config(TRIFINGER_CONFIG_DIR "/dclaw_dynamixel.yml", {"dynamixel.mode=position"});
+  const Simulation simulation(config.simulation, config.session);
+  GuidedRobot robot = guided_robot(simulation.connect_untyped().session());
+  ASSERT_TRUE(robot.refuses_torques);
+  robot.limits = options.robot.limits;
+  GuideController controller(robot, {});
+  ASSERT_TRUE(controller.begin(measured()));
+  const GuidedJoints goal = measured().position.array() + 0.2;
+  ASSERT_TRUE(controller.accept({.mode = Mode::kMoveJoints, .joints = goal}));
+  for (int step = 0; step < 1000; ++step) {
+    const GuideCommand& command = controller.update(measured());
+    servos::test::Claw::Action action;
+    std::ranges::copy(command.torque, action.torque.begin());
+    std::ranges::copy(command.position, action.position.begin());
+    ASSERT_TRUE(rig.step(action)) << rig.fault();
+    for (const std::uint64_t reasons : rig.applied.reasons) ASSERT_EQ(reasons & kRejected, 0U);
+  }
+  EXPECT_LT((measured().position - goal).cwiseAbs().maxCoeff(), 0.03);
+}
+
+// A chain of hinges whose limits are wider and wider, so that one after the other is at its limit.
+GuidedRobot chain_of(int joints) {
+  std::string bodies;
+  for (int i = 0; i < joints; ++i) {
+    bodies += "<body name=\"b" + std::to_string(i) + "\" pos=\"0 0 0.02\"><joint name=\"j" +
+              std::to_string(i) + "\" axis=\"" + (i % 2 == 0 ? "0 1 0" : "1 0 0") +
+              "\" range=\"-1 1\"/><geom size=\"0.005\"/>";
+  }
+  for (int i = 0; i < joints; ++i) bodies += "</body>";
+  const std::string model =
+      "<mujoco><compiler angle=\"radian\"/><worldbody>" + bodies + "</worldbody></mujoco>";
+  GuidedRobot robot = guided_robot(options_of_file(
+      model.c_str(),
+      "safety:\n  every_joint: {max_torque: 1, safety_kd: 0.1, soft_lower: -1, soft_upper: 1, "
+      "max_velocity: 1, braking: 5, default_kp: 1, default_kd: 0.1}\n"));
+  for (std::size_t i = 0; i < robot.limits.size(); ++i) {
+    robot.limits[i].soft_upper = 1e-4 * std::pow(1.1, static_cast<double>(i));
+    robot.limits[i].soft_lower = -robot.limits[i].soft_upper;
+  }
+  return robot;
+}
+
+TEST(FrameKinematics, SolvesFewSystemsInAStepHoweverManyJointsStopAtTheirLimits) {
+  const GuidedRobot robot = chain_of(60);
+  guiding::detail::FrameKinematics kinematics(robot);
+  std::mt19937 random{7};
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  int most = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    GuidedJoints joints = GuidedJoints::Zero(60);
+    GuidedJoints goal = joints;
+    for (int i = 0; i < 60; ++i)
+      goal[i] = any(random) * robot.limits[static_cast<std::size_t>(i)].soft_upper;
+    const std::array goals{
+        guiding::detail::FrameGoal{.frame = 0, .point = kinematics.point(0, goal)}};
+    double distance = 0.0;
+    for (int step = 0; step < 200; ++step) {
+      const int before = kinematics.num_solved();
+      distance = kinematics.approach(goals, joints);
+      most = std::max(most, kinematics.num_solved() - before);
+    }
+    EXPECT_LT(distance, 1e-6);
+  }
+  EXPECT_LE(most, guiding::detail::FrameKinematics::kMaxTurns);
+  EXPECT_GT(most, 1);
 }
 
 TEST(GuideController, KnowsTheFrictionOfMotorsTendonsAndJoints) {

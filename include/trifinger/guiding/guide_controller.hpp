@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -36,7 +37,8 @@ struct Setpoint {
   int frame{0};  ///< kMoveFrame: the frame, from 0.
   /// kMoveFrame: its point in the world frame [m].
   Eigen::Vector3d point{Eigen::Vector3d::Zero()};
-  GuidedJoints joints{};  ///< kMoveJoints: one position per joint [rad], [m].
+  /// kMoveJoints: one position per joint [rad], [m]; NaN: the joint keeps its target.
+  GuidedJoints joints{};
 };
 
 /// How fast and how stubbornly a guide moves. For a joint that slides, 0.1 m counts as 1 rad.
@@ -62,7 +64,7 @@ struct MeasuredJoints {
 };
 
 /// What the guide asks of the joints in one step: `torque`, plus the robot's own position
-/// controller where `position` is given.
+/// controller where `position` is given. A robot that refuses torques gets none.
 struct GuideCommand {
   GuidedJoints torque;    ///< [Nm], [N]
   GuidedJoints position;  ///< [rad], [m]; NaN means "no position"
@@ -120,7 +122,8 @@ class GuideController {
 
   /// Takes a setpoint. Targets are clamped to soft limits; a frame that cannot get to its point
   /// goes near it. Returns false, and changes nothing, if the setpoint has numbers that are not
-  /// finite, a wrong number of joints, or a frame that does not exist.
+  /// finite, a wrong number of joints, or a frame that does not exist, or if a robot that refuses
+  /// torques shall float.
   [[nodiscard]] bool accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTIME;
 
   /// Returns the command of the next step. A measurement that is not a number counts as the one
@@ -146,6 +149,15 @@ class GuideController {
     [[nodiscard]] bool is_at_end() const noexcept { return is_found && at == end; }
   };
 
+  // The search for the joints with which the frames of a group are at the ends of their lines,
+  // since it is there.
+  struct Search {
+    int steps{0};
+    int stuck_steps{0};                                       // that brought hardly anything
+    double nearest{std::numeric_limits<double>::infinity()};  // in the last step [m]
+  };
+
+  [[nodiscard]] bool can_accept(const Setpoint& setpoint) const noexcept;
   [[nodiscard]] double radian(int joint) const noexcept;
   [[nodiscard]] double max_speed(int joint) const noexcept;
   [[nodiscard]] double max_acceleration(int joint) const noexcept;
@@ -156,9 +168,10 @@ class GuideController {
   void aim(const GuidedJoints& target) noexcept;
   void aim_frame(int frame, const Eigen::Vector3d& point) noexcept;
   void begin_line(int frame) noexcept;
-  void forget_lines() noexcept;
-  void search() noexcept;
-  void end_search() noexcept;
+  void forget_line(int frame) noexcept;
+  void search(int group) noexcept;
+  void go_ahead(int frame) noexcept;
+  void end_search(int group) noexcept;
   void advance_lines() noexcept;
   void advance_line(int frame) noexcept;
   [[nodiscard]] bool is_at_end(int frame) const noexcept;
@@ -180,10 +193,7 @@ class GuideController {
   GuidedJoints velocity_;            // Measured [rad/s].
   GuidedJoints reference_velocity_;  // [rad/s]
   std::array<Line, kMaxGuidedFrames> lines_{};
-  // The search since it is at the ends of all lines.
-  int search_steps_{0};
-  int stuck_steps_{0};                                  // that brought hardly anything
-  double nearest_{0.0};                                 // in the last step [m]
+  std::array<Search, kMaxGuidedFrames> searches_{};     // of groups, by their first frame
   GuidedJoints path_;                                   // Joints with the frames on their lines.
   GuidedJoints path_rates_;                             // Their change in the last step [rad/s].
   std::array<bool, kMaxCountedJoints> is_led_{};        // by a line

@@ -36,9 +36,12 @@ struct GuidedRobot {
   GuidedJoints home{};
   /// The frames whose points can be moved: names as for `Frames`, at most `kMaxGuidedFrames`.
   std::vector<std::string> frames{};
-  /// Of a robot whose frames are the tips of its fingers: a tip then gets to all points that it can
-  /// reach in any posture.
+  /// Of a TriFinger, whose model is made from it: a tip of a finger then gets to all points that it
+  /// can reach in any posture.
   std::optional<RobotDescription> description{};
+  /// Its motors follow positions by themselves and refuse torques (`dynamixel.mode: position`), so
+  /// it cannot float.
+  bool refuses_torques{false};
 };
 
 /// The robot of a simulation with these options. `home` is its initial pose. Without `frames` these
