@@ -398,7 +398,7 @@ the guide has then ended, and its session may not have.)";
 const char* const float_freely = R"(Lets a hand move the robot: motors carry its weight and overcome the friction that its model
 knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits push back.
 
-Raises like `move_frame`.)";
+Raises like `move_frame`; InvalidArgument if the robot's motors refuse torques.)";
 const char* const frontend = R"(The front-end of the robot, for reading.)";
 const char* const hold = R"(Brakes and keeps the pose.
 
@@ -411,10 +411,14 @@ const char* const move_frame = R"(Moves a frame on a straight line to `position`
 get there, it goes near it: see `GuideState.refusal`. Joints of other frames keep their
 targets.
 
-A setpoint returns at once. It replaces earlier ones for the same frames.
+A setpoint returns at once. It replaces earlier ones for the same frames and joints.
 
 Raises InvalidArgument for numbers that are not finite, a frame that does not exist, or
 after the end of the guide; otherwise what ended the guide.)";
+const char* const move_joint = R"(`move_joints` for one joint. The other joints keep their targets, and frames that do not
+share joints with it their points.
+
+Raises like `move_frame`.)";
 const char* const move_joints = R"(Moves all joints to `positions` [rad], [m]. Positions beyond soft limits are clamped: see
 `GuideState.refusal`.
 

@@ -248,6 +248,7 @@ extern const char* const hold;
 extern const char* const home;
 extern const char* const is_running;
 extern const char* const move_frame;
+extern const char* const move_joint;
 extern const char* const move_joints;
 extern const char* const move_tip;
 extern const char* const realtime_warnings;

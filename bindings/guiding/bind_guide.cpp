@@ -66,16 +66,16 @@ auto points_of(FramePoints GuideState::* member) {
   return [member](const GuideState& state) { return Array{RowMajor((state.*member).transpose())}; };
 }
 
-// The number of a frame, which may be given by its name.
-int frame_of(const Guide& guide, const std::variant<int, std::string>& frame) {
-  if (const int* const number = std::get_if<int>(&frame)) return *number;
-  const std::vector<std::string>& frames = guide.robot().frames;
-  const std::vector<std::string_view> names(frames.begin(), frames.end());
-  const auto& name = std::get<std::string>(frame);
+// The number of a frame or a joint, which may be given by its name.
+int number_of(const char* what, const std::variant<int, std::string>& chosen,
+              const std::vector<std::string>& all) {
+  if (const int* const number = std::get_if<int>(&chosen)) return *number;
+  const std::vector<std::string_view> names(all.begin(), all.end());
+  const auto& name = std::get<std::string>(chosen);
   const auto found = std::ranges::find(names, name);
   if (found == names.end()) {
-    throw InvalidArgument(trifinger::detail::text_of("there is no frame '", name, "'; there are ",
-                                                     trifinger::quoted_list(names, "and")));
+    throw InvalidArgument(trifinger::detail::text_of(
+        "there is no ", what, " '", name, "'; there are ", trifinger::quoted_list(names, "and")));
   }
   return static_cast<int>(found - names.begin());
 }
@@ -218,7 +218,8 @@ append actions with `frontend`; everybody can read.)",
           "move_frame",
           [](const PythonGuide& guide, const std::variant<int, std::string>& frame,
              const Vector3& position) {
-            guide.guide().move_frame(frame_of(guide.guide(), frame), position.value);
+            guide.guide().move_frame(number_of("frame", frame, guide.guide().robot().frames),
+                                     position.value);
           },
           "frame"_a, "position"_a,
           also(docs::Guide::move_frame, "A frame is given by number or by name.").c_str())
@@ -234,6 +235,15 @@ append actions with `frontend`; everybody can read.)",
             guide.guide().move_joints(positions.value);
           },
           "positions"_a, docs::Guide::move_joints)
+      .def(
+          "move_joint",
+          [](const PythonGuide& guide, const std::variant<int, std::string>& joint,
+             double position) {
+            guide.guide().move_joint(
+                number_of("joint", joint, guide.guide().robot().model->joint_names()), position);
+          },
+          "joint"_a, "position"_a,
+          also(docs::Guide::move_joint, "A joint is given by number or by name.").c_str())
       .def(
           "home", [](const PythonGuide& guide) { guide.guide().home(); }, docs::Guide::home)
       .def(

@@ -3188,7 +3188,7 @@ class Guide:
         get there, it goes near it: see `GuideState.refusal`. Joints of other frames keep their
         targets.
 
-        A setpoint returns at once. It replaces earlier ones for the same frames.
+        A setpoint returns at once. It replaces earlier ones for the same frames and joints.
 
         Raises InvalidArgument for numbers that are not finite, a frame that does not exist, or
         after the end of the guide; otherwise what ended the guide.
@@ -3205,6 +3205,16 @@ class Guide:
         `GuideState.refusal`.
 
         Raises like `move_frame`.
+        """
+
+    def move_joint(self, joint: int | str, position: float) -> None:
+        """
+        `move_joints` for one joint. The other joints keep their targets, and frames that do not
+        share joints with it their points.
+
+        Raises like `move_frame`.
+
+        A joint is given by number or by name.
         """
 
     def home(self) -> None:
@@ -3226,7 +3236,7 @@ class Guide:
         Lets a hand move the robot: motors carry its weight and overcome the friction that its model
         knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits push back.
 
-        Raises like `move_frame`.
+        Raises like `move_frame`; InvalidArgument if the robot's motors refuse torques.
         """
 
     def state(self, timeout: float | None = None) -> GuideState:

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/guiding/guide.hpp"
 
-#include <array>
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -13,6 +13,7 @@
 #include <optional>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "base/text_of.hpp"
 #include "guiding/joint_elements.hpp"
@@ -52,39 +53,38 @@ struct OwnThread {
 };
 thread_local OwnThread* own_thread = nullptr;
 
-// The setpoints that the thread has not seen yet: at most one for the whole robot, then a point per
-// frame.
+// True if `setpoint` leaves nothing to do of what was asked before.
+bool is_whole(const Setpoint& setpoint) {
+  if (setpoint.mode == Mode::kMoveJoints) return !setpoint.joints.hasNaN();
+  return setpoint.mode != Mode::kMoveFrame;
+}
+
+bool replaces(const Setpoint& setpoint, const Setpoint& earlier) {
+  if (is_whole(setpoint)) return true;
+  if (setpoint.mode != earlier.mode) return false;
+  if (setpoint.mode == Mode::kMoveFrame) return setpoint.frame == earlier.frame;
+  return !(setpoint.joints.array().isNaN() && !earlier.joints.array().isNaN()).any();
+}
+
+// The setpoints that the thread has not seen yet, in their order: at most one for the whole robot,
+// one for each frame and one for each joint.
 class Mailbox {
  public:
-  void put(const Setpoint& setpoint) noexcept {
-    if (setpoint.mode == Mode::kMoveFrame) {
-      points_[static_cast<std::size_t>(setpoint.frame)] = setpoint.point;
-    } else {
-      whole_ = setpoint;
-      points_.fill(std::nullopt);
-    }
-    is_empty_ = false;
+  void put(const Setpoint& setpoint) {
+    std::erase_if(setpoints_, [&](const Setpoint& earlier) { return replaces(setpoint, earlier); });
+    setpoints_.push_back(setpoint);
   }
-  [[nodiscard]] bool is_empty() const noexcept { return is_empty_; }
+  [[nodiscard]] bool is_empty() const noexcept { return setpoints_.empty(); }
 
-  // Hands each setpoint to `take`, in their order, and forgets it.
+  // Hands each setpoint to `take` and forgets it, without freeing memory.
   template <class Take>
   void empty(const Take& take) noexcept {
-    if (is_empty_) return;
-    if (whole_) take(*whole_);
-    whole_.reset();
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      if (!points_[i]) continue;
-      take({.mode = Mode::kMoveFrame, .frame = static_cast<int>(i), .point = *points_[i]});
-      points_[i].reset();
-    }
-    is_empty_ = true;
+    std::ranges::for_each(setpoints_, take);
+    setpoints_.clear();
   }
 
  private:
-  bool is_empty_{true};
-  std::optional<Setpoint> whole_;
-  std::array<std::optional<Eigen::Vector3d>, kMaxGuidedFrames> points_;
+  std::vector<Setpoint> setpoints_;
 };
 
 std::string point_text(const Eigen::Vector3d& point) {
@@ -492,9 +492,29 @@ void Guide::move_joints(const GuidedJoints& positions) {
   own().put({.mode = Mode::kMoveJoints, .joints = positions});
 }
 
+void Guide::move_joint(int joint, double position) {
+  if (joint < 0 || joint >= num_joints()) {
+    throw InvalidArgument(
+        text_of("joint ", joint, " does not exist; joints are 0 to ", num_joints() - 1));
+  }
+  if (!std::isfinite(position))
+    throw InvalidArgument(text_of("position is ", position, ", must be a finite number"));
+  Setpoint setpoint{.mode = Mode::kMoveJoints,
+                    .joints = GuidedJoints::Constant(num_joints(), kNotGiven)};
+  setpoint.joints[joint] = position;
+  own().put(setpoint);
+}
+
 void Guide::home() { own().put({.mode = Mode::kHome}); }
 void Guide::hold() { own().put({.mode = Mode::kHold}); }
-void Guide::float_freely() { own().put({.mode = Mode::kFloat}); }
+void Guide::float_freely() {
+  if (robot().refuses_torques) {
+    throw InvalidArgument("robot '" + own().frontend().session().info().name +
+                          "' cannot float: its motors follow positions and refuse torques "
+                          "(dynamixel.mode: position); run it with dynamixel.mode: torque");
+  }
+  own().put({.mode = Mode::kFloat});
+}
 
 GuideState Guide::state(Timeout timeout) const { return own().state(timeout); }
 void Guide::wait_until_arrived(Timeout timeout) const { own().wait_until_arrived(timeout); }

@@ -65,6 +65,12 @@ def test_setpoints_that_make_no_sense_are_refused() -> None:
             guide.move_tip(0, (0.0, np.nan, 0.1))
         with pytest.raises(trifinger.InvalidArgument, match="1 positions were given"):
             guide.move_joints([0.0])
+        with pytest.raises(trifinger.InvalidArgument, match="joint 12 does not exist"):
+            guide.move_joint(12, 0.0)
+        with pytest.raises(trifinger.InvalidArgument, match="finite"):
+            guide.move_joint(0, np.inf)
+        with pytest.raises(trifinger.InvalidArgument, match="there is no joint 'knee'"):
+            guide.move_joint("knee", 0.0)
         with pytest.raises(TypeError):
             guide.move_tip(0, (0.0, 0.1))  # type: ignore[arg-type, unused-ignore]
         assert guide.state().mode == "hold"
@@ -101,6 +107,12 @@ def test_robots_from_files_follow_setpoints(
         wait_for_mode(guide, "move_joints")
         last = guide.joint_names[-1]
         assert f"{last} goes only to its soft limit of" in guide.state().refusal
+        guide.home()
+        guide.wait_until_arrived()
+        guide.move_joint(last, begin.joints[-1] + 0.1)
+        guide.wait_until_arrived()
+        change = guide.state().target_joints - begin.target_joints
+        assert change == pytest.approx([*[0.0] * (guide.num_joints - 1), 0.1], abs=0.03)
         guide.home()
         guide.wait_until_arrived()
         assert guide.state().joints == pytest.approx(begin.joints, abs=0.03)

@@ -85,7 +85,7 @@ class Guide {
   /// Moves a frame on a straight line to `position` in the world frame [m]. If the frame cannot get
   /// there, it goes near it: see `GuideState::refusal`. Joints of other frames keep their targets.
   ///
-  /// A setpoint returns at once. It replaces earlier ones for the same frames.
+  /// A setpoint returns at once. It replaces earlier ones for the same frames and joints.
   /// @throws InvalidArgument for numbers that are not finite, a frame that does not exist, or after
   /// the end of the guide; otherwise what ended the guide
   void move_frame(int frame, const Eigen::Vector3d& position);
@@ -95,6 +95,10 @@ class Guide {
   /// `GuideState::refusal`.
   /// @throws like `move_frame`
   void move_joints(const GuidedJoints& positions);
+  /// `move_joints` for one joint. The other joints keep their targets, and frames that do not share
+  /// joints with it their points.
+  /// @throws like `move_frame`
+  void move_joint(int joint, double position);
   /// Moves to the robot's initial pose.
   /// @throws like `move_frame`
   void home();
@@ -104,7 +108,7 @@ class Guide {
   /// Lets a hand move the robot: motors carry its weight and overcome the friction that its model
   /// knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits
   /// push back.
-  /// @throws like `move_frame`
+  /// @throws like `move_frame`; InvalidArgument if the robot's motors refuse torques
   void float_freely();
 
   /// Returns where the robot is. Waits for the first measurement: a robot may first be homing.

@@ -603,7 +603,7 @@ def test_a_device_of_your_own_is_a_function_of_a_module(
 class State:
     def __init__(self, frames: npt.NDArray[np.float64], joints: npt.NDArray[np.float64]) -> None:
         self.reference_frames = frames
-        self.reference_joints = self.target_joints = joints
+        self.reference_joints = joints
         self.refusal = ""
 
 
@@ -626,11 +626,11 @@ class FakeGuide:
         if not self.is_stuck:
             self.tips[frame] = self.target
 
-    def move_joints(self, positions: npt.ArrayLike) -> None:
-        self.requests.append("joints")
-        self.target = np.array(positions, float)
+    def move_joint(self, joint: int, position: float) -> None:
+        self.requests.append(f"joint {joint}")
+        self.target[joint] = position
         if not self.is_stuck:
-            self.joints = self.target
+            self.joints[joint] = position
 
     def home(self) -> None:
         self.requests.append("home")
@@ -750,7 +750,7 @@ def test_a_joint_turns_as_far_as_its_rate_says_and_a_slide_by_a_tenth() -> None:
         ],
     )
     assert guide.joints == pytest.approx([0.0, 100 * PERIOD * 0.5, -50 * PERIOD * 0.05])
-    assert guide.requests == [*["joints"] * 100, "hold", *["joints"] * 50, "hold"]
+    assert guide.requests == [*["joint 1"] * 100, "hold", *["joint 2"] * 50, "hold"]
 
 
 def test_a_joint_that_is_stuck_is_not_led_far_away() -> None:
@@ -764,13 +764,14 @@ def test_a_joint_that_is_stuck_is_not_led_far_away() -> None:
 def test_a_joint_rests_before_a_frame_moves() -> None:
     guide = FakeGuide()
     run(guide, [Command(rate=0.5), MOVE, Command(rate=0.5), Command(rate=0.5, joint=1)])
-    assert guide.requests == ["joints", "hold", "tip 1", "hold", "joints", "hold", "joints", "hold"]
+    moves = ["joint 0", "tip 1", "joint 0", "joint 1"]
+    assert guide.requests == [request for move in moves for request in (move, "hold")]
 
 
 def test_a_robot_without_frames_is_moved_by_its_joints_alone() -> None:
     guide = FakeGuide(num_frames=0)
     run(guide, [Command(rate=0.5)])
-    assert guide.requests == ["joints", "hold"]
+    assert guide.requests == ["joint 0", "hold"]
     with pytest.raises(InvalidArgument, match="names frames to move"):
         run(guide, [Command(velocity=(0.1, 0, 0))])
 

@@ -52,14 +52,12 @@ class FakeGuide:
     def move_frame(self, finger: int, point: Any) -> None:
         self._ask("move_frame", finger, tuple(point))
 
-    def move_joints(self, positions: Any) -> None:
-        self._ask("move_joints", tuple(positions))
+    def move_joint(self, joint: int, position: float) -> None:
+        self._ask("move_joint", joint, position)
 
     def state(self, timeout: float | None = None) -> Any:
         assert timeout == 0  # nobody waits for a robot
-        return SimpleNamespace(
-            mode=self.mode, target_joints=np.zeros(9), refusal="", has_arrived=False
-        )
+        return SimpleNamespace(mode=self.mode, refusal="", has_arrived=False)
 
     def is_running(self) -> bool:
         return self.runs
@@ -202,10 +200,20 @@ def test_of_the_setpoints_of_a_drag_the_newest_wins_and_few_are_sent(rig: Rig) -
         assert own[-1] == (0.0, 0.0, (998 + finger) * 1e-4)
 
 
-def test_sliders_that_follow_fast_add_up(rig: Rig) -> None:
+def test_a_slider_moves_its_joint_and_no_other_one(rig: Rig) -> None:
+    rig.controller.drag_frame(1, 0, (0.0, 0.0, 0.1))
+    rig.controller.do(1, "hold")
+    rig.controller.move_joint(1, 4, -0.25)  # before the robot has heard of the hold
+    rig.controller.drag_frame(1, 0, POINT)  # sent later, unless something follows
     rig.controller.move_joint(1, 0, 0.5)
-    rig.controller.move_joint(1, 4, -0.25)  # before the robot has heard of the first
-    assert rig.guides[0].asked[-1] == ("move_joints", (0.5, 0, 0, 0, -0.25, 0, 0, 0, 0))
+    rig.controller.tick()
+    assert rig.guides[0].asked == [
+        ("move_frame", 0, (0.0, 0.0, 0.1)),
+        ("hold",),
+        ("move_joint", 4, -0.25),
+        ("move_frame", 0, POINT),
+        ("move_joint", 0, 0.5),
+    ]
 
 
 def test_while_the_robot_floats_a_drag_pulls_and_a_release_lets_go(rig: Rig) -> None:
@@ -315,8 +323,8 @@ def test_hostile_numbers_are_refused_and_break_nothing(
             if ask[0] == "move_frame":
                 assert 0 <= ask[1] < 3
                 assert np.isfinite(ask[2]).all()
-            elif ask[0] == "move_joints":
-                assert np.isfinite(ask[1]).all()
+            elif ask[0] == "move_joint":
+                assert np.isfinite(ask[2])
         for hand in rig.hands:
             assert all(pull is None or np.isfinite(pull[1]).all() for pull in hand.pulls)
         assert rig.controller.driver == 1

@@ -73,7 +73,6 @@ class PageController:
         self._hand: Hand | None = None
         self._setpoints: dict[int, Array] = {}  # newest points of frames that are not yet sent
         self._sent = -np.inf
-        self._joints: Array | None = None
         self._pull: tuple[str, Array] | None = None
 
     # ---- who drives ----
@@ -108,7 +107,7 @@ class PageController:
                 return
             guide = _trifinger.guide(self.name, frames=self._frames, timeout=timeout)
             with self._lock:
-                self._forget_setpoints()
+                self._setpoints.clear()
                 self._guide = guide
 
     def take(self, browser: int) -> None:
@@ -133,7 +132,7 @@ class PageController:
             self._driver = None
             self._words = why
             self._let_go()
-            self._forget_setpoints()
+            self._setpoints.clear()
             if self._guide is not None:
                 try:
                     self._guide.hold()
@@ -178,7 +177,7 @@ class PageController:
         with self._lock:
             guide = self._require(browser)
             self._let_go()
-            self._forget_setpoints()
+            self._setpoints.clear()
             {"home": guide.home, "hold": guide.hold, "float": guide.float_freely}[mode]()
             self._words = ""
 
@@ -188,13 +187,9 @@ class PageController:
             guide = self._require(browser)
             if not 0 <= joint < guide.num_joints or not np.isfinite(position):
                 raise InvalidArgument("there is no such joint, or its position is not a number")
-            joints = self._joints
-            if joints is None:
-                joints = np.array(guide.state(timeout=0).target_joints, float)
-            joints[joint] = position
-            self._forget_setpoints()
-            guide.move_joints(joints)
-            self._joints, self._words = joints, ""
+            self._send_setpoints(at_once=True)  # they came first
+            guide.move_joint(joint, position)
+            self._words = ""
 
     def drag_frame(self, browser: int, frame: int, point: object) -> None:
         """Moves a frame to a point in the world frame [m]; pulls at a tip while the robot floats,
@@ -212,7 +207,6 @@ class PageController:
             if guide.state(timeout=0).mode == "float":
                 self._begin_pull(f"tip_{frame}", where)
                 return
-            self._joints = None
             self._setpoints[frame] = where
             self._send_setpoints()
 
@@ -255,7 +249,7 @@ class PageController:
                     self._hand.pull(*self._pull, seconds=PULL_LENGTH)
             except Error as error:
                 self._let_go()
-                self._forget_setpoints()
+                self._setpoints.clear()
                 self._words = str(error)
 
     def state(self) -> GuideState | None:
@@ -286,7 +280,7 @@ class PageController:
         self.closed.set()
         with self._lock:
             self._driver = None
-            self._forget_setpoints()
+            self._setpoints.clear()
             self._close_hand()
             guide, self._guide = self._guide, None
         if guide is not None:
@@ -319,10 +313,6 @@ class PageController:
             self._guide.move_frame(frame, point)
         self._words = ""
 
-    def _forget_setpoints(self) -> None:
-        self._setpoints.clear()
-        self._joints = None
-
     def _begin_pull(self, body: str, point: Array) -> None:
         if self._hand is None:
             try:
@@ -351,7 +341,7 @@ class PageController:
         """Notes why the guide has ended. Nobody drives then."""
         guide, self._guide = self._guide, None
         self._driver = None
-        self._forget_setpoints()
+        self._setpoints.clear()
         self._close_hand()
         if guide is None:
             return

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -40,10 +40,6 @@ class SteeredState(Protocol):
         """Where the joints should be now [rad], [m]."""
 
     @property
-    def target_joints(self) -> npt.NDArray[np.float64]:
-        """Where the joints should end [rad], [m]."""
-
-    @property
     def refusal(self) -> str:
         """Why the last setpoints cannot be reached; empty if they can."""
 
@@ -62,8 +58,8 @@ class Steered(Protocol):
     def move_frame(self, frame: int, position: npt.ArrayLike) -> None:
         """Moves a frame to a point [m]."""
 
-    def move_joints(self, positions: npt.ArrayLike) -> None:
-        """Moves all joints to positions [rad], [m]."""
+    def move_joint(self, joint: int, position: float) -> None:
+        """Moves one joint to a position [rad], [m]; the others keep their targets."""
 
     def home(self) -> None:
         """Moves to the initial pose."""
@@ -94,7 +90,7 @@ class Steering:
     def __init__(self, guide: Steered) -> None:
         self._guide = guide
         self._frames, self._units = guide.frame_names, guide.joint_units
-        self._target: npt.NDArray[np.float64] | None = None  # of the frame, or of all joints
+        self._target: Any = None  # of the frame: three numbers; of the joint: one
         self._frame = self._joint = 0
         self._moves_joint = False
 
@@ -158,17 +154,13 @@ class Steering:
         self._guide.move_frame(self._frame, target)
 
     def _turn(self, rate: float, elapsed: float) -> None:
-        state, joint = self._guide.state(), self._joint
-        radian = SLIDE if self._units[joint] == "m" else 1.0
-        place = float(state.reference_joints[joint])
-        if self._target is None:
-            self._target = np.array(state.target_joints, np.float64)
-            self._target[joint] = place
-        lead = float(self._target[joint]) - place + rate * elapsed * radian
-        self._target[joint] = place + np.clip(
-            lead, -MAX_JOINT_LEAD * radian, MAX_JOINT_LEAD * radian
+        radian = SLIDE if self._units[self._joint] == "m" else 1.0
+        place = self._guide.state().reference_joints[self._joint]
+        target = (place if self._target is None else self._target) + rate * elapsed * radian
+        self._target = np.clip(
+            target, place - MAX_JOINT_LEAD * radian, place + MAX_JOINT_LEAD * radian
         )
-        self._guide.move_joints(self._target)
+        self._guide.move_joint(self._joint, float(self._target))
 
     def _motion_of(self, command: object) -> tuple[Velocity, float]:
         if not isinstance(command, Command):
