@@ -27,8 +27,8 @@ constexpr double kLargestStep = 0.2;
 // [m].
 constexpr double kExact = 1e-6;
 
-// Returns `robot` if its parts fit together.
-const GuidedRobot& checked(const GuidedRobot& robot) {
+// Returns the model of `robot` if its parts fit together.
+std::shared_ptr<const SceneModel> checked_model(const GuidedRobot& robot) {
   require(robot.model != nullptr, "a guided robot must have a model");
   const std::size_t joints = robot.model->joints().size();
   require(robot.limits.size() == joints,
@@ -37,13 +37,13 @@ const GuidedRobot& checked(const GuidedRobot& robot) {
           text_of("the model has ", joints, " joints, allowed are ", kMaxCountedJoints));
   require(robot.frames.size() <= kMaxGuidedFrames,
           text_of("there are ", robot.frames.size(), " frames, allowed are ", kMaxGuidedFrames));
-  return robot;
+  return robot.model;
 }
 
 }  // namespace
 
 FrameKinematics::FrameKinematics(const GuidedRobot& robot)
-    : model_(checked(robot).model),
+    : model_(checked_model(robot)),
       limits_(robot.limits),
       frames_(robot.model, robot.frames),
       radians_(GuidedJoints::Ones(std::ssize(robot.limits))),

@@ -668,13 +668,13 @@ TEST(GuideController, MovesMotorsThatFollowPositions) {
 GuidedRobot chain_of(int joints) {
   std::string bodies;
   for (int i = 0; i < joints; ++i) {
-    bodies += "<body name=\"b" + std::to_string(i) + "\" pos=\"0 0 0.02\"><joint name=\"j" +
-              std::to_string(i) + "\" axis=\"" + (i % 2 == 0 ? "0 1 0" : "1 0 0") +
-              "\" range=\"-1 1\"/><geom size=\"0.005\"/>";
+    bodies += "<body name='b" + std::to_string(i) + "' pos='0 0 0.02'><joint name='j" +
+              std::to_string(i) + "' axis='" + (i % 2 == 0 ? "0 1 0" : "1 0 0") +
+              "' range='-1 1'/><geom size='0.005'/>";
   }
   for (int i = 0; i < joints; ++i) bodies += "</body>";
   const std::string model =
-      "<mujoco><compiler angle=\"radian\"/><worldbody>" + bodies + "</worldbody></mujoco>";
+      "<mujoco><compiler angle='radian'/><worldbody>" + bodies + "</worldbody></mujoco>";
   GuidedRobot robot = guided_robot(options_of_file(
       model.c_str(),
       "safety:\n  every_joint: {max_torque: 1, safety_kd: 0.1, soft_lower: -1, soft_upper: 1, "

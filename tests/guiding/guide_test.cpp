@@ -16,6 +16,7 @@
 #include <span>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "core/fake_robot.hpp"
@@ -119,7 +120,7 @@ class Breakable final : public UntypedDriver {
       const double radian = robot.model().joints()[i].is_slide ? 0.1 : 1.0;
       largest_jump = std::max(largest_jump.load(), std::abs(position[i] - last_[i]) / radian);
     }
-    last_ = position;
+    last_ = std::move(position);
   }
 
   std::vector<double> measured_ = std::vector<double>(robot.model().joints().size());
