@@ -106,7 +106,8 @@ std::vector<std::string> pullable_bodies(const SceneModel& model) {
 
 std::int64_t find_body(std::span<const std::string> bodies, const std::string& name) {
   const auto found = std::ranges::find(bodies, name);
-  require(found != bodies.end(), "there is no '" + name + "' to pull; there are " + joined(bodies));
+  require(found != bodies.end(), "there is no '" + name + "' to pull" +
+                                     (bodies.empty() ? "" : "; there are " + joined(bodies)));
   return found - bodies.begin();
 }
 

@@ -23,12 +23,16 @@ from trifinger_view.stop import Stop
 from viewing import StartView
 
 
+TIPS = ("finger_tip_link_0", "finger_tip_link_120", "finger_tip_link_240")
+
+
 class FakeGuide:
     """A guide that notes what it is asked for."""
 
-    frame_names, num_joints = ("tip_0", "tip_1", "tip_2"), 9
+    num_joints = 9
 
-    def __init__(self) -> None:
+    def __init__(self, frames: tuple[str, ...] = ()) -> None:
+        self.frame_names = frames or TIPS
         self.asked: list[Any] = []
         self.mode = "hold"
         self.fault: Exception | None = None
@@ -79,6 +83,8 @@ class FakeHand:
 
     def pull(self, body: str, target: Any, seconds: float) -> None:
         assert seconds > 0  # it lets go if this process stands still
+        if body not in ("tip_0", "tip_1", "tip_2", "cube"):
+            raise InvalidArgument(f"there is no '{body}' to pull")
         self.pulls.append((body, tuple(target)))
 
     def let_go(self) -> None:
@@ -96,12 +102,13 @@ class Rig:
         self.guides: list[FakeGuide] = []
         self.hands: list[FakeHand] = []
         self.controller = PageController("sim", clock=lambda: self.now, **options)
+        self.controller.begin_session(TIPS)
         self._patch = monkeypatch
 
     def guide(self, name: str, timeout: float, frames: tuple[str, ...]) -> FakeGuide:
         assert name == "sim"
         assert np.isfinite(timeout)
-        self.guides.append(FakeGuide())
+        self.guides.append(FakeGuide(frames))
         return self.guides[-1]
 
     def hand(self, name: str) -> FakeHand:
@@ -226,6 +233,18 @@ def test_while_the_robot_floats_a_drag_pulls_and_a_release_lets_go(rig: Rig) -> 
     rig.controller.tick()
     assert rig.hands[0].pulls[4:] == [None]
     assert rig.guides[0].mode == "float"
+
+
+def test_the_hand_pulls_the_tip_that_a_handle_shows_and_no_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = make_rig(monkeypatch, frames=("finger_tip_link_240", "finger_lower_link_0"))
+    rig.controller.take(1)
+    rig.controller.do(1, "float")
+    rig.controller.drag_frame(1, 0, POINT)
+    with pytest.raises(InvalidArgument, match="no 'finger_lower_link_0' to pull"):
+        rig.controller.drag_frame(1, 1, POINT)
+    assert rig.hands[0].pulls == [("tip_2", POINT)]
 
 
 def test_a_page_with_a_hand_alone_controls_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

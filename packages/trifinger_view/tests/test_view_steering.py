@@ -332,6 +332,27 @@ def test_an_object_is_pushed_by_its_handle(start_view: StartView, robot: Robot) 
         assert robot.tips() == pytest.approx(tips, abs=5e-3)  # nothing else was moved
 
 
+def test_while_the_robot_floats_a_handle_pulls_the_tip_that_it_shows(
+    start_view: StartView, robot: Robot
+) -> None:
+    frames = ("finger_tip_link_240", "finger_lower_link_0")
+    page = start_view("sim", "--control", *(f"--frame={name}" for name in frames))
+    with browse(page) as connection:
+        driver = Steering(connection)
+        driver.take_control(handle="frame_1")
+        driver.press("Robot", "Float")
+        driver.says("the robot floats")
+        driver.begin_drag("frame_1")
+        driver.move("frame_1", robot.tips()[0])
+        driver.says("there is no 'finger_lower_link_0' to pull; there are tip_0, tip_1, tip_2")
+        driver.end_drag("frame_1")
+        start = robot.tips()
+        driver.begin_drag("frame_0")
+        driver.move("frame_0", *path(start[2], start[2] + 0.03 * UP))
+        driver.wait_until(lambda: bool(robot.tips()[2][2] > start[2][2] + 0.015))
+        assert robot.tips()[:2] == pytest.approx(start[:2], abs=5e-3)  # nothing else was moved
+
+
 def test_a_hand_leads_a_robot_that_another_process_lets_float(
     start_view: StartView, robot: Robot
 ) -> None:

@@ -91,7 +91,7 @@ class ControlPanel:
     def begin(self, live: LiveRun) -> None:
         """Notes the robot of another session."""
         self._robot = _Robot(live) if live.robot is not None else None
-        self._controller.begin_session()
+        self._controller.begin_session(live.scene.tip_names if live.scene is not None else ())
         with self._lock:
             if self._seat is not None:
                 self._seat.begin(self._robot)

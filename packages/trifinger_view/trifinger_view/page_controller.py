@@ -71,6 +71,7 @@ class PageController:
         self._words = ""
         self._guide: Guide | None = None
         self._hand: Hand | None = None
+        self._tips: dict[str, str] = {}  # names of frames at tips, with what the hand calls these
         self._setpoints: dict[int, Array] = {}  # newest points of frames that are not yet sent
         self._sent = -np.inf
         self._pull: tuple[str, Array] | None = None
@@ -163,8 +164,12 @@ class PageController:
         _trifinger.recover(self.name, timeout)
         self._words = ""
 
-    def begin_session(self) -> None:
-        """Notes that another session has begun: why the one before has ended is no longer new."""
+    def begin_session(self, tips: Sequence[str] = ()) -> None:
+        """Notes that another session has begun: why the one before has ended is no longer new.
+
+        `tips` are the names of the robot's tips, in the order in which a hand counts them.
+        """
+        self._tips = {name: f"tip_{number}" for number, name in enumerate(tips)}
         if self._driver is None and self._guide is None:
             self._words = ""
 
@@ -192,8 +197,10 @@ class PageController:
             self._words = ""
 
     def drag_frame(self, browser: int, frame: int, point: object) -> None:
-        """Moves a frame to a point in the world frame [m]; pulls at a tip while the robot floats,
-        and if there is no guide.
+        """Moves a frame to a point in the world frame [m].
+
+        While the robot floats, the hand pulls instead at the tip that the frame is. If there is no
+        guide, the frames are the tips.
         """
         where = _point(point)
         with self._lock:
@@ -205,7 +212,8 @@ class PageController:
             if not 0 <= frame < len(guide.frame_names):
                 raise InvalidArgument("there is no such frame")
             if guide.state(timeout=0).mode == "float":
-                self._begin_pull(f"tip_{frame}", where)
+                name = guide.frame_names[frame]
+                self._begin_pull(self._tips.get(name, name), where)  # it refuses what is no tip
                 return
             self._setpoints[frame] = where
             self._send_setpoints()
