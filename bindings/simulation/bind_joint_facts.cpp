@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -72,8 +74,10 @@ nb::object read_facts(const std::string& text, const std::string& robot,
     return facts_of(robot, joints, limits_in(file, joints));
   }
   const SimulationOptions options = read_robot_config(file).simulation;
-  if (options.file != nullptr)
-    return facts_of(options.file->name(), options.file->joint_names(), options.limits.value());
+  if (options.file != nullptr) {
+    return facts_of(robot_types_of(options).type, options.file->joint_names(),
+                    options.limits.value());
+  }
   return facts_of("trifinger-" + std::string(figures(options.description).name),
                   joint_names(options.description),
                   options.limits.value_or(default_limits(options.description)));
@@ -99,11 +103,12 @@ void bind_joint_facts(nb::module_& m) {
               "collections.abc.Sequence[str] = (), opens_file: bool = False) -> tuple[str, "
               "tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]"),
       "Name of the robot, names of its joints and the limits in the section `safety` of the text\n"
-      "of a configuration. A robot from a file has the names that are given here, and what only "
-      "its\n"
-      "file says counts as no limit and no gain, unless `opens_file`: an untrusted text must open "
-      "no\n"
-      "file. Raises InvalidArgument at the value that is wrong.");
+      "of a configuration. A robot from a file is named like the type of its sessions. It has the\n"
+      "names that are given here, and what only its file says counts as no limit and no gain, "
+      "unless\n"
+      "`opens_file`: an untrusted text must open no file. Raises InvalidArgument at the value that "
+      "is\n"
+      "wrong.");
   m.def(
       "named_joints",
       [](const std::string& text) {
@@ -117,14 +122,15 @@ void bind_joint_facts(nb::module_& m) {
       "them to the file.");
   m.def(
       "kinematics_of",
-      [](const std::string& text) {
+      [](const std::string& text) -> std::optional<Kinematics> {
         const config::File file = config::File::parse(text, "configuration.yml");
         // Before it is read: an untrusted text must open no file.
-        detail::require(!is_from_file(file), "the robot is from a file, which is not opened here");
+        if (is_from_file(file)) return std::nullopt;
         return Kinematics(description_of(read_robot_config(file)));
       },
-      "configuration"_a, nb::sig("def kinematics_of(configuration: str) -> Kinematics"),
-      "The kinematics of the robot in the text of a configuration.");
+      "configuration"_a, nb::sig("def kinematics_of(configuration: str) -> Kinematics | None"),
+      "The kinematics of the robot in the text of a configuration; None for a robot from a file,\n"
+      "which is not opened.");
 }
 
 }  // namespace trifinger::bindings

@@ -1168,9 +1168,10 @@ def configuration_text(config: str = 'sim', overrides: dict[str, object] = {}) -
 def read_joint_facts(configuration: str, robot: str = '', joints: Sequence[str] = (), opens_file: bool = False) -> tuple[str, tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]:
     """
     Name of the robot, names of its joints and the limits in the section `safety` of the text
-    of a configuration. A robot from a file has the names that are given here, and what only its
-    file says counts as no limit and no gain, unless `opens_file`: an untrusted text must open no
-    file. Raises InvalidArgument at the value that is wrong.
+    of a configuration. A robot from a file is named like the type of its sessions. It has the
+    names that are given here, and what only its file says counts as no limit and no gain, unless
+    `opens_file`: an untrusted text must open no file. Raises InvalidArgument at the value that is
+    wrong.
     """
 
 def named_joints(configuration: str) -> tuple[str, ...]:
@@ -1179,8 +1180,11 @@ def named_joints(configuration: str) -> tuple[str, ...]:
     them to the file.
     """
 
-def kinematics_of(configuration: str) -> Kinematics:
-    """The kinematics of the robot in the text of a configuration."""
+def kinematics_of(configuration: str) -> Kinematics | None:
+    """
+    The kinematics of the robot in the text of a configuration; None for a robot from a file,
+    which is not opened.
+    """
 
 class Pose:
     """Position and orientation of a body."""

@@ -2,13 +2,14 @@
 """Teaching, motions, teleoperation and the page with robots from files: an arm, and D'Claw."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 import trifinger
-from conftest import PATIENT_DCLAW, Running, StartProgram
+from conftest import PATIENT_DCLAW, Running, StartProgram, output_of
 from test_teleop_command import PAGE_UP, Terminal, start_teleop as start_teleop
 from test_view_authentication import browse
 from test_view_steering import Steering, is_near, path
@@ -28,6 +29,12 @@ def arm(start_program: StartProgram, patient_arm: Path) -> Running:
     running = start_program("run", str(patient_arm), "--name", "arm")
     running.wait_for("waits for a user")
     return running
+
+
+def module(command: str) -> tuple[str, str, str]:
+    """How a command of the package begins."""
+    main = f"from trifinger_view.commands.{command} import main; raise SystemExit(main())"
+    return sys.executable, "-c", main
 
 
 def hand_of(robot: trifinger.Frontend) -> Array:
@@ -63,6 +70,27 @@ def test_an_arm_is_taught_and_plays_its_motion(tmp_path: Path) -> None:
         assert torques is not None
         assert robot.get_desired_action(last)["torque"] == pytest.approx(torques[0], abs=1e-3)
         robot.finish()
+
+
+def test_a_robot_whose_model_has_a_name_with_signs_plays_what_it_was_taught_and_what_its_log_has(
+    start_program: StartProgram, patient_arm: Path, tmp_path: Path
+) -> None:
+    model = (EXAMPLES / "arm.xml").read_text()
+    (tmp_path / "arm.xml").write_text(model.replace('model="arm"', 'model="trifinger-arm No 2"'))
+    shutil.copy(EXAMPLES / "arm.yml", tmp_path)
+    patient_arm.write_text(patient_arm.read_text().replace(str(EXAMPLES / "arm.yml"), "arm.yml"))
+    start_program("run", str(patient_arm), "--name", "arm").wait_for("waits for a user")
+    taught, logged = tmp_path / "taught.motion", tmp_path / "logged.motion"
+    output_of(*module("teach"), "arm", "-o", str(taught), "--seconds", "0.3")
+    output_of(*module("motion"), "play", str(taught), "--robot", "arm")
+    log = tmp_path / "log"
+    with trifinger.simulate(str(tmp_path / "arm.yml"), record=log) as robot:
+        play(robot, Motion.load(taught))
+        robot.finish()
+    output_of(*module("motion"), "from-log", str(log), "-o", str(logged))
+    assert Motion.load(logged).robot == Motion.load(taught).robot
+    assert JointFacts.load(str(tmp_path / "arm.yml")).kinematics is None  # no TriFinger
+    output_of(*module("motion"), "play", str(logged), "--robot", "arm")
 
 
 def test_the_dynamics_of_a_file_hold_its_robot() -> None:

@@ -22,7 +22,6 @@ from trifinger_view.page_controller import SETPOINT_PERIOD, TIMEOUT, PageControl
 from trifinger_view.stop import Stop
 from viewing import StartView
 
-
 TIPS = ("finger_tip_link_0", "finger_tip_link_120", "finger_tip_link_240")
 
 

@@ -178,8 +178,7 @@ class JointFacts:
     @functools.cached_property
     def kinematics(self) -> Kinematics | None:
         """Kinematics and dynamics of a TriFinger; None for any other robot."""
-        is_described = self.configuration and self.robot.startswith("trifinger-")
-        return _trifinger.kinematics_of(self.configuration) if is_described else None
+        return _trifinger.kinematics_of(self.configuration) if self.configuration else None
 
     @functools.cached_property
     def dynamics(self) -> ModelDynamics | None:
@@ -224,6 +223,11 @@ class JointFacts:
         if model is None:
             return None
         return np.array([model.tip_positions(q) for q in positions])
+
+
+def is_trifinger(robot: str) -> bool:
+    """Whether this name of a robot is that of a TriFinger: types of others have no hyphen."""
+    return robot.startswith("trifinger-")
 
 
 def driven_joints(configuration: str, model: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from trifinger.errors import InvalidArgument
 
 from trifinger_view.motion import curves, file, symmetry, trajectories
-from trifinger_view.motion.facts import JointFacts
+from trifinger_view.motion.facts import JointFacts, is_trifinger
 from trifinger_view.motion.limits import Samples, Violation, slowing_factor, violations
 
 if TYPE_CHECKING:
@@ -272,7 +272,7 @@ class Motion:
         The fingers stand 120 degrees apart, so the tips move as before, turned about the vertical
         by 120 degrees clockwise for each finger, as seen from above.
         """
-        if len(self.joints) != 9 or not self.robot.startswith("trifinger-"):
+        if len(self.joints) != 9 or not is_trifinger(self.robot):
             raise InvalidArgument(
                 f"a motion of three fingers of a TriFinger can be turned; this one is of "
                 f"{len(self.joints)} joints of '{self.robot}'"

@@ -15,6 +15,7 @@ from trifinger import extras
 from trifinger.errors import InvalidArgument
 from trifinger.whole_file import whole_file
 
+from trifinger_view.motion.facts import is_trifinger
 from trifinger_view.motion.limits import UNITS, Samples, allowed_speeds
 
 if TYPE_CHECKING:
@@ -71,8 +72,9 @@ def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:
     for finger in range(fingers):
         own = range(finger * each, (finger + 1) * each)
         column = axes[:, finger]
-        is_finger = motion.robot.startswith("trifinger-")
-        title = f"finger {finger}" if is_finger else f"joints {own[0]} to {own[-1]}"
+        title = (
+            f"finger {finger}" if is_trifinger(motion.robot) else f"joints {own[0]} to {own[-1]}"
+        )
         column[0].set_title(title if fingers > 1 else "", fontsize=10)
         for colour, joint in enumerate(own):
             style = {"color": COLOURS[colour % len(COLOURS)]}
