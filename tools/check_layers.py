@@ -4,8 +4,8 @@
 A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER, in the root or in a
 package. Programs of packages are part of `apps`, and their bindings part of `bindings`. The table
 of layers in ARCHITECTURE.md says which layers each one is directly above. A layer may also include
-all layers further down, but only packages include a layer of a package. Tests may open any
-namespace.
+all layers further down. Only packages and `evaluation` include a layer of a package, and only the
+tests of packages and the judges of skills include `evaluation`. Tests may open any namespace.
 
 Public headers are those that docs/stability.md names, those that examples and templates of robots
 include, and what these include. No other header may be in include/trifinger.
@@ -22,8 +22,9 @@ TABLE = "ARCHITECTURE.md"
 ROW = re.compile(r"^\| `(\w+)` \|.*\|([^|]*)\|$", re.MULTILINE)
 # These layers share the namespace `trifinger`; each other layer has one of its own name in it.
 SHARED = {"base", "realtime", "core", "joint", "model", "sim"}
-# Layers of packages, which only packages may include.
+# Layers of packages, which only packages and the folder above all layers may include.
 OF_PACKAGES = {folder.name for folder in ROOT.glob("packages/*/src/*")}
+ABOVE_ALL = "evaluation"
 BENEATH = ("::detail", "::docs")  # docs has the texts that tools/write_docstrings.py writes
 NAMESPACE = re.compile(r"^\s*(?:inline\s+)?namespace\s+(trifinger[\w:]*)")
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<](trifinger/)?((\w+)/[\w/]+\.hpp)[">]')
@@ -48,10 +49,12 @@ def allowed_layers(layer: str) -> set[str]:
 
 
 def layer_of(path: Path) -> str | None:
-    """Returns the layer that the file belongs to; None if the file may include anything."""
+    """Returns the layer of the file, or ABOVE_ALL; None if it may include all of the core."""
     match in_room(path).parts:
         case ("src", _, "skills", _, "judge.cpp"):
-            return None  # It is compiled into `evaluation`, and only lies beside what it judges.
+            return ABOVE_ALL  # Into which it is compiled; it only lies beside what it judges.
+        case (folder, *_) if folder == ABOVE_ALL:
+            return ABOVE_ALL
         case ("include", "trifinger", layer, _, *_) | ("src", layer, _, *_):
             return layer
         case ("tests", layer, _, *_) if layer in DIRECTLY_BELOW:
@@ -66,22 +69,26 @@ def layer_of(path: Path) -> str | None:
 def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
     """Yields one sentence for each include and namespace in a file that its layer forbids."""
     layer = layer_of(path)
-    if layer is None:
+    if layer == ABOVE_ALL:
         return
-    if layer not in DIRECTLY_BELOW:
+    if layer is not None and layer not in DIRECTLY_BELOW:
         yield f"{path}: the layer '{layer}' is not in the table of {TABLE}."
         return
-    allowed = allowed_layers(layer) - (set() if path.parts[0] == "packages" else OF_PACKAGES)
+    allowed = set(DIRECTLY_BELOW) if layer is None else allowed_layers(layer)
+    if path.parts[0] != "packages":
+        allowed -= OF_PACKAGES
+    elif "tests" in path.parts:
+        allowed.add(ABOVE_ALL)
     own = "trifinger" if layer in SHARED else f"trifinger::{layer}"
     namespaces = {own, *(own + beneath for beneath in BENEATH)}
     for number, line in enumerate(lines, start=1):
         included = INCLUDE.match(line)
-        if included and included[3] in DIRECTLY_BELOW and included[3] not in allowed:
+        if included and included[3] in (*DIRECTLY_BELOW, ABOVE_ALL) and included[3] not in allowed:
             yield (
-                f"{path}:{number}: '{layer}' may not include '{included[3]}', "
+                f"{path}:{number}: '{layer or path.parts[0]}' may not include '{included[3]}', "
                 f"only {', '.join(name for name in DIRECTLY_BELOW if name in allowed)}."
             )
-        opened = NAMESPACE.match(line)
+        opened = NAMESPACE.match(line) if layer is not None else None
         if opened and "tests" not in path.parts and opened[1] not in namespaces:
             yield (
                 f"{path}:{number}: '{layer}' may not open the namespace '{opened[1]}', "
@@ -134,7 +141,7 @@ def mistakes_of_table(table: dict[str, tuple[str, ...]], layers: set[str]) -> It
 def main() -> int:
     """Checks the tables and all tracked C++ files and returns the exit status."""
     paths = tracked_files(".hpp", ".cpp")
-    layers = {layer for layer in map(layer_of, paths) if layer is not None}
+    layers = {layer for layer in map(layer_of, paths) if layer not in (None, ABOVE_ALL)}
     found = list(mistakes_of_table(DIRECTLY_BELOW, layers))
     texts = {name: (ROOT / path).read_text() for path in paths if (name := public_header(path))}
     users = [path for path in paths if path.parts[0] in ("examples", "config")]

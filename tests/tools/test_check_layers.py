@@ -72,10 +72,27 @@ def test_a_layer_includes_itself_and_what_lies_below(layer: str) -> None:
     assert found(f"packages/trifinger_x/include/trifinger/{layer}/x.hpp", *lines) == []
 
 
-def test_only_packages_include_a_layer_of_a_package() -> None:
-    line = '#include "trifinger/manipulation/skill.hpp"'
-    assert found("packages/trifinger_x/part/x.cpp", line) == []
-    assert found("apps/robot/run.cpp", line)
+JUDGE = "packages/trifinger_skills/src/manipulation/skills/lift/judge.cpp"
+
+
+@pytest.mark.parametrize("path", ["packages/trifinger_x/part/x.cpp", "evaluation/x.cpp", JUDGE])
+def test_packages_and_the_evaluation_include_a_layer_of_a_package(path: str) -> None:
+    assert found(path, '#include "trifinger/manipulation/skill.hpp"') == []
+
+
+@pytest.mark.parametrize("path", ["apps/robot/run.cpp", "examples/1_loop.cpp", "benchmarks/x.cpp"])
+def test_nothing_else_includes_a_layer_of_a_package(path: str) -> None:
+    assert found(path, '#include "trifinger/manipulation/skill.hpp"')
+
+
+@pytest.mark.parametrize("path", ["packages/trifinger_x/tests/manipulation/x_test.cpp", JUDGE])
+def test_tests_of_packages_and_judges_include_the_evaluation(path: str) -> None:
+    assert found(path, '#include "evaluation/skill_trial.hpp"') == []
+
+
+@pytest.mark.parametrize("path", ["src/sim/x.cpp", "packages/trifinger_x/src/sim/x.cpp"])
+def test_no_layer_includes_the_evaluation(path: str) -> None:
+    assert found(path, '#include "evaluation/skill_trial.hpp"')
 
 
 @pytest.mark.parametrize("layer", DIRECTLY_BELOW)
@@ -116,7 +133,7 @@ def test_the_directory_is_the_layer(path: str, layer: str) -> None:
 
 
 @pytest.mark.parametrize("path", ["examples/1_loop.cpp", "tests/support/guard.hpp"])
-def test_what_is_no_layer_may_include_anything(path: str) -> None:
+def test_what_is_no_layer_may_include_all_of_the_core(path: str) -> None:
     assert found(path, '#include "trifinger/sim/driver.hpp"') == []
 
 
