@@ -12,6 +12,7 @@
 #include "base/text_of.hpp"
 #include "can/socket_can.hpp"
 #include "can/unix_bus.hpp"
+#include "joint/every_joint.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/joint/read_limits.hpp"
 
@@ -121,7 +122,7 @@ class JointSection {
 // Reads what a robot has whose joints have names: a section for each, and one for every joint.
 void read_by_name(const Node& section, BoardRobotOptions& options) {
   const Node motors = section.section("motors");
-  const auto every = motors.optional_section("every_joint");
+  const auto every = motors.optional_section(trifinger::detail::kEveryJoint);
   std::vector<std::pair<std::string_view, std::size_t>> boards;
   boards.reserve(options.interfaces.size());
   for (const std::string& name : options.interfaces) boards.emplace_back(name, boards.size());

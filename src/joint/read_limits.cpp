@@ -12,6 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include "joint/every_joint.hpp"
+#include "trifinger/base/error.hpp"
+
 namespace trifinger::detail {
 namespace {
 
@@ -57,6 +60,13 @@ void announce(const config::Node& section, std::string_view key) {
 
 }  // namespace
 
+void require_other_name(std::string_view joint) {
+  if (joint != kEveryJoint) return;
+  throw InvalidArgument(
+      "no joint can be called 'every_joint', which is the key for all joints that do not say "
+      "otherwise; give it another name");
+}
+
 void read_repeated(const config::Node& node, const config::Range& range, std::span<double> values) {
   const std::vector<double> given =
       node.is_list() ? node.as<std::vector<double>>(range) : std::vector{node.as<double>(range)};
@@ -90,8 +100,8 @@ void read_joint_limits(const config::Node& section, std::span<JointLimit> limits
 namespace {
 
 using config::Node;
+using detail::kEveryJoint;
 
-constexpr std::string_view kEveryJoint = "every_joint";
 constexpr std::string_view kPlausibility = "plausibility.";
 
 bool is_said(double value) { return !std::isnan(value); }
@@ -219,6 +229,7 @@ std::string text_to_fill_in(std::span<const NamedJoint> joints, const Missing& m
 std::vector<JointLimit> read_limits_by_name(const Node& root, std::span<const NamedJoint> joints) {
   const auto safety = root.optional_section("safety");
   const auto every = safety ? safety->optional_section(kEveryJoint) : std::nullopt;
+  for (const NamedJoint& joint : joints) detail::require_other_name(joint.name);
   std::vector<JointLimit> limits(joints.size());
   Missing missing(joints.size());
   for (std::size_t i = 0; i < joints.size(); ++i) {
@@ -259,6 +270,7 @@ std::vector<JointLimit> read_limits_by_name(const Node& root, std::span<const Na
 }
 
 std::string limits_to_fill_in(std::span<const NamedJoint> joints) {
+  for (const NamedJoint& joint : joints) detail::require_other_name(joint.name);
   Missing missing(joints.size());
   bool is_complete = true;
   for (std::size_t i = 0; i < joints.size(); ++i) {

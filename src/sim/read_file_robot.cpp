@@ -9,6 +9,7 @@
 
 #include "base/text_of.hpp"
 #include "in_seconds.hpp"
+#include "joint/every_joint.hpp"
 #include "read_motors.hpp"
 #include "read_object.hpp"
 #include "read_simulation.hpp"
@@ -55,7 +56,7 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
   if (period) options.period = read_period(*period);
   if (const auto objects = root.find("objects")) options.objects = detail::read_objects(*objects);
   const auto armature = robot.optional_section("armature");
-  const auto every = armature ? armature->find("every_joint") : std::nullopt;
+  const auto every = armature ? armature->find(detail::kEveryJoint) : std::nullopt;
   options.armature = [&](const std::string& joint) -> std::optional<double> {
     const auto own = armature ? armature->find(joint) : std::nullopt;
     if (!own && !every) return std::nullopt;
@@ -69,7 +70,10 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
     return value->as<double>({.unit = joint.is_slide ? "m" : "rad"});
   };
   try {
-    return std::make_shared<const ModelFile>(std::move(options));
+    auto model = std::make_shared<const ModelFile>(std::move(options));
+    for (const ModelJoint& joint : model->model_joints()) detail::require_other_name(joint.name);
+    for (const DrivenJoint& joint : model->joints()) detail::require_other_name(joint.name);
+    return model;
   } catch (const InvalidArgument& error) {
     throw config::ConfigError(path.location(), error.what());
   }

@@ -7,10 +7,14 @@
 #include <chrono>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "model/file_robots.hpp"
 #include "support/config_message.hpp"
 #include "support/folder.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/config/file.hpp"
+#include "trifinger/joint/read_limits.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::test {
@@ -102,6 +106,33 @@ TEST_F(FileRobotConfig, AcceptsTheTextItAskedForOnceItIsFilledIn) {
     fill(key, "1");
   }
   EXPECT_EQ(message(kHead + text), "no error");
+}
+
+TEST_F(FileRobotConfig, RefusesJointsWithTheNameOfTheKeyForAllJoints) {
+  // A joint with a motor, one without, and a tendon.
+  for (const std::string joint : {"elbow", "flap", "finger"}) {
+    std::string text = kArm;
+    const auto rename = [&text](const std::string& from, const std::string& to) {
+      for (std::size_t at = 0; (at = text.find(from)) != std::string::npos;) {
+        text.replace(at, from.size(), to);
+      }
+    };
+    for (const std::string key : {" name", " joint", " tendon"}) {
+      rename(key + "=\"" + joint + "\"", key + "=\"every_joint\"");
+    }
+    write(folder_ / "models" / "arm.xml", text);
+    EXPECT_EQ(message(std::string(kHead) + kArmSafety),
+              "my.yml:3:15: no joint can be called 'every_joint', which is the key for all joints "
+              "that do not say otherwise; give it another name")
+        << joint;
+  }
+}
+
+TEST(LimitsToFillIn, HaveNoPlaceForAJointWithTheNameOfTheKeyForAllJoints) {
+  const std::vector<NamedJoint> joints{{.name = "every_joint"}};
+  EXPECT_THROW(static_cast<void>(limits_to_fill_in(joints)), InvalidArgument);
+  const config::File file = config::File::parse("safety: {}", "text");
+  EXPECT_THROW(static_cast<void>(read_limits_by_name(file.root(), joints)), InvalidArgument);
 }
 
 TEST_F(FileRobotConfig, LetsAJointTurnForEver) {

@@ -45,12 +45,12 @@ struct NamedJoint {
 /// and `max_kd` are then the default gains, and `max_torque_rate`, `continuous_torque`,
 /// `thermal_time` and `plausibility` are off. A soft or hard limit may be infinite.
 /// @throws config::ConfigError at a value that is wrong. One error names all values that nobody
-/// has said, as text to be filled in.
+/// has said, as text to be filled in. InvalidArgument if a joint is called "every_joint".
 [[nodiscard]] std::vector<JointLimit> read_limits_by_name(const config::Node& root,
                                                           std::span<const NamedJoint> joints);
 
 /// The section "safety" of a new configuration, as YAML: what `known` does not say, with FILL_IN in
-/// the place of each value. Empty if nothing is missing.
+/// the place of each value. Empty if nothing is missing. No joint may be called "every_joint".
 [[nodiscard]] std::string limits_to_fill_in(std::span<const NamedJoint> joints);
 
 }  // namespace trifinger
