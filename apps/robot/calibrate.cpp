@@ -41,9 +41,10 @@ void require_reference(const boards::BoardRobotOptions& robot, const std::vector
   for (std::size_t i = 0; i < pose.size(); ++i) {
     const JointLimit& limit = robot.limits[i];
     if (robot.motors[i].homing.method == boards::HomingMethod::kHere) {
+      // No joint has another one then.
       throw InvalidArgument(
-          "boards.homing.method is 'here', which finds no place; choose one that does, such as "
-          "end_stop_index");
+          robot.key_text("homing.method") +
+          " is 'here', which finds no place; choose one that does, such as end_stop_index");
     }
     if (pose[i] >= limit.hard_lower && pose[i] <= limit.hard_upper) continue;
     throw UsageError(

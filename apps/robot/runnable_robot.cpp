@@ -200,8 +200,8 @@ void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions& options) {
   if (std::filesystem::symlink_status(path, ignored).type() ==
       std::filesystem::file_type::not_found) {
     robot.calibration =
-        "has no calibration of its own: boards.homing.home_position counts; 'trifinger calibrate' "
-        "measures it";
+        "has no calibration of its own: " + options.key_text("homing.home_position") +
+        " counts; 'trifinger calibrate' measures it";
     return;
   }
   const boards::Calibration calibration = boards::read_calibration(path);

@@ -26,7 +26,8 @@ std::string cell(const std::optional<Number>& number, const char* format) {
 int print_reports(const boards::BoardRobot& boards) {
   const boards::BoardRobotOptions& options = boards.options();
   const auto problem_of_joint = [&](std::size_t i) {
-    return problem_of(boards.report(i), options.motors[i].angle_per_revolution());
+    return problem_of(boards.report(i), options.motors[i].angle_per_revolution(),
+                      options.key_text("gear_ratio", i));
   };
   print_safely(
       "\n  joint  wiring          load [Nm]  weight [Nm]  friction [Nm]  index distance [rad]\n");

@@ -75,6 +75,11 @@ struct BoardRobotOptions : CountedDriverOptions {
   Nanoseconds move_time{std::chrono::seconds(3)};
   BoardOptions board{};
 
+  /// What texts call a key of the configuration, such as "homing.method": that of a joint or, as a
+  /// subject in the singular, those of all joints. A robot whose joints have names has a key for
+  /// each of them.
+  [[nodiscard]] std::string key_text(std::string_view key,
+                                     std::optional<std::size_t> joint = {}) const;
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
 };

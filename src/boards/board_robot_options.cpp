@@ -2,7 +2,9 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "base/text_of.hpp"
 #include "boards/board_robot.hpp"
@@ -52,6 +54,13 @@ void validate_motor(const BoardRobotOptions& options, std::size_t joint) {
 
 double BoardMotor::angle_per_revolution() const noexcept {
   return 2.0 * std::numbers::pi / gear_ratio;
+}
+
+std::string BoardRobotOptions::key_text(std::string_view key,
+                                        std::optional<std::size_t> joint) const {
+  if (names[joint.value_or(0)].empty()) return text_of("boards.", key);
+  return joint ? text_of("boards.motors.", names[*joint], ".", key)
+               : text_of(key, " of each joint in boards.motors");
 }
 
 void BoardRobotOptions::validate() const {

@@ -25,7 +25,8 @@ double rounded(double value) { return std::round(value * 1000.0) / 1000.0; }
 
 }  // namespace
 
-std::string problem_of(const JointReport& report, double index_distance) {
+std::string problem_of(const JointReport& report, double index_distance,
+                       std::string_view gear_ratio_key) {
   if (!report.wiring || !report.sweep) return "was not tested to the end";
   const SweepResult& sweep = *report.sweep;
   if (sweep.error > kNoMovement) {
@@ -49,8 +50,8 @@ std::string problem_of(const JointReport& report, double index_distance) {
   if (report.index_distance > 0.0 &&
       std::abs(report.index_distance - index_distance) > kIndexTolerance * index_distance) {
     return text_of("has indexes ", rounded(report.index_distance), " rad apart instead of ",
-                   rounded(index_distance),
-                   "; check how its encoder is fixed, and boards.gear_ratio");
+                   rounded(index_distance), "; check how its encoder is fixed, and ",
+                   gear_ratio_key);
   }
   return "";
 }

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "boards/joint_sweep.hpp"
 #include "boards/wiring_test.hpp"
@@ -19,7 +20,9 @@ struct JointReport {
 };
 
 /// Describes what is wrong with the joint of `report`, and what to do; empty if nothing is. The
-/// text follows the name of the joint. One revolution of its motor is `index_distance` [rad].
-[[nodiscard]] std::string problem_of(const JointReport& report, double index_distance);
+/// text follows the name of the joint. One revolution of its motor is `index_distance` [rad], which
+/// follows from the value under `gear_ratio_key`.
+[[nodiscard]] std::string problem_of(const JointReport& report, double index_distance,
+                                     std::string_view gear_ratio_key);
 
 }  // namespace trifinger::boards

@@ -290,20 +290,23 @@ TEST(SelfTest, SaysWhatIsWrongWithWhatItHasMeasured) {
                          .sweep = SweepResult{.load = 0.06, .friction = 0.02, .error = 0.001},
                          .weight = 0.05,
                          .index_distance = distance};
-  EXPECT_EQ(problem_of(good, distance), "");
+  const auto problem = [&](const JointReport& found) {
+    return problem_of(found, distance, "boards.gear_ratio");
+  };
+  EXPECT_EQ(problem(good), "");
   JointReport report = good;
   report.sweep->load = -0.06;
-  EXPECT_THAT(problem_of(report, distance), HasSubstr("its load is -0.06 Nm, its weight 0.05 Nm"));
+  EXPECT_THAT(problem(report), HasSubstr("its load is -0.06 Nm, its weight 0.05 Nm"));
   report = good;
   report.sweep->error = 0.034;
-  EXPECT_THAT(problem_of(report, distance), HasSubstr("does not follow"));
+  EXPECT_THAT(problem(report), HasSubstr("does not follow"));
   report = good;
   report.sweep->friction = 0.15;
-  EXPECT_THAT(problem_of(report, distance), HasSubstr("friction is 0.15 Nm"));
+  EXPECT_THAT(problem(report), HasSubstr("friction is 0.15 Nm"));
   report = good;
   report.index_distance = 0.9 * distance;
-  EXPECT_THAT(problem_of(report, distance), HasSubstr("index"));
-  EXPECT_THAT(problem_of({}, distance), HasSubstr("not tested"));
+  EXPECT_THAT(problem(report), HasSubstr("check how its encoder is fixed, and boards.gear_ratio"));
+  EXPECT_THAT(problem({}), HasSubstr("not tested"));
 }
 
 TEST(Reference, GivesTheHomesOfTheJoints) {

@@ -443,7 +443,7 @@ def test_a_robot_from_a_file_runs_on_boards(
         target = start + min(step / 1500, 1.0) * (goal - start)
         t = robot.append_desired_action(robot.new_action(position=target))
     np.testing.assert_allclose(robot.get_observation(t).position, goal, atol=0.1)
-    assert robot.companion("wear").latest_observation().starts == 4
+    assert robot.companion("wear").latest_observation().starts == 5  # with the refused one
     kept = json.loads((log_folder / "desk-arm.wear").read_text().splitlines()[-1])
     assert kept["type"] == "desk_arm_wear"
     assert len(kept["wear"]["revolutions"]) == 3

@@ -217,7 +217,7 @@ RobotTestReport test_robot(UntypedFrontend& robot, SelfTest kind, const std::fun
       std::string problem = sweep(drive, i, joint, position);
       if (weights) joint.weight = weights(position).at(i);
       if (problem.empty()) {
-        const std::string own = boards::problem_of(joint, 0.0);
+        const std::string own = boards::problem_of(joint, 0.0, "");
         if (!own.empty()) problem = fmt::format("joint {} {}", i, own);
       }
       if (problem.empty() && !joint.wiring->is_good(i)) {
