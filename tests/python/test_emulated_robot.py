@@ -4,6 +4,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import time
@@ -342,33 +343,6 @@ def test_a_robot_that_runs_cannot_be_looked_after(start_program: StartProgram) -
 
 # ---- a robot from a file ----
 
-# An arm of three joints on two boards. Its drives are as different as its joints.
-DESK_ARM_MODEL = """<mujoco model="desk arm">
-  <compiler angle="radian"/>
-  <option timestep="0.001"/>
-  <default><geom density="600" contype="0" conaffinity="0"/></default>
-  <worldbody>
-    <body name="upper" pos="0 0 0.8">
-      <joint name="shoulder" axis="0 -1 0" range="-2 2" damping="0.05" armature="0.01"/>
-      <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
-      <body name="fore" pos="0 0 -0.2">
-        <joint name="elbow" axis="0 -1 0" range="-2.5 2.5" damping="0.05" armature="0.01"/>
-        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.015"/>
-        <body name="hand" pos="0 0 -0.2">
-          <joint name="wrist" axis="0 -1 0" range="-1.5 1.5" damping="0.02" armature="0.004"/>
-          <geom type="capsule" fromto="0 0 0 0 0 -0.1" size="0.015"/>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <actuator>
-    <motor joint="shoulder" ctrlrange="-4 4"/>
-    <motor joint="elbow" ctrlrange="-3 3"/>
-    <motor joint="wrist" ctrlrange="-1 1"/>
-  </actuator>
-</mujoco>
-"""
-
 DESK_ARM = f"""name: desk-arm
 robot:
   mjcf: desk_arm.xml
@@ -395,7 +369,7 @@ def desk_arm(folder: Path) -> str:
     }.items():
         boards, count = re.subn(rf"(?m)^  {key}: \S+", f"  {key}: {value}", boards)
         assert count == 1
-    (folder / "desk_arm.xml").write_text(DESK_ARM_MODEL)
+    shutil.copy(Path(__file__).parents[1] / "robots" / "desk_arm.xml", folder)
     (folder / "desk_arm.yml").write_text(DESK_ARM + boards)
     return str(folder / "desk_arm.yml")
 
@@ -435,7 +409,13 @@ def test_a_robot_from_a_file_runs_on_boards(
     assert "gear_ratio: [20, 15, 5]" in (calibrations / "desk-arm.yml").read_text()
     (calibrations / "desk-arm.yml").unlink()
 
-    start_program("run", arm).wait_for("holds its pose")
+    # What is said names keys that the configuration of such a robot has.
+    here = "boards.motors.every_joint.homing.method=here"
+    refused = output_of(PROGRAM, "calibrate", arm, "--set", here, succeeds=False)
+    assert "homing.method of each joint in boards.motors is 'here', which finds no place" in refused
+    running = start_program("run", arm)
+    running.wait_for("homing.home_position of each joint in boards.motors counts")
+    running.wait_for("holds its pose")
     robot = trifinger.connect("desk-arm")
     start, goal = np.array([0.3, -0.5, 0.2]), np.array([-0.4, 0.6, -0.3])
     np.testing.assert_allclose(robot.latest_observation().position, start, atol=0.1)

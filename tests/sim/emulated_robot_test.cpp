@@ -18,11 +18,10 @@
 
 #include "boards/board_robot.hpp"
 #include "boards/emulator.hpp"
-#include "can/memory_bus.hpp"
 #include "sim/boards_config.hpp"
+#include "sim/on_boards.hpp"
 #include "sim/simulated_plant.hpp"
 #include "support/soak.hpp"
-#include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger {
@@ -92,49 +91,23 @@ Start any_start(std::mt19937& random, double spread) {
   return start;
 }
 
-struct Robot {
-  Robot(const Start& start, bool self_test, const JointVector<kJoints>& home_correction = {}) {
+struct Robot : test::OnBoards {
+  Robot(const Start& start_from, bool self_test, const JointVector<kJoints>& home_correction = {}) {
     const RobotConfig config = config_of_tests();
     auto simulation = config.simulation;
     boards::BoardRobotOptions options = config.boards->options;
-    simulation.initial_position.emplace(start.pose.begin(), start.pose.end());
+    simulation.initial_position.emplace(start_from.pose.begin(), start_from.pose.end());
     plant.emplace(simulation);
-    std::vector<std::unique_ptr<can::Bus>> of_robot;
-    std::vector<std::unique_ptr<can::Bus>> of_boards;
-    for (std::size_t i = 0; i < options.interfaces.size(); ++i) {
-      buses.push_back(std::make_unique<can::MemoryBus>(clock));
-      of_robot.push_back(buses.back()->connect());
-      of_boards.push_back(buses.back()->connect());
-    }
-    emulator.emplace(options, std::move(of_boards), *plant, clock.now(),
-                     boards::EmulatedBoardOptions{.alignment_time = 100ms});
-    for (int i = 0; i < start.fall; ++i) pass();
+    switch_on(options, *plant);
+    for (int i = 0; i < start_from.fall; ++i) pass();
     options.self_test = self_test;
     for (std::size_t i = 0; i < kJoints; ++i) {
       options.motors[i].homing.home_position += home_correction[i];
     }
-    driver.emplace(options, std::move(of_robot), clock);
+    start(options);
   }
 
-  void pass() {
-    clock.advance(1ms);
-    emulator->tick(clock.now());
-  }
-
-  DriverReport prepare() {
-    DriverReport report = DriverReport::busy();
-    for (TimeIndex step = 0; step < 200'000 && report.state == State::kBusy; ++step) {
-      pass();
-      report = driver->prepare(step);
-    }
-    return report;
-  }
-
-  ManualClock clock;
   std::optional<Fingers> plant;
-  std::vector<std::unique_ptr<can::MemoryBus>> buses;
-  std::optional<boards::Emulator> emulator;
-  std::optional<boards::BoardRobot> driver;
 };
 
 // How far the measured angles are from the true ones.

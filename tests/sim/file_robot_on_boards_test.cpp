@@ -15,12 +15,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/regular_file.hpp"
 #include "boards/board_robot.hpp"
 #include "boards/calibration.hpp"
 #include "boards/emulator.hpp"
-#include "can/memory_bus.hpp"
 #include "model/file_robots.hpp"
 #include "sim/boards_config.hpp"
+#include "sim/on_boards.hpp"
 #include "sim/servo_plant.hpp"
 #include "sim/simulated_plant.hpp"
 #include "support/allocation_counter.hpp"
@@ -28,7 +29,6 @@
 #include "support/folder.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/model/kinematics.hpp"
-#include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::test {
@@ -45,31 +45,8 @@ using boards::BoardRobot;
 using boards::BoardRobotOptions;
 using boards::HomingMethod;
 
-constexpr const char* kModel = R"(<mujoco model="desk arm">
-  <compiler angle="radian"/>
-  <option timestep="0.001"/>
-  <default><geom density="600" contype="0" conaffinity="0"/></default>
-  <worldbody>
-    <body name="upper" pos="0 0 0.8">
-      <joint name="shoulder" axis="0 -1 0" range="-2 2" damping="0.05" armature="0.01"/>
-      <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
-      <body name="fore" pos="0 0 -0.2">
-        <joint name="elbow" axis="0 -1 0" range="-2.5 2.5" damping="0.05" armature="0.01"/>
-        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.015"/>
-        <body name="hand" pos="0 0 -0.2">
-          <joint name="wrist" axis="0 -1 0" range="-1.5 1.5" damping="0.02" armature="0.004"/>
-          <geom type="capsule" fromto="0 0 0 0 0 -0.1" size="0.015"/>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <actuator>
-    <motor joint="shoulder" ctrlrange="-4 4"/>
-    <motor joint="elbow" ctrlrange="-3 3"/>
-    <motor joint="wrist" ctrlrange="-1 1"/>
-  </actuator>
-</mujoco>
-)";
+// The model of the arm.
+std::string model_text() { return read_file(TRIFINGER_ROOT "/tests/robots/desk_arm.xml", 10'000); }
 
 constexpr const char* kHead = R"(name: desk-arm
 driver: boards
@@ -123,14 +100,15 @@ std::string changed(std::string text, const std::string& from, const std::string
 // A folder with a robot.
 class Robots {
  public:
-  [[nodiscard]] RobotConfig load(const std::string& text, const std::string& model = kModel) const {
+  [[nodiscard]] RobotConfig load(const std::string& text,
+                                 const std::string& model = model_text()) const {
     write(folder_ / "arm.xml", model);
     write(folder_ / "arm.yml", text);
     return load_robot_config((folder_ / "arm.yml").string());
   }
   // Returns the error for this text, from the name of the file on.
   [[nodiscard]] std::string message(const std::string& text,
-                                    const std::string& model = kModel) const {
+                                    const std::string& model = model_text()) const {
     const std::string found = message_of([&] { static_cast<void>(load(text, model)); });
     const std::size_t name = found.find("arm.yml");
     return name == std::string::npos ? found : found.substr(name);
@@ -142,34 +120,15 @@ class Robots {
 
 RobotConfig desk_arm() { return Robots().load(std::string(kHead) + kBoards); }
 
-// A robot, its boards and what they move, with time of its own.
-struct OnBoards {
-  explicit OnBoards(const RobotConfig& config) : OnBoards(config, config.boards->options) {}
-  OnBoards(const RobotConfig& config, const BoardRobotOptions& options) : plant(config.simulation) {
-    std::vector<std::unique_ptr<can::Bus>> of_robot;
-    std::vector<std::unique_ptr<can::Bus>> of_boards;
-    for (std::size_t i = 0; i < options.interfaces.size(); ++i) {
-      buses.push_back(std::make_unique<can::MemoryBus>(clock));
-      of_robot.push_back(buses.back()->connect());
-      of_boards.push_back(buses.back()->connect());
-    }
-    emulator.emplace(options, std::move(of_boards), plant, clock.now(),
-                     boards::EmulatedBoardOptions{.alignment_time = 100ms});
-    driver.emplace(options, std::move(of_robot), clock);
+// The robot and what its boards move.
+struct ArmOnBoards : test::OnBoards {
+  explicit ArmOnBoards(const RobotConfig& config) : ArmOnBoards(config, config.boards->options) {}
+  ArmOnBoards(const RobotConfig& config, const BoardRobotOptions& options)
+      : plant(config.simulation) {
+    switch_on(options, plant);
+    start(options);
   }
 
-  void pass() {
-    clock.advance(1ms);
-    emulator->tick(clock.now());
-  }
-  DriverReport prepare() {
-    DriverReport report = DriverReport::busy();
-    for (TimeIndex step = 0; step < 120'000 && report.state == State::kBusy; ++step) {
-      pass();
-      report = driver->prepare(step);
-    }
-    return report;
-  }
   DriverReport step(const void* action) {
     pass();
     const DriverReport measured = driver->get_latest_observation(&observation);
@@ -188,16 +147,12 @@ struct OnBoards {
     return "no fault";
   }
 
-  ManualClock clock;
   SimulatedPlant plant;
-  std::vector<std::unique_ptr<can::MemoryBus>> buses;
-  std::optional<boards::Emulator> emulator;
-  std::optional<BoardRobot> driver;
   Observation observation{};
   Applied applied{};
 };
 
-testing::AssertionResult is_prepared(OnBoards& robot) {
+testing::AssertionResult is_prepared(ArmOnBoards& robot) {
   const DriverReport report = robot.prepare();
   if (report.state == State::kReady) return testing::AssertionSuccess();
   return testing::AssertionFailure()
@@ -205,7 +160,7 @@ testing::AssertionResult is_prepared(OnBoards& robot) {
                                           : robot.driver->fault_text(report.fault_code));
 }
 
-void expect_true_positions(const OnBoards& robot, double tolerance = 0.03) {
+void expect_true_positions(const ArmOnBoards& robot, double tolerance = 0.03) {
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_NEAR(robot.observation.position[i], robot.plant.position()[i], tolerance) << i;
   }
@@ -235,7 +190,7 @@ TEST(FileRobotOnBoards, HasTheMotorsOfItsConfiguration) {
 
 TEST(FileRobotOnBoards, HasTheElementsOfTheSimulatedOne) {
   const RobotConfig config = desk_arm();
-  const OnBoards robot(config);
+  const ArmOnBoards robot(config);
   const RobotTypes simulated = robot_types_of(config.simulation);
   EXPECT_EQ(robot.driver->description().type, "desk_arm");
   EXPECT_EQ(robot.driver->description().observation, simulated.observation);
@@ -245,7 +200,7 @@ TEST(FileRobotOnBoards, HasTheElementsOfTheSimulatedOne) {
 
 TEST(FileRobotOnBoards, StartsHomesAndFollowsActions) {
   const RobotConfig config = desk_arm();
-  OnBoards robot(config);
+  ArmOnBoards robot(config);
   ASSERT_TRUE(is_prepared(robot));
   EXPECT_TRUE(robot.driver->is_homed());
   Action action = Action::of_position({0.3, -0.5, 0.2});
@@ -268,16 +223,17 @@ TEST(FileRobotOnBoards, StartsHomesAndFollowsActions) {
 }
 
 TEST(FileRobotOnBoards, PassesItsSelfTestWhereItHasMoreFrictionThanAFinger) {
-  const RobotConfig config =
-      Robots().load(std::string(kHead) + kBoards,
-                    changed(kModel, "\"shoulder\" axis", "\"shoulder\" frictionloss=\"0.2\" axis"));
+  const RobotConfig config = Robots().load(
+      std::string(kHead) + kBoards,
+      changed(model_text(), "\"shoulder\" axis", "\"shoulder\" frictionloss=\"0.2\" axis"));
   BoardRobotOptions options = config.boards->options;
   options.weight = weight_of(make_model(config.simulation));
-  OnBoards robot(config, options);
+  ArmOnBoards robot(config, options);
   robot.driver->set_preparation({.test = true});
   ASSERT_TRUE(is_prepared(robot));
   for (std::size_t i = 0; i < 3; ++i) {
-    EXPECT_EQ(problem_of(robot.driver->report(i), options.motors[i].angle_per_revolution()), "");
+    EXPECT_EQ(problem_of(robot.driver->report(i), options.motors[i].angle_per_revolution(), ""),
+              "");
   }
   EXPECT_NEAR(robot.driver->report(0).sweep->friction, 0.2, 0.05);
 }
@@ -293,7 +249,7 @@ TEST(FileRobotOnBoards, MayNotMixEndStopsWithOtherHomes) {
 TEST(FileRobotOnBoards, MayFindTheHomeOfEachJointAtItsEndStopInAnotherWay) {
   const std::string text = changed(std::string(kHead) + kBoards, "home_position: 1.5}",
                                    "home_position: 1.5, method: released_end_stop}");
-  OnBoards robot(Robots().load(text));
+  ArmOnBoards robot(Robots().load(text));
   DriverReport report = DriverReport::busy();
   for (TimeIndex step = 0; report.state == State::kBusy; ++step) {
     robot.pass();
@@ -311,7 +267,7 @@ TEST(FileRobotOnBoards, NamesTheJointsOfAFault) {
   const RobotConfig config = desk_arm();
   const Action hold = Action::of_position({0.3, -0.5, 0.2});
   {
-    OnBoards robot(config);
+    ArmOnBoards robot(config);
     ASSERT_TRUE(is_prepared(robot));
     robot.emulator->set_power(0, false, robot.clock.now());
     EXPECT_EQ(robot.fault_of(hold),
@@ -324,14 +280,14 @@ TEST(FileRobotOnBoards, NamesTheJointsOfAFault) {
     EXPECT_EQ(robot.driver->wear().homings, 2U);
   }
   {
-    OnBoards robot(config);
+    ArmOnBoards robot(config);
     ASSERT_TRUE(is_prepared(robot));
     robot.emulator->add(boards::parse_fault("joint 1 jumps by 4 rad"), robot.clock.now());
     EXPECT_EQ(robot.fault_of(hold), "joint 1 (elbow) is beyond its hard limit");
   }
   BoardRobotOptions options = config.boards->options;
   options.max_travel = 0.3;
-  OnBoards robot(config, options);
+  ArmOnBoards robot(config, options);
   const DriverReport report = robot.prepare();
   ASSERT_EQ(report.state, State::kFault);
   EXPECT_THAT(std::string(robot.driver->fault_text(report.fault_code)),
@@ -342,7 +298,7 @@ TEST(FileRobotOnBoards, KeepsItsRunningHours) {
   const RobotConfig config = desk_arm();
   std::vector<std::byte> kept;
   for (std::uint64_t start = 1; start <= 2; ++start) {
-    OnBoards robot(config);
+    ArmOnBoards robot(config);
     robot.driver->continue_wear(kept);
     ASSERT_TRUE(is_prepared(robot));
     const boards::Wear& wear = robot.driver->wear();
@@ -361,7 +317,7 @@ TEST(FileRobotOnBoards, DoesNotAllocateInTheLoop) {
   const RobotConfig config = desk_arm();
   BoardRobotOptions options = config.boards->options;
   options.weight = weight_of(make_model(config.simulation));
-  OnBoards robot(config, options);
+  ArmOnBoards robot(config, options);
   robot.pass();
   static_cast<void>(robot.driver->prepare(0));
   const AllocationCounter counter;
@@ -405,7 +361,7 @@ TEST(FileRobotOnBoards, ShowsNoAnglesOfJointsThatNobodyMeasures) {
       "    elbow: {interface: can0, motor: 1, gear_ratio: 15, polarity: -1, "
       "homing: {torque: -0.8, home_position: -2.5}}\n";
   text += changed(kBoards, elbow, "");
-  OnBoards robot(Robots().load(text));
+  ArmOnBoards robot(Robots().load(text));
   std::vector<double> element(robot.driver->description().observation.size() / sizeof(double));
   ASSERT_EQ(element.size(), 3U * 2U + 2U * 3U);
   robot.pass();
@@ -462,9 +418,19 @@ TEST(FileRobotOnBoards, IsRefusedWithThePlaceAndWhatIsAllowed) {
   EXPECT_THAT(robots.message(changed(kHead, backend, "") + kBoards), HasSubstr("backend"));
 }
 
+TEST(FileRobotOnBoards, IsToldKeysThatItsConfigurationHas) {
+  const BoardRobotOptions arm = desk_arm().boards->options;
+  EXPECT_EQ(arm.key_text("gear_ratio", 1), "boards.motors.elbow.gear_ratio");
+  EXPECT_EQ(arm.key_text("homing.method"), "homing.method of each joint in boards.motors");
+  const RobotConfig trifinger =
+      load_robot_config(TRIFINGER_CONFIG_DIR "/trifinger_edu_emulated.yml");
+  EXPECT_EQ(trifinger.boards->options.key_text("gear_ratio", 1), "boards.gear_ratio");
+  EXPECT_EQ(trifinger.boards->options.key_text("homing.method"), "boards.homing.method");
+}
+
 TEST(FileRobotOnBoards, CannotSlide) {
   const std::string model =
-      changed(kModel, "name=\"wrist\" axis", "name=\"wrist\" type=\"slide\" axis");
+      changed(model_text(), "name=\"wrist\" axis", "name=\"wrist\" type=\"slide\" axis");
   EXPECT_THAT(Robots().message(std::string(kHead) + kBoards, model),
               AllOf(HasSubstr("arm.yml:2"), HasSubstr("boards cannot drive wrist: it slides"),
                     HasSubstr("a board measures how far its motor turns")));
@@ -526,8 +492,8 @@ TEST(TriFingerOnBoards, DoesTheSameWithTheListsOfItsConfigurationAndWithTheNames
   const BoardRobotOptions named = boards::read_board_options(file.root(), robot);
   file.reject_unknown_keys();
 
-  OnBoards one(config, listed);
-  OnBoards other(config, named);
+  ArmOnBoards one(config, listed);
+  ArmOnBoards other(config, named);
   EXPECT_EQ(one.driver->description().observation, other.driver->description().observation);
   EXPECT_EQ(one.driver->description().applied_action, other.driver->description().applied_action);
   EXPECT_EQ(one.driver->wear_description().element, other.driver->wear_description().element);
