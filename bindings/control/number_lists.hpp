@@ -13,15 +13,8 @@
 
 #include "conversion/array.hpp"
 #include "conversion/numbers.hpp"
-#include "trifinger/base/error.hpp"
 
 namespace trifinger::bindings {
-
-inline void require_length(const char* what, std::size_t found, std::size_t expected) {
-  if (found == expected) return;
-  throw InvalidArgument(std::string(what) + " has " + std::to_string(found) +
-                        " numbers, must have " + std::to_string(expected));
-}
 
 inline std::span<const double> span_of(const Numbers& numbers) {
   return {numbers.value.data(), static_cast<std::size_t>(numbers.value.size())};

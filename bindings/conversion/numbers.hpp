@@ -5,15 +5,25 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cstddef>
 #include <initializer_list>
 #include <span>
+#include <string>
 
 #include "array.hpp"
 #include "numpy.hpp"
+#include "trifinger/base/error.hpp"
 
 // Lists of numbers whose length only their owners know.
 
 namespace trifinger::bindings {
+
+/// @throws InvalidArgument if an argument has not as many numbers as are expected
+inline void require_length(const char* what, std::size_t found, std::size_t expected) {
+  if (found == expected) return;
+  throw InvalidArgument(std::string(what) + " has " + std::to_string(found) +
+                        " numbers, must have " + std::to_string(expected));
+}
 
 /// A vector of any length.
 using Numbers = Array<Eigen::VectorXd>;

@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "conversion/numbers.hpp"
 #include "conversion/text.hpp"
 #include "session/checks.hpp"
 #include "trifinger/rendering/simulation_with_cameras.hpp"
@@ -17,10 +18,7 @@ namespace {
 
 template <std::size_t N>
 std::array<double, N> to_array(const std::vector<double>& values, const char* what) {
-  if (values.size() != N) {
-    throw InvalidArgument(std::string(what) + " has " + std::to_string(values.size()) +
-                          " numbers, must have " + std::to_string(N));
-  }
+  require_length(what, values.size(), N);
   std::array<double, N> array{};
   std::copy(values.begin(), values.end(), array.begin());
   return array;

@@ -9,6 +9,7 @@
 #include "base/moved.hpp"
 #include "base/text_of.hpp"
 #include "environment_implementation.hpp"
+#include "sim/possible_pose.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::learning {
@@ -18,7 +19,6 @@ using trifinger::detail::text_of;
 
 constexpr double kApproachTime = 2.0;       // Time to reach the start of an episode [s].
 constexpr long long kApproachActions = 20;  // Minimum number of actions for it.
-constexpr double kSmallestSquare = 1e-12;   // Of a quaternion that is not zero.
 
 // Each episode has three series of random numbers.
 constexpr std::uint64_t kStreams = 4;
@@ -77,11 +77,7 @@ void Environment::Implementation::check(const Start& start, std::size_t row) con
                                   position, " in row ", row, ", its hard limits are ",
                                   joints.hard_low[i], " and ", joints.hard_high[i]));
   }
-  double square = 0.0;
-  for (const double value : start.object.orientation) square += value * value;
-  bool is_pose = std::isfinite(square) && square > kSmallestSquare;
-  for (const double value : start.object.position) is_pose = is_pose && std::isfinite(value);
-  if (is_pose) return;
+  if (trifinger::detail::is_possible(start.object)) return;
   throw InvalidArgument(text_of("a start of the task '", task_name,
                                 "' has no pose of the object in row ", row,
                                 ": it is not finite, or its quaternion is zero"));

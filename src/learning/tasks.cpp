@@ -74,11 +74,6 @@ std::vector<std::string> task_names() { return Tasks::instance().names(); }
 
 EnvironmentOptions default_options(std::string_view task) { return find_task(task).options; }
 
-std::vector<std::string> config_overrides(std::string_view task,
-                                          const EnvironmentOptions& options) {
-  return config_overrides(find_task(task), options);
-}
-
 std::vector<std::string> config_overrides(const TaskDescription& task,
                                           const EnvironmentOptions& options, bool is_from_file) {
   std::vector<std::string> overrides;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -111,11 +110,6 @@ void add_to_key_frames(mjSpec* spec, std::span<const ObjectDescription> objects)
 void add_objects(mjSpec* spec, std::span<const ObjectDescription> objects) {
   for (const ObjectDescription& object : objects) {
     validate_object(object);
-    const bool is_name = !object.name.empty() && std::ranges::all_of(object.name, [](char letter) {
-      return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
-    });
-    require(is_name,
-            "an object cannot be called '" + object.name + "': names are letters, digits and '_'");
     require(object.position.has_value(), "object '" + object.name +
                                              "' needs a position: only the table of a TriFinger "
                                              "has places for objects");

@@ -2,6 +2,7 @@
 #include "trifinger/model/robot_description.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <set>
 
@@ -167,6 +168,12 @@ int num_lengths(ObjectShape shape) {
 }  // namespace
 
 void detail::validate_object(const ObjectDescription& object) {
+  // Names become those of bodies in files and of fields in sessions.
+  const bool is_name = !object.name.empty() && std::ranges::all_of(object.name, [](char letter) {
+    return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
+  });
+  if (!is_name)
+    reject("An object cannot be called '", object.name, "': names are letters, digits and '_'.");
   const std::string name = "object '" + object.name + "': ";
   for (int i = 0; i < num_lengths(object.shape); ++i)
     require_in(name + "size [m]", object.size[static_cast<std::size_t>(i)], 0.001, 1);
@@ -348,7 +355,6 @@ void validate(const RobotDescription& description) {
   std::set<std::string> names;
   std::size_t without_position = 0;
   for (const ObjectDescription& object : description.objects) {
-    if (object.name.empty()) reject("An object has no name; every object needs one of its own.");
     if (!names.insert(object.name).second)
       reject("Two objects are called '", object.name, "'; names must differ.");
     // Bodies of the robot use these names.

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/text_of.hpp"
+#include "possible_pose.hpp"
 #include "puller.hpp"
 #include "sim/scene_observation.hpp"
 #include "trifinger/base/error.hpp"
@@ -261,13 +262,9 @@ void SimulatedRobot::vary(const Variation& variation) {
 
 void SimulatedRobot::place_object(const std::string& name, const ObjectPose& pose) {
   const ObjectAddress& object = model().object(name);
-  double square = 0.0;
-  for (const double value : pose.orientation) square += value * value;
-  constexpr double kSmallestSquare = 1e-12;
-  bool is_pose = std::isfinite(square) && square > kSmallestSquare;
-  for (const double value : pose.position) is_pose = is_pose && std::isfinite(value);
-  require(is_pose, "object '" + name +
-                       "' cannot be placed: its pose is not finite, or its quaternion is zero");
+  require(
+      detail::is_possible(pose),
+      "object '" + name + "' cannot be placed: its pose is not finite, or its quaternion is zero");
   simulator_.place(object, pose, *data_, state_);
   begin_here();
 }

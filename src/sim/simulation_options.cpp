@@ -2,7 +2,6 @@
 #include "trifinger/sim/simulation_options.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -113,13 +112,9 @@ std::vector<NamedJoint> joints_of(const ModelFile& model) {
 void SimulationOptions::validate() const {
   if (file == nullptr) trifinger::validate(description);
   for (const ObjectDescription& object : objects_of(*this)) {
-    // The names become names of fields in the session "object".
-    const bool is_name = std::ranges::all_of(object.name, [](char letter) {
-      return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
-    });
-    require(is_name && object.name != "stamp",
-            "an object cannot be called '" + object.name +
-                "': names are letters, digits and '_', and 'stamp' is taken");
+    require(object.name != "stamp",
+            "an object cannot be called 'stamp', which is another field "
+            "of the session 'object'");
   }
   validate_limits(*this);
   require(file == nullptr || period == file->period(),

@@ -157,9 +157,11 @@ TEST(Validate, TakesColoursInHexadecimalDigitsAndNothingLikeThem) {
   }
 }
 
-TEST(Validate, RefusesNamesThatAreTakenTwice) {
+TEST(Validate, RefusesNamesThatAreTakenOrNone) {
   EXPECT_THAT(refusal({.objects = {cube("a"), ball("a")}}), HasSubstr("'a'"));
-  EXPECT_THAT(refusal({.objects = {cube("")}}), HasSubstr("no name"));
+  for (const char* const name : {"", "a-b", "a b"}) {
+    EXPECT_THAT(refusal({.objects = {cube(name)}}), HasSubstr("names are letters, digits and '_'"));
+  }
   EXPECT_THAT(refusal({.objects = {cube("finger_upper_link_0")}}), HasSubstr("taken"));
 }
 

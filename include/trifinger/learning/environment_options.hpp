@@ -112,11 +112,6 @@ struct OptionDescription {
 [[nodiscard]] std::vector<std::string> task_names();
 /// @throws InvalidArgument that names the existing tasks
 [[nodiscard]] EnvironmentOptions default_options(std::string_view task);
-/// The overrides that the configuration of a simulated robot needs for this task with these
-/// options, for example "boundary=false": a key and JSON.
-/// @throws InvalidArgument that names the existing tasks
-[[nodiscard]] std::vector<std::string> config_overrides(std::string_view task,
-                                                        const EnvironmentOptions& options);
 
 /// The options as a JSON object. Keys are the names above; enumerators are words, ranges are lists.
 [[nodiscard]] std::string write_options(const EnvironmentOptions& options);

@@ -182,7 +182,7 @@ using BoxColours = std::array<std::string, 6>;
 
 /// A loose object. It has a free joint and a body, both with the object's name.
 struct ObjectDescription {
-  std::string name;
+  std::string name;  ///< Letters, digits and '_'.
   ObjectShape shape{ObjectShape::kBox};
   Triple size{};   ///< Whole lengths, not halves [m].
   double mass{0};  ///< [kg], spread evenly over the volume.

@@ -15,6 +15,7 @@
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/numbers.hpp"
 #include "conversion/numpy.hpp"
 #include "conversion/text.hpp"
 #include "direct.hpp"
@@ -35,11 +36,7 @@ void read_numbers(nb::handle source, std::array<double, N>& values, const char* 
       nb::steal(PyArray_FROM_OTF(source.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
   if (!array.is_valid()) throw nb::python_error();
   auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
-  if (PyArray_SIZE(numbers) != static_cast<npy_intp>(N)) {
-    throw nb::value_error((std::string(what) + " has " + std::to_string(PyArray_SIZE(numbers)) +
-                           " numbers, must have " + std::to_string(N))
-                              .c_str());
-  }
+  require_length(what, static_cast<std::size_t>(PyArray_SIZE(numbers)), N);
   std::copy_n(static_cast<const double*>(PyArray_DATA(numbers)), N, values.begin());
 }
 
