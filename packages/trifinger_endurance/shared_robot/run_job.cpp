@@ -137,6 +137,12 @@ std::string signal_text(int signal) {
   return name == nullptr ? fmt::format("signal {}", signal) : fmt::format("SIG{}", name);
 }
 
+JobEnd cancelled_by(int signal) {
+  return {.kind = JobEnd::Kind::kCancelled,
+          .signal = signal,
+          .text = "was ended because this was interrupted by " + signal_text(signal)};
+}
+
 std::string limit_text(Limit limit, const JobUsage& usage, const JobLimits& limits) {
   switch (limit) {
     case Limit::kNone:
@@ -266,7 +272,8 @@ class Job {
       if (report_.end.text.empty()) report_.end.text = "was ended, because this failed";
     }
     program_.reset();
-    if (report_.before.is_fit || was_interrupted_ || is_broken_) restore();
+    if (report_.before.is_fit || interrupted_by_ || is_broken_) restore();
+    note_cancellation();
     report_.end_time = std::chrono::system_clock::now();
     write_report();
     const int code = exit_code_of(report_);
@@ -282,8 +289,8 @@ class Job {
   std::optional<int> look_for_signal() {
     const std::optional<int> signal = signals_.wait(Nanoseconds::zero());
     if (!signal) return std::nullopt;
-    if (was_interrupted_) Signals::die_of(*signal);
-    was_interrupted_ = true;
+    if (interrupted_by_) Signals::die_of(*signal);
+    interrupted_by_ = signal;
     print("ends early and brings the robot back; a second Ctrl-C ends at once", Style::kWarning);
     return signal;
   }
@@ -377,9 +384,7 @@ class Job {
       const std::optional<int> signal = look_for_signal();
       if (program_->end() || was_killed) continue;
       if (signal && !asked) {
-        ask({.kind = JobEnd::Kind::kCancelled,
-             .signal = *signal,
-             .text = "was ended because this was interrupted by " + signal_text(*signal)});
+        ask(cancelled_by(*signal));
       }
       if (now() - begin > options_.limits.time && !asked) {
         ask({.kind = JobEnd::Kind::kLimit,
@@ -480,6 +485,16 @@ class Job {
     }
   }
 
+  // Whoever gives a job up may signal all its processes one after the other, as Slurm does. Then
+  // the program may end before this one has got the signal.
+  void note_cancellation() {
+    static_cast<void>(look_for_signal());
+    const JobEnd& end = report_.end;
+    if (interrupted_by_ && end.kind == JobEnd::Kind::kSignal && end.signal == *interrupted_by_) {
+      report_.end = cancelled_by(*interrupted_by_);
+    }
+  }
+
   [[nodiscard]] PreparationOptions preparation_after() {
     PreparationOptions preparation = preparation_;
     preparation.look = [this] { static_cast<void>(look_for_signal()); };
@@ -550,9 +565,9 @@ class Job {
   fs::path folder_;
   fs::path work_;
   std::vector<fs::path> shared_;
-  std::optional<SystemUser> user_;  // only if root runs the program as somebody else
-  bool was_interrupted_{false};
-  bool is_broken_{false};  // This program has failed.
+  std::optional<SystemUser> user_;     // only if root runs the program as somebody else
+  std::optional<int> interrupted_by_;  // the first signal that came
+  bool is_broken_{false};              // This program has failed.
   std::unique_ptr<ControlGroup> group_;
   std::optional<ConfinedProgram> program_;
   std::optional<JobFiles> files_;

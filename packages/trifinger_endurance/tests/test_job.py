@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -294,6 +295,24 @@ def test_an_interrupted_turn_ends_with_a_report_and_a_robot_that_is_whole(
     assert report["end"]["kind"] == "interrupted"
     assert report["after"]["is_fit"]
     assert not processes_in(shared.job / "work")
+
+
+def test_a_turn_is_interrupted_in_whatever_order_its_processes_get_the_signal(
+    shared: Place, start_program: StartProgram
+) -> None:
+    running = started(shared, start_program, *shell("echo has begun; exec sleep 1000"))
+    running.process.send_signal(signal.SIGSTOP)
+    program = processes_in(shared.job / "work")
+    for process in program:
+        os.kill(process, signal.SIGTERM)
+    while processes_in(shared.job / "work"):
+        time.sleep(0.01)
+    running.process.send_signal(signal.SIGTERM)
+    running.process.send_signal(signal.SIGCONT)
+    output, _ = running.process.communicate()
+    assert running.process.returncode == 128 + signal.SIGTERM, output
+    assert shared.report["end"]["kind"] == "interrupted"
+    assert shared.report["after"]["is_fit"]
 
 
 def test_a_second_signal_ends_at_once(shared: Place, start_program: StartProgram) -> None:
