@@ -237,6 +237,8 @@ class FourProcesses {
   enum : std::size_t { kBackend, kController, kObserver, kRecorder, kProcesses };
 
   void start(std::size_t process) {
+    // What the last recorder has said is nothing that the next one has found.
+    if (process == kRecorder) work_->recorded_session = 0;
     processes_[process] = std::make_unique<Child>([this, process] {
       if (process == kBackend) run_backend(name_, at_one_kilohertz(1'000'000));
       if (process == kController) run_controller(name_, &work_->appended);
