@@ -124,6 +124,7 @@ struct Effort {
   double window_time;  ///< [s]
   int kills;           ///< Kills of processes at random instants.
   double hold_time;    ///< Time for which the lifted cube is held [s].
+  double share{1.0};   ///< Share of the episodes and pictures of each round that is measured.
 };
 
 /// A measure runs in a process of its own. It may pin itself, become real-time and lock its memory:

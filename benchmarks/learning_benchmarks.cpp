@@ -208,11 +208,11 @@ class DirectSteps {
 };
 
 template <class Step>
-double steps_per_second(const Step& step) {
+double steps_per_second(int actions, const Step& step) {
   const auto begin = Clock::now();
-  for (int i = 0; i < kActions; ++i) step(static_cast<std::size_t>(i));
+  for (int i = 0; i < actions; ++i) step(static_cast<std::size_t>(i));
   const double time = std::chrono::duration<double>(Clock::now() - begin).count();
-  return static_cast<double>(kSimulations) * kActions / time;
+  return static_cast<double>(kSimulations) * actions / time;
 }
 
 Row vector_row(const Effort& effort, int threads) {
@@ -221,19 +221,21 @@ Row vector_row(const Effort& effort, int threads) {
   for (std::size_t i = 0; i < kSimulations; ++i) batch.seed(i, i);
   DirectSteps direct(threads);
   const auto actions = wandering(std::size_t{kSimulations} * TriFinger::kJoints);
+  const int count = static_cast<int>(kActions * effort.share);
   Samples bare_ratios;
   double environments = 0.0;
   const auto environment = [&] {
     for (std::size_t i = 0; i < kSimulations; ++i) batch.seed(i, i);
     batch.reset();
-    environments = steps_per_second([&](std::size_t i) { batch.step(actions[i]); });
+    environments = steps_per_second(count, [&](std::size_t i) { batch.step(actions[i]); });
     return environments;
   };
   const auto direct_steps = [&] {
     direct.reset();
-    const double steps = steps_per_second([&](std::size_t i) { direct.step(actions[i]); });
+    const double steps = steps_per_second(count, [&](std::size_t i) { direct.step(actions[i]); });
     direct.reset();
-    bare_ratios.add(environments / steps_per_second([&](std::size_t) { direct.step_bare(); }));
+    bare_ratios.add(environments /
+                    steps_per_second(count, [&](std::size_t) { direct.step_bare(); }));
     return steps;
   };
   const Paired paired = alternate(effort.rounds, environment, direct_steps);

@@ -63,7 +63,8 @@ int main(int argc, char** argv) {
   benchmarks::Effort effort{
       .rounds = 15, .windows = 30, .window_time = 2.0, .kills = 1000, .hold_time = 50.0};
   if (argc == 3 && std::string_view(arguments[2]) == "--quick") {
-    effort = {.rounds = 1, .windows = 1, .window_time = 0.5, .kills = 20, .hold_time = 0.1};
+    effort = {
+        .rounds = 1, .windows = 1, .window_time = 0.5, .kills = 20, .hold_time = 0.1, .share = 0.1};
   } else if (argc != 2) {
     fmt::print(stderr, "usage: {} MEASURE [--quick]\nmeasures:\n", arguments[0]);
     for (const NamedMeasure& measure : kMeasures) fmt::print(stderr, "  {}\n", measure.name);

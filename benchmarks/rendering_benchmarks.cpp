@@ -92,10 +92,11 @@ Row rendered(const Effort& effort, int reduction, const std::string& reach, doub
     images[i].resize(cameras[i].format.size());
     places.emplace_back(images[i]);
   }
+  const int triples = static_cast<int>(kTriples * effort.share);
   const auto rate = [&](const auto& draw) {
     const auto begin = Clock::now();
-    for (int number = 0; number < kTriples; ++number) draw(number, scene(model, number));
-    return kTriples / seconds_since(begin);
+    for (int number = 0; number < triples; ++number) draw(number, scene(model, number));
+    return triples / seconds_since(begin);
   };
   const Paired paired = alternate(
       effort.rounds,
