@@ -359,15 +359,18 @@ def start_robot(request: pytest.FixtureRequest, start_program: StartProgram) -> 
     """Starts a robot with a cube in real time: a simulated one, or one on emulated motor boards.
 
     Nothing but its configuration tells the two apart. Its name and settings are the arguments, and
-    what else `trifinger run` shall know.
+    what else `trifinger run` shall know. `in_haste`: a simulated one does not wait for real time.
     """
 
-    def start(name: str, *settings: str, more: Sequence[str] = ()) -> Running:
+    def start(
+        name: str, *settings: str, more: Sequence[str] = (), in_haste: bool = False
+    ) -> Running:
         if request.param == "emulated":
             words = [EMULATED, "--name", name, *PATIENT_BOARDS, *settings]
             start_program("emulate", *words).wait_for("emulated boards are on")
         else:
             words = ["sim", "--name", name, *PATIENT, *settings]
+            words += ["--non-real-time"] if in_haste else []
         robot = start_program("run", *words, *more)
         robot.wait_for("waits for a user")
         return robot

@@ -44,7 +44,7 @@ def move_to_start(name: str) -> None:
 
 @pytest.mark.parametrize("language", ["C++", "Python"])
 def test_examples_run_on_a_robot_of_another_name(language: str, start_robot: StartProgram) -> None:
-    start_robot("another")
+    start_robot("another", in_haste=True)
     for example in OF_ANY_ROBOT:
         command = (
             [str(BUILD / "examples" / example)]
