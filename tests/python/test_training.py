@@ -71,15 +71,19 @@ def undisturbed(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_short_training_comes_within_3_cm(tmp_path):
-    training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=40), tmp_path)
-    assert training.run().median < 0.03
-    training.save_figures()
+def test_a_short_training_comes_within_4_cm(tmp_path):
+    training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=20), tmp_path)
+    assert training.run().median < 0.04
     result = evaluation.evaluate(trifinger.Policy(training.policy_path), "reach")
-    assert result.summary().median < 0.03
-    assert (tmp_path / "curve.png").stat().st_size > 1000
-    assert (tmp_path / "tips.png").stat().st_size > 1000
-    assert (tmp_path / "film.mp4").stat().st_size > 1000
+    assert result.summary().median < 0.04
+
+
+@pytest.mark.slow
+def test_a_training_has_figures(undisturbed, tmp_path):
+    shutil.copytree(undisturbed, tmp_path, dirs_exist_ok=True)
+    Training.resume(tmp_path).save_figures()
+    for figure in ("curve.png", "tips.png", "film.mp4"):
+        assert (tmp_path / figure).stat().st_size > 1000
     assert list((tmp_path / "tensorboard").iterdir())
 
 
