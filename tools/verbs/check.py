@@ -5,7 +5,7 @@ import platform
 import subprocess
 from pathlib import Path
 
-from .build import build
+from .build import build, jobs
 from .counting import Count
 from .docs import build_site, look_at_site
 from .lint import clang_tidy
@@ -128,7 +128,8 @@ def test_release(count: Count) -> bool:
     build("release", *(f"{folder}/all" for folder in folders), *targets)
     ctest = ["ctest", "--preset", "release", "-L", "^examples$|_without_sanitizer$"]
     with cpp_tests(count, "release", "C++ tests that need no sanitizer", *ctest) as step:
-        passed = python_tests(count, "release", "release", "-m", "slow")
+        # Two on each processor: most of them wait for robots that run in real time.
+        passed = python_tests(count, "release", "release", "-m", "slow", f"-n{2 * jobs()}")
     return passed and step.succeeded
 
 
