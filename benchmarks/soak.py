@@ -99,8 +99,8 @@ def memory(minutes: float) -> bool:
         # The first window is for warming up.
         for number in range(1, 31):
             samples: list[list[float]] = []
-            # A window may pass while this process waits for a processor.
-            while not samples or time.monotonic() < begin + number * window:
+            # A window may pass while this process waits for a processor; a median needs three.
+            while len(samples) < 3 or time.monotonic() < begin + number * window:
                 samples.append([usage.read() for usage in usages])
                 time.sleep(min(0.2, window / 5))
             print(f"[{number}/30]", file=sys.stderr)

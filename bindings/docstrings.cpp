@@ -415,8 +415,9 @@ A setpoint returns at once. It replaces earlier ones for the same frames and joi
 
 Raises InvalidArgument for numbers that are not finite, a frame that does not exist, or
 after the end of the guide; otherwise what ended the guide.)";
-const char* const move_joint = R"(`move_joints` for one joint. The other joints keep their targets, and frames that do not
-share joints with it their points.
+const char* const move_joint = R"(`move_joints` for one joint. The other joints keep their targets. If it moves a frame that
+is on its way to a point, this frame gives up its point, and so do frames that share joints
+with it.
 
 Raises like `move_frame`.)";
 const char* const move_joints = R"(Moves all joints to `positions` [rad], [m]. Positions beyond soft limits are clamped: see

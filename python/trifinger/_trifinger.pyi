@@ -3213,8 +3213,9 @@ class Guide:
 
     def move_joint(self, joint: int | str, position: float) -> None:
         """
-        `move_joints` for one joint. The other joints keep their targets, and frames that do not
-        share joints with it their points.
+        `move_joints` for one joint. The other joints keep their targets. If it moves a frame that
+        is on its way to a point, this frame gives up its point, and so do frames that share joints
+        with it.
 
         Raises like `move_frame`.
 

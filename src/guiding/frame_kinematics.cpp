@@ -125,9 +125,6 @@ void FrameKinematics::find_groups() {
       std::ranges::replace(groups_, second, first);
     }
   }
-  group_moves_.resize(moves_.size());
-  for (std::size_t frame = 0; frame < moves_.size(); ++frame)
-    group_moves_[static_cast<std::size_t>(groups_[frame])] |= moves_[frame];
 }
 
 void FrameKinematics::measure(const GuidedJoints& position, std::span<const double> all) noexcept {
@@ -204,14 +201,13 @@ double FrameKinematics::approach(std::span<const FrameGoal> goals,
   square_ = columns_.lazyProduct(columns_.transpose());
   square_.diagonal().array() += kDamping * kDamping;
   // A joint at its limit leaves its part to the others, so each turn has fewer joints.
-  for (int turn = 1; turn <= kMaxTurns; ++turn) {
-    ++num_solved_;
+  for (num_turns_ = 1; num_turns_ <= kMaxTurns; ++num_turns_) {
     solver_.compute(square_);
     solved_ = solver_.solve(error_);
     step_ = columns_.transpose().lazyProduct(solved_);
     const double largest = step_.cwiseAbs().maxCoeff();
     if (largest > kLargestStep) step_ *= kLargestStep / largest;
-    if (stop_at_limits(position) && turn < kMaxTurns) continue;
+    if (stop_at_limits(position) && num_turns_ < kMaxTurns) continue;
     position += step_.cwiseProduct(radians_);
     break;
   }

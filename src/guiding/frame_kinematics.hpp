@@ -43,12 +43,6 @@ class FrameKinematics {
     return group(frame) == group(other);
   }
 
-  // True if the motor of `joint` moves `frame` or another one of its group.
-  [[nodiscard]] bool moves_group(int joint, int frame) const noexcept {
-    return group_moves_[static_cast<std::size_t>(group(frame))].test(
-        static_cast<std::size_t>(joint));
-  }
-
   // Sets the measured pose. `all` are the positions of all hinges and slides of the model, in its
   // order, if somebody measures them. Joints that nobody measures stay where sessions begin.
   void measure(const GuidedJoints& position, std::span<const double> all) noexcept;
@@ -66,8 +60,8 @@ class FrameKinematics {
   // Changes joints so that frames come nearer to their goals: one step of damped least squares
   // within the soft limits. Returns the largest distance before the step [m].
   double approach(std::span<const FrameGoal> goals, GuidedJoints& position) noexcept;
-  // How many systems of equations `approach` has solved: at most `kMaxTurns` in a step.
-  [[nodiscard]] int num_solved() const noexcept { return num_solved_; }
+  // How many systems of equations the last `approach` has solved: at most `kMaxTurns`.
+  [[nodiscard]] int num_turns() const noexcept { return num_turns_; }
   static constexpr int kMaxTurns = 4;
   // Changes the joints of one frame to another posture, in which it is at its goal. Returns false
   // if none is known: only tips of a TriFinger have a closed form.
@@ -96,10 +90,9 @@ class FrameKinematics {
   std::shared_ptr<const SceneModel> model_;
   std::vector<JointLimit> limits_;
   Frames frames_;
-  std::optional<Kinematics> closed_form_;                    // of the tips of fingers
-  std::vector<std::bitset<kMaxCountedJoints>> moves_;        // for each frame
-  std::vector<int> groups_;                                  // for each frame
-  std::vector<std::bitset<kMaxCountedJoints>> group_moves_;  // by the first frame of each group
+  std::optional<Kinematics> closed_form_;              // of the tips of fingers
+  std::vector<std::bitset<kMaxCountedJoints>> moves_;  // for each frame
+  std::vector<int> groups_;                            // for each frame
   GuidedJoints radians_, damping_, friction_;
   SceneModel::Data data_;              // in the measured pose, at rest
   std::vector<double> configuration_;  // of one pose, in the order of MuJoCo's `qpos`
@@ -111,7 +104,7 @@ class FrameKinematics {
   Square square_;
   Eigen::LDLT<Square> solver_;
   GuidedJoints step_;
-  int num_solved_{0};
+  int num_turns_{0};
 };
 
 }  // namespace trifinger::guiding::detail

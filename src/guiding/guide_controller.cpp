@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "guiding/frame_kinematics.hpp"
 #include "trifinger/base/error.hpp"
@@ -22,11 +21,13 @@ constexpr double kUsualLag = 0.05;
 // Joints have arrived within this distance [rad] and below this speed [rad/s].
 constexpr double kArrivalDistance = 0.02;
 constexpr double kArrivalSpeed = 0.1;
+// Motors that refuse torques sag. They have arrived where they have been at rest for so long [s].
+constexpr double kRestTime = 0.1;
 // A point of a line that is so near to its end is at its end [m].
 constexpr double kSamePoint = 1e-9;
-// The search for a target does so many steps in one step of the robot, each so far ahead on the
-// line [m]. If it is so far ahead of a frame that cannot follow, it goes on at the end of the line
-// [m].
+// The search for the targets of a group does so many steps in one step of the robot, each so far
+// ahead on the lines [m]. If it is so far ahead of a frame that cannot follow, it goes on at the
+// end of the line [m].
 constexpr int kSearchesPerStep = 6;
 constexpr double kSearchStride = 0.01;
 constexpr double kMaxAhead = 1.0;
@@ -170,12 +171,13 @@ bool GuideController::accept(const Setpoint& setpoint) noexcept TRIFINGER_REALTI
       aim_frame(setpoint.frame, setpoint.point);
       break;
     case Mode::kFloat:
-      for (int frame = 0; frame < frames_; ++frame) forget_line(frame);
+      for (int frame = 0; frame < frames_; ++frame) forget_lines(kinematics_->group(frame));
       state_.is_clamped.fill(false);
       break;
   }
   state_.mode = setpoint.mode;
   state_.has_arrived = false;
+  rest_time_ = 0.0;
   return true;
 }
 
@@ -241,19 +243,23 @@ void GuideController::measure(const MeasuredJoints& measured) noexcept {
   kinematics_->measure(state_.measured, measured.all);
 }
 
-// Aims where the joints are once they have braked.
+// Where a joint is once it has braked.
+double GuideController::rest(int joint) const noexcept {
+  // If something blocks a joint, its reference is somewhere else, and the joint must not go there.
+  // A joint that sags under its weight is not blocked.
+  const double lag = std::abs(state_.reference[joint] - state_.measured[joint]);
+  const bool is_led = robot_.refuses_torques ? !is_held_back_[static_cast<std::size_t>(joint)]
+                                             : lag <= kUsualLag * radian(joint);
+  const double begin = is_led ? state_.reference[joint] : state_.measured[joint];
+  const double speed = is_led ? reference_velocity_[joint]
+                              : std::clamp(velocity_[joint], -max_speed(joint), max_speed(joint));
+  return inside(joint, begin + speed * std::abs(speed) / (2 * max_acceleration(joint)));
+}
+
 void GuideController::aim_at_rest() noexcept {
-  GuidedJoints rest(joints_);
-  for (int i = 0; i < joints_; ++i) {
-    // If something blocks a joint, its reference is somewhere else, and the joint must not go
-    // there.
-    const bool is_led = std::abs(state_.reference[i] - state_.measured[i]) <= kUsualLag * radian(i);
-    const double begin = is_led ? state_.reference[i] : state_.measured[i];
-    const double speed =
-        is_led ? reference_velocity_[i] : std::clamp(velocity_[i], -max_speed(i), max_speed(i));
-    rest[i] = inside(i, begin + speed * std::abs(speed) / (2 * max_acceleration(i)));
-  }
-  aim(rest);
+  GuidedJoints target(joints_);
+  for (int i = 0; i < joints_; ++i) target[i] = rest(i);
+  aim(target);
 }
 
 // Aims the joints at `target`, except for those that keep theirs: NaN.
@@ -262,18 +268,25 @@ void GuideController::aim(const GuidedJoints& target) noexcept {
     if (std::isnan(target[i])) continue;
     for (int frame = 0; frame < frames_; ++frame) {
       const bool has_line = lines_[static_cast<std::size_t>(frame)].is_given;
-      if (has_line && kinematics_->moves_group(i, frame)) forget_line(frame);
+      if (has_line && kinematics_->moves(i, frame)) forget_lines(kinematics_->group(frame));
     }
     state_.target[i] = inside(i, target[i]);
     state_.is_clamped[static_cast<std::size_t>(i)] = state_.target[i] != target[i];
   }
 }
 
-void GuideController::forget_line(int frame) noexcept {
-  lines_[static_cast<std::size_t>(frame)] = {};
-  state_.missing[static_cast<std::size_t>(frame)] = 0.0;
-  for (int i = 0; i < joints_; ++i) {
-    if (kinematics_->moves(i, frame)) is_led_[static_cast<std::size_t>(i)] = false;
+// Ends the lines of a group. Joints whose targets are still searched brake.
+void GuideController::forget_lines(int group) noexcept {
+  for (int frame = group; frame < frames_; ++frame) {
+    Line& line = lines_[static_cast<std::size_t>(frame)];
+    if (!line.is_given || !kinematics_->moves_with(frame, group)) continue;
+    for (int i = 0; i < joints_; ++i) {
+      if (!kinematics_->moves(i, frame)) continue;
+      is_led_[static_cast<std::size_t>(i)] = false;
+      if (!line.is_found) state_.target[i] = rest(i);
+    }
+    line = {};
+    state_.missing[static_cast<std::size_t>(frame)] = 0.0;
   }
 }
 
@@ -346,6 +359,7 @@ void GuideController::search(int group) noexcept {
 // Moves the search for the target of a frame by one stride on its line.
 void GuideController::go_ahead(int frame) noexcept {
   Line& line = lines_[static_cast<std::size_t>(frame)];
+  if (line.ahead == line.end) return;
   const Eigen::Vector3d rest = line.end - line.ahead;
   const bool follows = (line.ahead - kinematics_->point(frame, state_.target)).norm() <= kMaxAhead;
   if (follows && rest.stableNorm() > kSearchStride) {
@@ -357,15 +371,22 @@ void GuideController::go_ahead(int frame) noexcept {
 }
 
 void GuideController::end_search(int group) noexcept {
+  int num_lines = 0;
+  for (int frame = group; frame < frames_; ++frame) {
+    const bool has_line = lines_[static_cast<std::size_t>(frame)].is_given;
+    if (has_line && kinematics_->moves_with(frame, group)) ++num_lines;
+  }
   for (int frame = group; frame < frames_; ++frame) {
     Line& line = lines_[static_cast<std::size_t>(frame)];
     if (!line.is_given || line.is_found || !kinematics_->moves_with(frame, group)) continue;
     line.is_found = true;
     const Eigen::Vector3d point = kinematics_->point(frame, state_.target);
     const double missing = (point - line.end).stableNorm();
+    // Another posture would take other frames of the group away from their points.
     const bool is_reached =
         missing <= kReached ||
-        kinematics_->find_posture({.frame = frame, .point = line.end}, state_.target);
+        (num_lines == 1 &&
+         kinematics_->find_posture({.frame = frame, .point = line.end}, state_.target));
     state_.missing[static_cast<std::size_t>(frame)] = is_reached ? 0.0 : missing;
     if (!is_reached) line.end = point;
   }
@@ -496,14 +517,17 @@ void GuideController::command_reference() noexcept {
 }
 
 void GuideController::find_arrival() noexcept {
-  state_.has_arrived = state_.mode != Mode::kFloat && state_.reference == state_.target &&
-                       reference_velocity_.isZero(0.0);
+  const double distance = robot_.refuses_torques ? speeds_.max_lead : kArrivalDistance;
+  bool is_near = true;
+  bool is_slow = true;
   for (int i = 0; i < joints_; ++i) {
-    state_.has_arrived =
-        state_.has_arrived &&
-        std::abs(state_.measured[i] - state_.target[i]) <= kArrivalDistance * radian(i) &&
-        std::abs(velocity_[i]) <= kArrivalSpeed * radian(i);
+    is_near = is_near && std::abs(state_.measured[i] - state_.target[i]) <= distance * radian(i);
+    is_slow = is_slow && std::abs(velocity_[i]) <= kArrivalSpeed * radian(i);
   }
+  rest_time_ = is_slow ? rest_time_ + period_ : 0.0;
+  state_.has_arrived = state_.mode != Mode::kFloat && state_.reference == state_.target &&
+                       reference_velocity_.isZero(0.0) && is_near && is_slow &&
+                       (!robot_.refuses_torques || rest_time_ >= kRestTime);
   for (const Line& line : lines_)
     state_.has_arrived = state_.has_arrived && (!line.is_given || line.is_at_end());
 }

@@ -95,8 +95,9 @@ class Guide {
   /// `GuideState::refusal`.
   /// @throws like `move_frame`
   void move_joints(const GuidedJoints& positions);
-  /// `move_joints` for one joint. The other joints keep their targets, and frames that do not share
-  /// joints with it their points.
+  /// `move_joints` for one joint. The other joints keep their targets. If it moves a frame that is
+  /// on its way to a point, this frame gives up its point, and so do frames that share joints with
+  /// it.
   /// @throws like `move_frame`
   void move_joint(int joint, double position);
   /// Moves to the robot's initial pose.

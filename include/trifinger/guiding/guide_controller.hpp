@@ -81,7 +81,8 @@ struct ControllerState {
   FramePoints measured_frames;   ///< Points that follow from `measured` [m].
   FramePoints reference_frames;  ///< Points that follow from `reference` [m].
   FramePoints target_frames;     ///< Points that follow from `target` [m].
-  /// Joints are at their targets and at rest. Always false while floating.
+  /// Joints are at their targets and at rest. Motors that refuse torques sag under their load, so
+  /// they may rest up to `GuideSpeeds::max_lead` away. Always false while floating.
   bool has_arrived{false};
   /// Distance that will remain between each frame and its last point [m]; 0: it gets there.
   std::array<double, kMaxGuidedFrames> missing{};
@@ -164,11 +165,12 @@ class GuideController {
   [[nodiscard]] double inside(int joint, double position) const noexcept;
   [[nodiscard]] const JointLimit& limit(int joint) const noexcept;
   void measure(const MeasuredJoints& measured) noexcept;
+  [[nodiscard]] double rest(int joint) const noexcept;
   void aim_at_rest() noexcept;
   void aim(const GuidedJoints& target) noexcept;
   void aim_frame(int frame, const Eigen::Vector3d& point) noexcept;
   void begin_line(int frame) noexcept;
-  void forget_line(int frame) noexcept;
+  void forget_lines(int group) noexcept;
   void search(int group) noexcept;
   void go_ahead(int frame) noexcept;
   void end_search(int group) noexcept;
@@ -189,6 +191,7 @@ class GuideController {
   int frames_;
 
   bool has_begun_{false};
+  double rest_time_{0.0};  // for how long all joints have been slow, since the last setpoint [s]
   ControllerState state_;
   GuidedJoints velocity_;            // Measured [rad/s].
   GuidedJoints reference_velocity_;  // [rad/s]

@@ -39,8 +39,8 @@ struct GuidedRobot {
   /// Of a TriFinger, whose model is made from it: a tip of a finger then gets to all points that it
   /// can reach in any posture.
   std::optional<RobotDescription> description{};
-  /// Its motors follow positions by themselves and refuse torques (`dynamixel.mode: position`), so
-  /// it cannot float.
+  /// Its motors follow positions by themselves and refuse torques (`dynamixel.mode: position` in
+  /// its configuration, also in a simulation of it), so it cannot float.
   bool refuses_torques{false};
 };
 

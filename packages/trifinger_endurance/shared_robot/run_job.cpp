@@ -486,13 +486,17 @@ class Job {
   }
 
   // Whoever gives a job up may signal all its processes one after the other, as Slurm does. Then
-  // the program may end before this one has got the signal.
+  // the program may end before this one has got the signal: it dies of it, or says so as a shell
+  // does.
   void note_cancellation() {
     static_cast<void>(look_for_signal());
+    if (!interrupted_by_) return;
+    constexpr int kOfShells = 128;
     const JobEnd& end = report_.end;
-    if (interrupted_by_ && end.kind == JobEnd::Kind::kSignal && end.signal == *interrupted_by_) {
-      report_.end = cancelled_by(*interrupted_by_);
-    }
+    const bool is_of_signal =
+        (end.kind == JobEnd::Kind::kSignal && end.signal == *interrupted_by_) ||
+        (end.kind == JobEnd::Kind::kExited && end.exit_code == kOfShells + *interrupted_by_);
+    if (is_of_signal) report_.end = cancelled_by(*interrupted_by_);
   }
 
   [[nodiscard]] PreparationOptions preparation_after() {

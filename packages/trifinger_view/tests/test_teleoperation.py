@@ -619,6 +619,7 @@ class FakeGuide:
         self.is_stuck = False
         self.requests: list[str] = []
         self.fault: Error | None = None
+        self.refuses_torques = False
 
     def move_frame(self, frame: int, position: npt.ArrayLike) -> None:
         self.requests.append(f"tip {frame}")
@@ -639,6 +640,8 @@ class FakeGuide:
         self.requests.append("hold")
 
     def float_freely(self) -> None:
+        if self.refuses_torques:
+            raise InvalidArgument("the robot cannot float")
         self.requests.append("float")
 
     def stop(self) -> None:
@@ -674,6 +677,22 @@ def test_a_tip_goes_as_far_as_its_velocity_says() -> None:
     run(guide, [Command(), *[MOVE] * 100])
     assert guide.tips[1] == pytest.approx(100 * PERIOD * np.array(MOVE.velocity))
     assert not guide.tips[0].any()
+
+
+def test_a_robot_that_cannot_float_holds_and_says_so() -> None:
+    guide, clock = FakeGuide(), Clock()
+    guide.refuses_torques = True
+    left = [MOVE, Command(request="float"), MOVE, Command(request="end")]
+    said: list[str] = []
+    teleoperate(
+        guide,
+        lambda: left.pop(0),
+        watch=lambda command, _frame: said.append(command.message),
+        wait=clock.wait,
+        now=clock,
+    )
+    assert guide.requests == ["tip 1", "hold", "tip 1", "hold"]
+    assert said == ["", "the robot cannot float", "", ""]
 
 
 def test_a_tip_that_is_stuck_is_not_led_far_away() -> None:

@@ -181,9 +181,9 @@ class PageController:
             raise InvalidArgument("there is no such button")
         with self._lock:
             guide = self._require(browser)
+            {"home": guide.home, "hold": guide.hold, "float": guide.float_freely}[mode]()
             self._let_go()
             self._setpoints.clear()
-            {"home": guide.home, "hold": guide.hold, "float": guide.float_freely}[mode]()
             self._words = ""
 
     def move_joint(self, browser: int, joint: int, position: float) -> None:
@@ -192,7 +192,8 @@ class PageController:
             guide = self._require(browser)
             if not 0 <= joint < guide.num_joints or not np.isfinite(position):
                 raise InvalidArgument("there is no such joint, or its position is not a number")
-            self._send_setpoints(at_once=True)  # they came first
+            if self._setpoints:
+                self._send_setpoints(at_once=True)  # they came first
             guide.move_joint(joint, position)
             self._words = ""
 

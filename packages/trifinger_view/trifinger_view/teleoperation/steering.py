@@ -5,7 +5,8 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,9 @@ MAX_RATE = 1.0
 NO_FRAMES = "no end of this robot has a name: --frame, or frames=, names frames to move"
 SLIDE = 0.1
 """So many metres of a slide count as 1 rad."""
+
+
+Place = npt.NDArray[np.float64]
 
 
 class SteeredState(Protocol):
@@ -90,9 +94,12 @@ class Steering:
     def __init__(self, guide: Steered) -> None:
         self._guide = guide
         self._frames, self._units = guide.frame_names, guide.joint_units
-        self._target: Any = None  # of the frame: three numbers; of the joint: one
+        self._place: Place | None = None  # where the frame shall be
+        self._position: float | None = None  # where the joint shall be
         self._frame = self._joint = 0
         self._moves_joint = False
+        self.refusal = ""
+        """Why the robot holds instead of doing the last request; empty if it does it."""
 
     @property
     def frame(self) -> int:
@@ -102,7 +109,8 @@ class Steering:
     def obey(self, command: Command, elapsed: float) -> bool:
         """Does what `command` says; `elapsed` is the time since the last one [s].
 
-        Returns False if the teleoperation has ended.
+        Returns False if the teleoperation has ended. A robot that cannot do a request holds: see
+        `refusal`.
 
         Raises:
             InvalidArgument: if the command has no meaning for this robot; the robot holds
@@ -122,14 +130,19 @@ class Steering:
         if (frame, joint, moves_joint) != (self._frame, self._joint, self._moves_joint):
             self._rest()
         self._frame, self._joint, self._moves_joint = frame, joint, moves_joint
+        self.refusal = ""
         if command.request:
-            self._target = None
-            {
-                "home": self._guide.home,
-                "hold": self._guide.hold,
-                "end": self._guide.hold,
-                "float": self._guide.float_freely,
-            }[command.request]()
+            self._place = self._position = None
+            try:
+                {
+                    "home": self._guide.home,
+                    "hold": self._guide.hold,
+                    "end": self._guide.hold,
+                    "float": self._guide.float_freely,
+                }[command.request]()
+            except InvalidArgument as error:
+                self._guide.hold()
+                self.refusal = str(error)
         elif velocity != STILL:
             self._move(np.array(velocity), elapsed)
         elif rate != 0.0:
@@ -139,28 +152,27 @@ class Steering:
         return command.request != "end"
 
     def _rest(self) -> None:
-        if self._target is not None:
-            self._target = None
+        if self._place is not None or self._position is not None:
+            self._place = self._position = None
             self._guide.hold()
 
-    def _move(self, velocity: npt.NDArray[np.float64], elapsed: float) -> None:
+    def _move(self, velocity: Place, elapsed: float) -> None:
         place = self._guide.state().reference_frames[self._frame]
-        target = (place if self._target is None else self._target) + velocity * elapsed
+        target = (place if self._place is None else self._place) + velocity * elapsed
         ahead = target - place
         distance = float(np.linalg.norm(ahead))
         if distance > MAX_LEAD:
             target = place + ahead * (MAX_LEAD / distance)
-        self._target = target
+        self._place = target
         self._guide.move_frame(self._frame, target)
 
     def _turn(self, rate: float, elapsed: float) -> None:
         radian = SLIDE if self._units[self._joint] == "m" else 1.0
-        place = self._guide.state().reference_joints[self._joint]
-        target = (place if self._target is None else self._target) + rate * elapsed * radian
-        self._target = np.clip(
-            target, place - MAX_JOINT_LEAD * radian, place + MAX_JOINT_LEAD * radian
-        )
-        self._guide.move_joint(self._joint, float(self._target))
+        position = float(self._guide.state().reference_joints[self._joint])
+        target = (position if self._position is None else self._position) + rate * elapsed * radian
+        lead = MAX_JOINT_LEAD * radian
+        self._position = min(max(target, position - lead), position + lead)
+        self._guide.move_joint(self._joint, self._position)
 
     def _motion_of(self, command: object) -> tuple[Velocity, float]:
         if not isinstance(command, Command):
@@ -230,7 +242,8 @@ def teleoperate(
             last = now()
             goes_on = steering.obey(command, elapsed)
             if watch:
-                watch(command, steering.frame)
+                said = replace(command, message=steering.refusal) if steering.refusal else command
+                watch(said, steering.frame)
             if not goes_on:
                 return
             wait(max(0.0, last + period - now()))
