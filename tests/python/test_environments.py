@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import av
@@ -822,7 +821,7 @@ def test_closing_it_ends_the_step_of_another_thread(start_program: StartProgram)
         thread = threading.Thread(target=step)
         thread.start()
         while not sleeps(thread):
-            time.sleep(0.01)
+            os.sched_yield()
         environment.close()
         thread.join()
         robot.process.send_signal(signal.SIGCONT)

@@ -36,8 +36,8 @@ struct GuidedRobot {
   GuidedJoints home{};
   /// The frames whose points can be moved: names as for `Frames`, at most `kMaxGuidedFrames`.
   std::vector<std::string> frames{};
-  /// Of a TriFinger, whose model is made from it: a tip of a finger then gets to all points that it
-  /// can reach in any posture.
+  /// The description of a TriFinger, from which its model is made. With it the tip of a finger gets
+  /// to every point that it can reach, in whatever posture.
   std::optional<RobotDescription> description{};
   /// Its motors follow positions by themselves and refuse torques (`dynamixel.mode: position` in
   /// its configuration, also in a simulation of it), so it cannot float.
