@@ -69,7 +69,13 @@ class Ring {
       slot[words_].store(last, std::memory_order_release);
     }
     // At least release: whoever sees the even number sees the whole element.
-    slot[0].store(sequence, commit);
+    // Each order is a constant here: where this function is not inlined, a compiler makes the
+    // strongest order of one that it does not know.
+    if (commit == std::memory_order_seq_cst) {
+      slot[0].store(sequence, std::memory_order_seq_cst);
+    } else {
+      slot[0].store(sequence, std::memory_order_release);
+    }
     // The next slot was last used a whole history ago. This loads its lines into the cache while
     // others work; otherwise the stores of the next write would wait for them.
     const auto* const next = reinterpret_cast<const std::byte*>(slot_of(index + 1));
