@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 from conftest import BUILD
 
 PROGRAM = BUILD / "apps/trifinger-job"
@@ -26,7 +27,12 @@ PYTHON = ("--env", PACKAGES, "--", INTERPRETER)
 
 
 def may_be_used() -> bool:
-    """Whether the user of the tests can start the programs under test."""
+    """Whether the user of the tests, and jobs, can start the programs under test.
+
+    A job has a /tmp and a /var/tmp of its own: it sees nothing of a clone that lies there.
+    """
+    if BUILD.parts[1] == "tmp" or BUILD.parts[1:3] == ("var", "tmp"):
+        return False
     words = ["env", PACKAGES, INTERPRETER, "-c", "import trifinger"]
     try:
         done = subprocess.run(words, user=USER, group=USER, capture_output=True)
@@ -34,6 +40,12 @@ def may_be_used() -> bool:
     except PermissionError:
         return False
     return done.returncode == 0 and help_.returncode == 0
+
+
+needs_programs = pytest.mark.skipif(
+    not PROGRAM.exists() or not may_be_used(),
+    reason="nobody, or a job, may not start the programs under test",
+)
 
 
 class Place:

@@ -19,17 +19,12 @@ from job_place import (
     USER,
     Place,
     groups,
-    may_be_used,
+    needs_programs,
     place,
     processes_in,
 )
 
-pytestmark = [
-    pytest.mark.skipif(
-        not PROGRAM.exists() or not may_be_used(),
-        reason="nobody may not start the programs under test",
-    ),
-]
+pytestmark = needs_programs
 
 MEMORY = Path("/dev", "shm")
 DRIVE = """

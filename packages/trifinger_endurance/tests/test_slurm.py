@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from conftest import StartProgram, free_port
-from job_place import PACKAGES, PROGRAM, Place, groups, may_be_used, place, processes_in
+from job_place import PACKAGES, PROGRAM, Place, groups, needs_programs, place, processes_in
 
 NOBODY = 65534
 SBIN = Path("/usr/sbin")
@@ -30,10 +30,7 @@ pytestmark = [
         not all(daemon.exists() for daemon in DAEMONS),
         reason="slurm-wlm and munge are not installed",
     ),
-    pytest.mark.skipif(
-        not PROGRAM.exists() or not may_be_used(),
-        reason="nobody may not start the programs under test",
-    ),
+    needs_programs,
 ]
 
 DRIVE = """
