@@ -24,15 +24,13 @@ INTERPRETER = sys.executable if USER is None else "/usr/bin/python3"
 # The package under test need not be installed.
 PACKAGES = f"PYTHONPATH={os.pathsep.join(path for path in sys.path if Path(path).is_dir())}"
 PYTHON = ("--env", PACKAGES, "--", INTERPRETER)
+# A job has a /tmp and a /var/tmp of its own, so it cannot import the package of a clone there.
+SEES_THE_PACKAGE = BUILD.parts[1] != "tmp" and BUILD.parts[1:3] != ("var", "tmp")
+HIDDEN = "this clone lies in /tmp or /var/tmp, of which a job sees nothing"
 
 
 def may_be_used() -> bool:
-    """Whether the user of the tests, and jobs, can start the programs under test.
-
-    A job has a /tmp and a /var/tmp of its own: it sees nothing of a clone that lies there.
-    """
-    if BUILD.parts[1] == "tmp" or BUILD.parts[1:3] == ("var", "tmp"):
-        return False
+    """Whether the user of the tests can start the programs under test."""
     words = ["env", PACKAGES, INTERPRETER, "-c", "import trifinger"]
     try:
         done = subprocess.run(words, user=USER, group=USER, capture_output=True)
@@ -44,7 +42,7 @@ def may_be_used() -> bool:
 
 needs_programs = pytest.mark.skipif(
     not PROGRAM.exists() or not may_be_used(),
-    reason="nobody, or a job, may not start the programs under test",
+    reason="nobody may not start the programs under test",
 )
 
 

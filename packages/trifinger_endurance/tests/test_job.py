@@ -12,10 +12,12 @@ from pathlib import Path
 import pytest
 from conftest import PATIENT, Running, StartProgram
 from job_place import (
+    HIDDEN,
     INTERPRETER,
     NOBODY,
     PROGRAM,
     PYTHON,
+    SEES_THE_PACKAGE,
     USER,
     Place,
     groups,
@@ -54,6 +56,8 @@ def shared(a_place: Place, start_program: StartProgram) -> Place:
 
 
 def python(text: str) -> tuple[str, ...]:
+    if not SEES_THE_PACKAGE:
+        pytest.skip(HIDDEN)
     return (*PYTHON, "-c", text)
 
 

@@ -16,7 +16,17 @@ from typing import Any
 
 import pytest
 from conftest import StartProgram, free_port
-from job_place import PACKAGES, PROGRAM, Place, groups, needs_programs, place, processes_in
+from job_place import (
+    HIDDEN,
+    PACKAGES,
+    PROGRAM,
+    SEES_THE_PACKAGE,
+    Place,
+    groups,
+    needs_programs,
+    place,
+    processes_in,
+)
 
 NOBODY = 65534
 SBIN = Path("/usr/sbin")
@@ -31,6 +41,7 @@ pytestmark = [
         reason="slurm-wlm and munge are not installed",
     ),
     needs_programs,
+    pytest.mark.skipif(not SEES_THE_PACKAGE, reason=HIDDEN),
 ]
 
 DRIVE = """
