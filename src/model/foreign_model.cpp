@@ -16,6 +16,7 @@
 
 #include "base/regular_file.hpp"
 #include "base/text_of.hpp"
+#include "mesh_conversion.hpp"
 #include "model/model_text.hpp"
 #include "model/mujoco_messages.hpp"
 #include "model_limits.hpp"
@@ -204,8 +205,9 @@ double points_in(File& file) {
 // Which files there are, and the provider that hands them to MuJoCo.
 class ForeignModel::Files {
  public:
-  Files(const fs::path& main, const std::optional<fs::path>& mesh_folder)
+  Files(const fs::path& main, const std::optional<fs::path>& mesh_folder, bool repairs)
       : main_(virtual_name(main)),
+        repairs_(repairs),
         mesh_folder_(mesh_folder ? std::optional(fs::absolute(*mesh_folder)) : std::nullopt) {
     const Amount amount = add_model(main);
     require_size(amount, main.string());
@@ -241,6 +243,8 @@ class ForeignModel::Files {
     const std::lock_guard lock(mutex_);
     return is_missing_file_;
   }
+  [[nodiscard]] const auto& urdf_joints() const noexcept { return urdf_joints_; }
+  [[nodiscard]] const auto& colours() const noexcept { return colours_; }
 
  private:
   static Files& of(const mjResource* resource) {
@@ -259,7 +263,8 @@ class ForeignModel::Files {
       if (!file.text) {
         std::string bytes = read_whole(file);
         require_honest(file.format, bytes);
-        set_text(file, std::move(bytes));
+        const bool is_text = file.format.find("stl") != kNowhere && is_text_stl(bytes);
+        set_text(file, is_text ? binary_stl_of(bytes) : std::move(bytes));
       }
       std::memset(resource.timestamp, 0, sizeof(resource.timestamp));
       file.version.copy(resource.timestamp, sizeof(resource.timestamp) - 1);
@@ -298,6 +303,11 @@ class ForeignModel::Files {
     const fs::path folder = path.parent_path();
     std::set<std::string> included;
     include(root, folder, folder, included, 1, path);
+    // Not one that a model attaches: shapes and joints of that are those of the model.
+    const bool is_main = open_.size() == 1;
+    if (is_main && root.name == "robot") {
+      urdf_joints_ = prepare_urdf(root, path.string(), repairs_);
+    }
     Folders folders{.model = folder};
     find_folders(root, folders);
     forget_settings(root);
@@ -399,6 +409,10 @@ class ForeignModel::Files {
         outside.models[name != nullptr ? *name : names_[virtual_name(path)]] += amount;
       } else {
         path = place_of(element, path, folders);
+        if (lower(path.extension().string()) == ".dae") {
+          value = add_collada(path, bytes);
+          continue;
+        }
         bytes += add_file(path, lower(path.extension().string()) + " " + type + " " + element.name);
         if (element.name == "flexcomp") {
           outside.points[virtual_name(path)] = points_in(files_[virtual_name(path)]);
@@ -422,6 +436,25 @@ class ForeignModel::Files {
     return folders.model / (is_texture ? folders.textures : folders.meshes) / path;
   }
 
+  // Adds a mesh of COLLADA as what MuJoCo can read, and returns the name of that.
+  std::string add_collada(const fs::path& path, double& bytes) {
+    const std::string name = virtual_name(path / "converted.obj");
+    File& file = files_[name];
+    if (file.text) return name;
+    file.path = path;
+    std::string text;
+    try {
+      text = read_file(path, kMaxText);
+    } catch (const SystemError&) {
+      return name;  // An error if MuJoCo asks for it.
+    }
+    ConvertedMesh mesh = convert_collada(text, path.string());
+    if (mesh.colour) colours_[name] = *mesh.colour;
+    bytes += static_cast<double>(mesh.obj.size());
+    set_text(file, std::move(mesh.obj));
+    return name;
+  }
+
   // Returns how many bytes it takes. One that cannot be read is an error only if MuJoCo asks for
   // it.
   double add_file(const fs::path& path, const std::string& format) {
@@ -442,7 +475,10 @@ class ForeignModel::Files {
   }
 
   std::string main_;
+  bool repairs_;
   std::optional<fs::path> mesh_folder_;
+  std::optional<std::map<std::string, UrdfJoint>> urdf_joints_;  // of a URDF
+  std::map<std::string, std::array<float, 4>> colours_;          // of files of meshes
   std::map<std::string, File> files_;
   std::map<std::string, Amount> amounts_;     // amounts of models
   std::map<std::string, std::string> names_;  // names that models give themselves
@@ -456,14 +492,28 @@ class ForeignModel::Files {
   bool is_missing_file_{false};
 };
 
-ForeignModel::ForeignModel(const fs::path& file, const std::optional<fs::path>& mesh_folder)
-    : files_(std::make_unique<Files>(file, mesh_folder)) {}
+ForeignModel::ForeignModel(const fs::path& file, const std::optional<fs::path>& mesh_folder,
+                           bool repairs)
+    : files_(std::make_unique<Files>(file, mesh_folder, repairs)) {}
 
 ForeignModel::~ForeignModel() = default;
 
 const mjVFS* ForeignModel::files() const noexcept { return files_->vfs(); }
 
 bool ForeignModel::is_missing_file() const { return files_->is_missing_file(); }
+
+bool ForeignModel::is_urdf() const noexcept { return files_->urdf_joints().has_value(); }
+
+UrdfJoint ForeignModel::urdf_joint(const std::string& name) const {
+  if (!is_urdf()) return {};
+  const auto found = files_->urdf_joints()->find(name);
+  return found == files_->urdf_joints()->end() ? UrdfJoint{} : found->second;
+}
+
+std::optional<std::array<float, 4>> ForeignModel::colour_of(const std::string& mesh_file) const {
+  const auto found = files_->colours().find(mesh_file);
+  return found == files_->colours().end() ? std::nullopt : std::optional(found->second);
+}
 
 Spec ForeignModel::parse() const {
   std::array<char, 1000> error{};

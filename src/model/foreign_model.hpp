@@ -3,6 +3,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <memory>
@@ -11,6 +12,7 @@
 #include <string_view>
 
 #include "spec.hpp"
+#include "urdf.hpp"
 
 namespace trifinger::detail {
 
@@ -22,10 +24,10 @@ namespace trifinger::detail {
 class ForeignModel {
  public:
   // Reads the file and what it includes. Meshes are looked for in `mesh_folder`, if there is one,
-  // by the longest end of their paths that is there. Throws InvalidArgument that names the file,
-  // the line and the largest value allowed.
+  // by the longest end of their paths that is there. `repairs` is for `prepare_urdf`. Throws
+  // InvalidArgument that names the file, the line and the largest value allowed.
   ForeignModel(const std::filesystem::path& file,
-               const std::optional<std::filesystem::path>& mesh_folder);
+               const std::optional<std::filesystem::path>& mesh_folder, bool repairs);
   ForeignModel(const ForeignModel&) = delete;
   ForeignModel& operator=(const ForeignModel&) = delete;
   ~ForeignModel();
@@ -38,6 +40,11 @@ class ForeignModel {
   [[nodiscard]] std::string explained(const std::string& problem) const;
   // True if a file that the model needs is not there.
   [[nodiscard]] bool is_missing_file() const;
+  [[nodiscard]] bool is_urdf() const noexcept;
+  // What a URDF says of this joint and MuJoCo does not read.
+  [[nodiscard]] UrdfJoint urdf_joint(const std::string& name) const;
+  // The colour that stands in the file of a mesh, by the name of this file in the spec.
+  [[nodiscard]] std::optional<std::array<float, 4>> colour_of(const std::string& mesh_file) const;
 
  private:
   class Files;

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <span>
 #include <string_view>
 #include <system_error>
@@ -14,8 +15,10 @@
 
 #include "base/text_of.hpp"
 #include "file_objects.hpp"
+#include "finish_urdf.hpp"
 #include "foreign_model.hpp"
 #include "model/mujoco_messages.hpp"
+#include "repair_inertia.hpp"
 #include "self_contained.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -116,7 +119,18 @@ std::vector<Target> named_targets(const mjModel& model, const std::vector<std::s
   return targets;
 }
 
-// What the actuators drive; all hinges and slides if there are no actuators.
+// Marks the joints that follow another one, by an equality that holds from the beginning.
+std::vector<bool> followers_of(const mjModel& model) {
+  std::vector<bool> follows(static_cast<std::size_t>(model.njnt), false);
+  for (int i = 0; i < static_cast<int>(model.neq); ++i) {
+    if (model.eq_type[i] != mjEQ_JOINT || model.eq_obj2id[i] < 0 || !model.eq_active0[i]) continue;
+    follows[static_cast<std::size_t>(model.eq_obj1id[i])] = true;
+  }
+  return follows;
+}
+
+// What the actuators drive; all hinges and slides that follow no other one if there are no
+// actuators.
 std::vector<Target> driven_targets(const mjModel& model, const std::vector<Drive>& drives,
                                    const std::string& file) {
   std::vector<Target> targets;
@@ -128,8 +142,10 @@ std::vector<Target> driven_targets(const mjModel& model, const std::vector<Drive
                     "; name the joints to be driven (robot.joints), without it"));
     if (std::ranges::find(targets, target) == targets.end()) targets.push_back(target);
   }
+  const std::vector<bool> follows = followers_of(model);
   for (int joint = 0; drives.empty() && joint < static_cast<int>(model.njnt); ++joint) {
-    if (is_scalar(model, joint)) targets.push_back({.type = mjOBJ_JOINT, .id = joint});
+    if (is_scalar(model, joint) && !follows[static_cast<std::size_t>(joint)])
+      targets.push_back({.type = mjOBJ_JOINT, .id = joint});
   }
   return targets;
 }
@@ -214,6 +230,32 @@ void describe_actuator(const mjModel& model, int actuator, DrivenJoint& joint) {
   if (joint.kp && !joint.kd) joint.kd = 0.0;
 }
 
+// The first text, and how many more there are.
+std::string summary_of(const std::vector<std::string>& texts) {
+  const std::size_t others = texts.size() - 1;
+  return texts.front() + (others > 0 ? text_of(", and so on for ", others, " more") : "");
+}
+
+// Adds to `joint` what MuJoCo does not read of a URDF.
+void add_urdf(const detail::UrdfJoint& said, DrivenJoint& joint) {
+  joint.max_velocity = said.max_velocity;
+  joint.soft_range = said.soft_range;
+  if (!joint.soft_range || !joint.range) return;
+  auto& [lower, upper] = *joint.soft_range;
+  lower = std::max(lower, (*joint.range)[0]);
+  upper = std::min(upper, (*joint.range)[1]);
+  if (!(lower < upper)) joint.soft_range.reset();
+}
+
+// Throws InvalidArgument for a name that no configuration can have as a key.
+void require_usable_name(const std::string& name, const std::string& what) {
+  const auto is_control = [](char letter) { return static_cast<unsigned char>(letter) < ' '; };
+  require(
+      std::ranges::none_of(name, is_control) && name.find_first_not_of(' ') != std::string::npos,
+      text_of(what, " cannot be called '", name,
+              "', which is empty or has more than one line; rename it"));
+}
+
 }  // namespace
 
 void ModelFile::DeleteSpec::operator()(mjSpec_* spec) const noexcept { mj_deleteSpec(spec); }
@@ -223,15 +265,17 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   std::error_code ignored;
   require(std::filesystem::exists(options_.path, ignored), file + ": there is no such file");
   silence_mujoco();
-  const detail::ForeignModel source(options_.path, options_.mesh_folder);
+  const detail::ForeignModel source(options_.path, options_.mesh_folder, options_.repair_inertia);
   try {
     spec_.reset(source.parse().release());
   } catch (const InvalidArgument& error) {
     throw InvalidArgument(file + ": MuJoCo cannot read it: " + error.what());
   }
+  std::vector<std::string> impossible =
+      detail::find_impossible_inertias(spec_.get(), options_.repair_inertia);
+  if (options_.repair_inertia) repairs_ = std::exchange(impossible, {});
+  if (source.is_urdf()) detail::finish_urdf(spec_.get(), source, options_.collision);
   detail::add_objects(spec_.get(), options_.objects);
-  // MuJoCo leaves out what only looks when it reads a URDF; a viewer wants to see it.
-  spec_->compiler.discardvisual = false;
   // The simulation must see numbers that are not finite; MuJoCo must not reset silently.
   spec_->option.disableflags |= mjDSBL_AUTORESET;
   // The motors must work, whatever the file says of its actuators.
@@ -246,15 +290,20 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
     model_.reset(mj_compile(spec_.get(), source.files()));
     if (model_ != nullptr) return;
     const std::string problem = source.explained(mjs_getError(spec_.get()));
-    const bool is_missing_file = source.is_missing_file();
-    throw InvalidArgument(
-        file + ": MuJoCo refuses the model: " + problem +
-        (is_missing_file ? "; say in which folder the meshes are (robot.mesh_folder, --meshes)"
-                         : ""));
+    if (source.is_missing_file()) {
+      throw InvalidArgument(file + ": MuJoCo refuses the model: " + problem +
+                            "; say in which folder the meshes are (robot.mesh_folder, --meshes)");
+    }
+    if (!impossible.empty()) {
+      throw InvalidArgument(
+          text_of(file, ": ", summary_of(impossible), "; ", detail::kHowToRepair));
+    }
+    throw InvalidArgument(file + ": MuJoCo refuses the model: " + problem);
   };
   compile();
   if (name_joints()) compile();
   find_joints();
+  for (DrivenJoint& joint : joints_) add_urdf(source.urdf_joint(joint.name), joint);
   add_motors();
   set_step();
   compile();
@@ -264,6 +313,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   name_ = name.empty() || name == "MuJoCo Model" ? options_.path.stem().string() : name;
   find_objects();
   find_start();
+  if (source.is_urdf() && exclude_overlaps()) compile();
   // They may refer to what lives no longer than this call.
   options_.armature = nullptr;
   options_.initial_position = nullptr;
@@ -296,6 +346,9 @@ void ModelFile::find_joints() {
   const std::string file = options_.path.string() + ": ";
   for (int joint = 0; joint < static_cast<int>(model.njnt); ++joint) {
     if (!is_scalar(model, joint)) continue;
+    const std::string body = name_of(model, mjOBJ_BODY, model.jnt_bodyid[joint]);
+    require_usable_name(name_of(model, mjOBJ_JOINT, joint),
+                        file + "a joint of body '" + body + "'");
     model_joints_.push_back({.name = name_of(model, mjOBJ_JOINT, joint),
                              .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
     model_parts_.push_back(
@@ -324,6 +377,9 @@ void ModelFile::find_joints() {
     joints_.push_back(std::move(joint));
     motors_.push_back(std::move(motor));
   }
+  require(!joints_.empty(), file +
+                                "each joint follows another one, so none can be driven; name "
+                                "the joints to be driven (robot.joints)");
   drives_all_ = motors_.size() == model_parts_.size();
   for (std::size_t i = 0; drives_all_ && i < motors_.size(); ++i) {
     drives_all_ = joints_[i].name == model_joints_[i].name;
@@ -343,6 +399,7 @@ void ModelFile::describe_joint(int id, DrivenJoint& joint, Motor& motor) const {
 // Adds to `joint` and `motor` what the model says about a fixed tendon.
 void ModelFile::describe_tendon(int id, DrivenJoint& joint, Motor& motor) const {
   const mjModel& model = *model_;
+  require_usable_name(joint.name, options_.path.string() + ": a driven tendon");
   require(std::ranges::find(model_joints_, joint.name, &ModelJoint::name) == model_joints_.end(),
           text_of(options_.path.string(), ": tendon '", joint.name,
                   "' has the name of a joint; rename one of them"));
@@ -485,6 +542,40 @@ void ModelFile::find_start() {
         std::ranges::find(joints_, model_joints_[i].name, &DrivenJoint::name) != joints_.end();
     if (!is_driven) begin_at(model_joints_[i], i, initial_model_position_);
   }
+}
+
+// Lets parts of the robot pass through each other if they overlap where sessions begin, or if a
+// joint is between them: MuJoCo itself keeps a base that is fixed apart from what turns on it.
+// Returns true if there are some.
+bool ModelFile::exclude_overlaps() {
+  const mjModel& model = *model_;
+  std::set<std::pair<int, int>> pairs;
+  for (int body = 1; body < static_cast<int>(model.nbody); ++body) {
+    const int parent = model.body_parentid[body];
+    if (model.body_jntnum[body] > 0 && model.body_weldid[parent] == 0) pairs.emplace(parent, body);
+  }
+  const Data data = make_data();
+  reset(*data);
+  mj_fwdPosition(&model, data.get());
+  for (int i = 0; i < data->ncon; ++i) {
+    const mjContact& contact = data->contact[i];
+    if (contact.dist >= 0.0 || contact.geom[0] < 0 || contact.geom[1] < 0) continue;
+    const auto [first, second] =
+        std::minmax(model.geom_bodyid[contact.geom[0]], model.geom_bodyid[contact.geom[1]]);
+    pairs.emplace(first, second);
+  }
+  const auto is_object = [this](int body) {
+    return std::ranges::find(objects_, body, &ObjectAddress::body) != objects_.end();
+  };
+  bool excludes = false;
+  for (const auto& [first, second] : pairs) {
+    if (is_object(first) || is_object(second)) continue;
+    mjsExclude* const exclude = mjs_addExclude(spec_.get());
+    mjs_setString(exclude->bodyname1, name_of(model, mjOBJ_BODY, first).c_str());
+    mjs_setString(exclude->bodyname2, name_of(model, mjOBJ_BODY, second).c_str());
+    excludes = true;
+  }
+  return excludes;
 }
 
 void ModelFile::reset(mjData_& data) const noexcept {

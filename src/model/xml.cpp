@@ -91,7 +91,7 @@ class Parser {
     // Elements that are open. Only the last one grows, so none of them moves.
     std::vector<XmlElement*> open;
     do {
-      skip_to_element(open.empty());
+      skip_to_element(open.empty() ? nullptr : open.back());
       if (text_.substr(at_).starts_with("</")) {
         close(open);
         continue;
@@ -139,14 +139,16 @@ class Parser {
     move_to(found + last.size());
   }
 
-  // Moves to the next "<" that begins or ends an element.
-  void skip_to_element(bool is_outside) {
+  // Moves to the next "<" that begins or ends an element. `parent` is open; null: none is.
+  void skip_to_element(XmlElement* parent) {
+    const bool is_outside = parent == nullptr;
     for (;;) {
       const std::size_t found = text_.find('<', at_);
       const std::string_view between =
           text_.substr(at_, (found == kNowhere ? text_.size() : found) - at_);
       const bool is_empty = std::ranges::all_of(between, is_space);
       if (is_outside && !is_empty) fail("it does not begin with an element");
+      if (!is_empty && parent->children.empty()) parent->text += between;
       if (found == kNowhere) {
         fail(is_outside ? "it has no element" : "the end of an element is missing");
       }

@@ -13,8 +13,11 @@ namespace trifinger::detail {
 struct XmlElement {
   std::string name;
   int line{0};  // where it begins
-  std::vector<std::pair<std::string, std::string>> attributes;
-  std::vector<XmlElement> children;
+  std::vector<std::pair<std::string, std::string>> attributes{};
+  std::vector<XmlElement> children{};
+  // What stands in it before its first child, if that is not only spaces. `write_xml` leaves it
+  // out.
+  std::string text{};
 
   // Returns the value of an attribute; null if there is none of this name.
   [[nodiscard]] const std::string* find(std::string_view attribute) const noexcept;

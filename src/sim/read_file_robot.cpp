@@ -52,6 +52,11 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
     // Beside the file, unless it says otherwise.
     options.mesh_folder = options.path.parent_path() / meshes->as<std::string>();
   }
+  options.repair_inertia = robot.optional("repair_inertia", false);
+  options.collision = robot.optional_choice("collision", UrdfCollision::kHull,
+                                            {{"hull", UrdfCollision::kHull},
+                                             {"visual", UrdfCollision::kVisual},
+                                             {"none", UrdfCollision::kNone}});
   options.joints = robot.optional<std::vector<std::string>>("joints", {});
   if (period) options.period = read_period(*period);
   if (const auto objects = root.find("objects")) options.objects = detail::read_objects(*objects);

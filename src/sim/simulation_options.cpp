@@ -2,7 +2,9 @@
 #include "trifinger/sim/simulation_options.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -93,15 +95,26 @@ std::vector<JointLimit> default_limits(const RobotDescription& description) {
 }
 
 std::vector<NamedJoint> joints_of(const ModelFile& model) {
+  constexpr std::array kAnywhere{-kLargestJointLimit, kLargestJointLimit};
+  // Files say huge numbers if they do not know a limit.
+  const auto said = [](const std::optional<double>& value) {
+    return value && *value <= kLargestJointLimit ? *value : kNotGiven;
+  };
   std::vector<NamedJoint> joints;
   for (const DrivenJoint& joint : model.joints()) {
     JointLimit known;
-    known.max_torque = joint.max_torque.value_or(kNotGiven);
+    known.max_torque = said(joint.max_torque);
+    known.max_velocity = said(joint.max_velocity);
+    if (joint.soft_range) {
+      known.soft_lower = (*joint.soft_range)[0];
+      known.soft_upper = (*joint.soft_range)[1];
+    }
     known.default_kp = joint.kp.value_or(kNotGiven);
     known.default_kd = joint.kd.value_or(kNotGiven);
     // A joint without stops may be anywhere.
-    known.hard_lower = joint.range ? (*joint.range)[0] : -kLargestJointLimit;
-    known.hard_upper = joint.range ? (*joint.range)[1] : kLargestJointLimit;
+    const auto& [lower, upper] = joint.range.value_or(kAnywhere);
+    known.hard_lower = std::max(lower, -kLargestJointLimit);
+    known.hard_upper = std::min(upper, kLargestJointLimit);
     joints.push_back({.name = joint.name,
                       .kind = joint.is_slide ? JointKind::kSlide : JointKind::kHinge,
                       .known = known});

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -18,6 +19,13 @@ struct mjSpec_;
 
 namespace trifinger {
 
+/// What the shapes of a URDF are for.
+enum class UrdfCollision : std::uint8_t {
+  kHull,    ///< Its <collision> shapes touch, meshes as their convex hulls.
+  kVisual,  ///< Its <visual> shapes touch instead, likewise.
+  kNone,    ///< Nothing of the robot touches anything.
+};
+
 /// The robot to make of a file.
 struct ModelFileOptions {
   std::filesystem::path path;  ///< MJCF or URDF.
@@ -25,9 +33,13 @@ struct ModelFileOptions {
   /// that for "package://arm/meshes/link.stl" it may be the folder of "arm", "meshes" or
   /// "link.stl". Default: as the file says.
   std::optional<std::filesystem::path> mesh_folder{};
+  UrdfCollision collision{UrdfCollision::kHull};
+  /// Gives bodies with a mass or an inertia that no body can have the nearest that is possible.
+  /// Otherwise they are errors: many files have such inertias, from rounding or from guessing.
+  bool repair_inertia{false};
   /// Names of the joints that motors drive, in this order: hinges, slides, and fixed tendons, which
   /// couple some of these. Default: what the actuators of the file drive; if it has none, every
-  /// hinge and slide.
+  /// hinge and slide that does not follow another one (<mimic> of a URDF, <equality> of MJCF).
   std::vector<std::string> joints{};
   /// Length of a step of the robot. The physics does the smallest number of steps in it of which
   /// none is longer than the file's `timestep`. Default: the file's `timestep`.
@@ -63,6 +75,8 @@ class ModelFile final : public SceneModel {
   ~ModelFile() override;
 
   [[nodiscard]] const ModelFileOptions& options() const noexcept { return options_; }
+  /// What was repaired, a sentence for each body, if that was asked for.
+  [[nodiscard]] const std::vector<std::string>& repairs() const noexcept { return repairs_; }
   /// The name of the model in the file; that of the file if it has none.
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
@@ -89,9 +103,11 @@ class ModelFile final : public SceneModel {
   void set_step();
   void find_objects();
   void find_start();
+  bool exclude_overlaps();
 
   ModelFileOptions options_;
   std::string name_;
+  std::vector<std::string> repairs_;
   std::unique_ptr<mjSpec_, DeleteSpec> spec_;
   Nanoseconds period_{0};
   int substeps_{1};

@@ -33,12 +33,14 @@ struct ModelJoint {
 /// A driven joint, and what a file says about it. Nothing where it says nothing, or nothing that
 /// one motor could obey.
 struct DrivenJoint {
-  std::string name;                              ///< That of the joint or of the tendon.
-  bool is_slide{false};                          ///< See `ModelJoint`.
-  std::optional<std::array<double, 2>> range{};  ///< Where its stops are [rad], [m].
-  std::optional<double> max_torque{};            ///< [Nm], [N]
-  std::optional<double> kp{};                    ///< Stiffness of its position actuator [Nm/rad].
-  std::optional<double> kd{};                    ///< Its damping [Nms/rad].
+  std::string name;                                   ///< That of the joint or of the tendon.
+  bool is_slide{false};                               ///< See `ModelJoint`.
+  std::optional<std::array<double, 2>> range{};       ///< Where its stops are [rad], [m].
+  std::optional<std::array<double, 2>> soft_range{};  ///< `safety_controller` of a URDF [rad], [m].
+  std::optional<double> max_torque{};                 ///< [Nm], [N]
+  std::optional<double> max_velocity{};               ///< `velocity` of a URDF [rad/s], [m/s].
+  std::optional<double> kp{};  ///< Stiffness of its position actuator [Nm/rad].
+  std::optional<double> kd{};  ///< Its damping [Nms/rad].
 };
 
 /// A robot and its scene as a MuJoCo model. It has two makers: `RobotModel` makes it from a
