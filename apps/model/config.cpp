@@ -8,6 +8,7 @@
 #include "commands.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
+#include "sim/gain_warnings.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
@@ -21,7 +22,7 @@ struct ConfigOptions {
 int print_config(const ConfigOptions& options) {
   const config::File file = load_config_file(options.robot, options.overrides);
   // Who reads it knows what is allowed.
-  static_cast<void>(read_robot_config(file));
+  const RobotConfig config = read_robot_config(file);
   const std::vector<config::File::Key> keys = file.keys();
   std::size_t key_width = 0;
   std::size_t value_width = 0;
@@ -32,6 +33,9 @@ int print_config(const ConfigOptions& options) {
   for (const config::File::Key& key : keys) {
     print_safely("{}  {}  {}\n", pad(key.path, key_width), pad(key.value, value_width),
                  key.allowed);
+  }
+  for (const std::string& warning : detail::gain_warnings(config.simulation)) {
+    print_safely(stderr, "{}\n", warning);
   }
   return kDone;
 }

@@ -15,13 +15,11 @@
 
 #include "base/regular_file.hpp"
 #include "commands.hpp"
+#include "model/new_configuration.hpp"
 #include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/joint/read_limits.hpp"
-#include "trifinger/joint/types.hpp"
 #include "trifinger/model/model_file.hpp"
 #include "trifinger/sim/robot_config.hpp"
-#include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -41,6 +39,8 @@ struct NewRobotOptions {
   std::string name;
   std::optional<fs::path> file;
   std::optional<fs::path> meshes;
+  bool repair_inertia{false};
+  std::string collision;
   fs::path folder{"."};
 };
 
@@ -151,75 +151,26 @@ void write_driver(const NewRobotOptions& options) {
       folder.string(), options.name, folder.string());
 }
 
-// The path to `path` from `folder`; absolute if there is none.
-fs::path relative_path(const fs::path& path, const fs::path& folder) {
-  std::error_code ignored;
-  const fs::path relative = fs::relative(fs::absolute(path), fs::absolute(folder), ignored);
-  return relative.empty() ? fs::absolute(path) : relative;
-}
-
-// A name in the file, for a comment.
-std::string on_one_line(std::string name) {
-  std::ranges::replace_if(
-      name, [](char letter) { return static_cast<unsigned char>(letter) < ' '; }, ' ');
-  return name;
-}
-
-// The configuration of a simulated robot from a file.
-std::string configuration_of(const NewRobotOptions& options, const ModelFile& model) {
-  const auto quoted = [](const fs::path& path) {
-    return "'" + replaced(path.string(), "'", "''") + "'";
-  };
-  // From the folder of the configuration, so that both can be moved together.
-  const fs::path file = relative_path(*options.file, options.folder);
-  const bool is_urdf = file.extension() == ".urdf";
-  std::string text = fmt::format(
-      "# {}, simulated. docs/any_robot.md explains the keys; 'trifinger config {}.yml' checks "
-      "them.\n"
-      "name: {}\ndriver: simulation\n\nrobot:\n  {}: {}\n",
-      on_one_line(model.name()), options.name, options.name, is_urdf ? "urdf" : "mjcf",
-      quoted(file));
-  if (options.meshes) {
-    // This one counts from the folder of the robot's file.
-    text += fmt::format("  mesh_folder: {}\n",
-                        quoted(relative_path(*options.meshes, options.file->parent_path())));
-  }
-  text +=
-      "  # Where joints begin, if not at zero or in the file's first key frame [rad], [m].\n"
-      "  # initial_position: {JOINT: 0.5}\n"
-      "  # Inertia of the rotors behind their gears, if the file leaves it out [kgm^2], [kg].\n"
-      "  # armature: {every_joint: 0.1}\n";
-  const std::string missing = limits_to_fill_in(joints_of(model));
-  if (missing.empty()) return text;
-  return text +
-         "\n"
-         "# What the file does not say and safety needs. Values of joints that slide are in m and "
-         "N.\n"
-         "#   max_torque              largest torque of the motor [Nm]\n"
-         "#   safety_kd               damping that always acts, whatever a user asks for "
-         "[Nms/rad]\n"
-         "#   soft_lower, soft_upper  targets are clamped, and a joint beyond is pushed back "
-         "[rad]\n"
-         "#   default_kp, default_kd  gains of a position that comes without its own [Nm/rad], "
-         "[Nms/rad]\n"
-         "#   max_velocity            a faster joint is not driven, but braked [rad/s]\n"
-         "#   braking                 deceleration that must suffice to stop at a soft limit "
-         "[rad/s^2]\n" +
-         missing;
-}
-
 void write_configuration(const NewRobotOptions& options) {
-  const ModelFile model({.path = *options.file, .mesh_folder = options.meshes});
+  const SimulatedRobotFiles files{.name = options.name,
+                                  .file = *options.file,
+                                  .meshes = options.meshes,
+                                  .folder = options.folder,
+                                  .repair_inertia = options.repair_inertia,
+                                  .collision = options.collision};
+  const ModelFile model = model_of(files);
   const fs::path path = options.folder / (options.name + ".yml");
   require_new(path);
-  const std::string text = configuration_of(options, model);
+  const std::string text = configuration_of(files, model);
   make_folder(options.folder);
   write_new_file(path, std::as_bytes(std::span(text)));
   const bool is_whole = text.find("FILL_IN") == std::string::npos;
+  for (const std::string& sentence : model.repairs()) print_safely("repaired: {}\n", sentence);
   print_safely("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
                options.file->string());
   print_safely("{}'trifinger run {}' starts it.\n",
-               is_whole ? "" : "Replace each FILL_IN: nobody may guess what safety needs. Then ",
+               is_whole ? "What the file does not say was proposed for the simulation. "
+                        : "Replace each FILL_IN: nobody knows the motors. Then ",
                path.string());
 }
 
@@ -227,6 +178,9 @@ int make_robot_files(const NewRobotOptions& options) {
   require_usable(options.name);
   if (options.meshes && !options.file) {
     throw UsageError("--meshes is for --from: only a robot from a file has meshes");
+  }
+  if ((options.repair_inertia || !options.collision.empty()) && !options.file) {
+    throw UsageError("--repair-inertia and --collision are for --from");
   }
   if (options.file) {
     write_configuration(options);
@@ -251,6 +205,15 @@ void add_new_robot(CLI::App& parent, Action& action) {
                   "With --from: where the meshes are, if not where the "
                   "file says")
       ->option_text("FOLDER");
+  command.add_flag("--repair-inertia", options.repair_inertia,
+                   "With --from: give bodies with an inertia that no body can have the nearest "
+                   "that is possible");
+  command
+      .add_option("--collision", options.collision,
+                  "With --from: which shapes of a URDF touch: hull, its collision shapes as convex "
+                  "hulls; visual; none. Default: hull")
+      ->check(CLI::IsMember({"hull", "visual", "none"}))
+      ->option_text("SHAPES");
   command.add_option("--to", options.folder, "Where to write; default: the working directory")
       ->option_text("FOLDER");
   command.footer(

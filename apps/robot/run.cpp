@@ -151,6 +151,7 @@ class Run {
   int until_end() {
     reporter_.print(timing_text(robot_.backend));
     if (!robot_.calibration.empty()) reporter_.print(robot_.calibration);
+    for (const std::string& warning : robot_.warnings) print_warning(warning);
     RealtimeOptions realtime = options_.realtime;
     if (robot_.backend.mode == BackendOptions::Mode::kNonRealTime) realtime.demand = Demand::kOff;
     BackendThread loop(backend_, realtime, Signals::notify);

@@ -18,6 +18,7 @@
 #include "servos/read_options.hpp"
 #include "shared/exit_code.hpp"
 #include "sim/boards_config.hpp"
+#include "sim/gain_warnings.hpp"
 #include "sim/robot_cameras.hpp"
 #include "sim/scene_observation.hpp"
 #include "sim/servo_plant.hpp"
@@ -255,6 +256,7 @@ RunnableRobot make_robot(const RobotChoice& choice) {
   made.session = std::move(config.session);
   std::ranges::move(model_documents(config.simulation), std::back_inserter(made.session.documents));
   made.needs_real_time = config.boards || config.servos;
+  if (!made.needs_real_time) made.warnings = detail::gain_warnings(config.simulation);
   if (state && made.needs_real_time) {
     throw UsageError(std::string("--state is for simulations; a robot on ") +
                      (config.boards ? "boards" : "motors") + " begins where it is");

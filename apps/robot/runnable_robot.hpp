@@ -26,6 +26,7 @@ struct RunnableRobot {
   SessionOptions session;
   bool needs_real_time{false};
   std::string calibration;              // a sentence about it; empty for a robot that needs none
+  std::vector<std::string> warnings{};  // about its configuration, in sentences
   boards::BoardRobot* boards{nullptr};  // a part of `driver`, if it is on motor boards
   // Programs that should run beside it, as words after `trifinger`: its cameras.
   std::vector<std::vector<std::string>> sensor_programs{};

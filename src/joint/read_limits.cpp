@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "joint/every_joint.hpp"
+#include "joint/limit_text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::detail {
@@ -167,29 +167,10 @@ bool is_missing(const std::vector<const JointLimitField*>& fields, const JointLi
   return std::ranges::find(fields, field) != fields.end();
 }
 
-// The shortest text that reads back as this number.
-std::string in_full(double number) {
-  std::array<char, 40> digits{};
-  const auto [end, problem] = std::to_chars(digits.data(), digits.data() + digits.size(), number);
-  return {digits.data(), end};
-}
-
-// The key of a joint. Names of joints may have any characters.
-std::string key_of(std::string_view name) {
-  const bool is_plain = !name.empty() && std::ranges::all_of(name, [](char letter) {
-    return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
-           (letter >= '0' && letter <= '9') || letter == '_';
-  });
-  if (is_plain) return std::string(name);
-  std::string key = "'";
-  for (const char letter : name) key += letter == '\'' ? "''" : std::string(1, letter);
-  return key + "'";
-}
-
 // A text for the configuration, with places to be filled in.
 std::string text_to_fill_in(std::span<const NamedJoint> joints, const Missing& missing) {
   const auto row = [](std::string_view name, const std::vector<const JointLimitField*>& fields) {
-    std::string text = "  " + key_of(name) + ": {";
+    std::string text = "  " + detail::key_of(name) + ": {";
     for (std::size_t i = 0; i < fields.size(); ++i) {
       text += (i > 0 ? ", " : "") + std::string(fields[i]->name) + ": FILL_IN";
     }
@@ -214,8 +195,8 @@ std::string text_to_fill_in(std::span<const NamedJoint> joints, const Missing& m
     const std::string_view unit = joints[i].kind == JointKind::kSlide ? " m" : " rad";
     if (is_said(known.hard_lower) && known.hard_lower > -kLargestJointLimit) {
       // In full, because a soft limit may be copied from here: a rounded one could be beyond.
-      text += "  # its stops: " + in_full(known.hard_lower) + " to " + in_full(known.hard_upper) +
-              std::string(unit);
+      text += "  # its stops: " + detail::number_text(known.hard_lower) + " to " +
+              detail::number_text(known.hard_upper) + std::string(unit);
     } else if (is_said(known.hard_lower)) {
       text += "  # it has no stops: -.inf and .inf are possible";
     }
@@ -267,22 +248,6 @@ std::vector<JointLimit> read_limits_by_name(const Node& root, std::span<const Na
               " " + problem->text);
   }
   return limits;
-}
-
-std::string limits_to_fill_in(std::span<const NamedJoint> joints) {
-  for (const NamedJoint& joint : joints) detail::require_other_name(joint.name);
-  Missing missing(joints.size());
-  bool is_complete = true;
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    JointLimit limit = joints[i].known;
-    for (const JointLimitField& field : JointLimit::fields()) {
-      double& value = limit.*field.value;
-      if (!is_said(value)) value = fallback(field, limit);
-      if (must_be_asked_for(field, value)) missing[i].push_back(&field);
-    }
-    is_complete = is_complete && missing[i].empty();
-  }
-  return is_complete ? "" : text_to_fill_in(joints, missing);
 }
 
 }  // namespace trifinger

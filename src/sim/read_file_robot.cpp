@@ -65,7 +65,7 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
   options.armature = [&](const std::string& joint) -> std::optional<double> {
     const auto own = armature ? armature->find(joint) : std::nullopt;
     if (!own && !every) return std::nullopt;
-    return (own ? *own : *every).as<double>({.min = 0, .max = 1e3});
+    return (own ? *own : *every).as<double>({.min = 0, .max = kLargestJointLimit});
   };
   if (const auto keyframe = robot.find("keyframe")) options.keyframe = keyframe->as<std::string>();
   const auto start = robot.optional_section("initial_position");

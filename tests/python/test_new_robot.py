@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger new robot`; test_install.py builds and runs what it writes."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,15 @@ def test_leaves_what_is_there_alone(tmp_path: Path) -> None:
     assert (tmp_path / "cart.yml").read_text() == "mine"
 
 
+def move(path: Path, place: Sequence[float]) -> trifinger.Observation:
+    """Lets a robot of this configuration go to a place for a second."""
+    robot = trifinger.simulate(str(path))
+    t = -1
+    for _ in range(round(1 / robot.session_info().period)):
+        t = robot.append_desired_action(robot.new_action(position=place))
+    return robot.get_observation(t)
+
+
 def test_asks_for_what_the_file_of_a_robot_does_not_say(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
@@ -83,8 +93,13 @@ def test_asks_for_what_the_file_of_a_robot_does_not_say(
     path = tmp_path / "gantry.yml"
     text = path.read_text()
     assert "mjcf: 'models/gantry.xml'" in text
-    assert "rail: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 m" in text
-    assert "swing: {max_torque: FILL_IN, soft_lower: FILL_IN, soft_upper: FILL_IN}" in text
+    # All but the torque of a motor is proposed.
+    assert "rail: {safety_kd: " in text
+    assert "soft_lower: -0.96, soft_upper: 0.96, " in text
+    assert "its stops: -1 to 1 m" in text
+    assert "swing: {max_torque: FILL_IN, safety_kd: " in text
+    assert "no stops; the file says no torque, " in text
+    assert text.count("FILL_IN") == 1
     refusal = output_of(PROGRAM, "config", path, succeeds=False)
     assert "'FILL_IN'" in refusal
     bare = tmp_path / "bare.yml"
@@ -92,14 +107,48 @@ def test_asks_for_what_the_file_of_a_robot_does_not_say(
     asked = output_of(PROGRAM, "config", bare, succeeds=False)
     assert "rail: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 m" in asked
 
-    # With numbers it is a robot.
-    text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
-    text = text.replace("soft_upper: FILL_IN", "soft_upper: 0.9")
+    # With a number it is a robot.
     path.write_text(text.replace("FILL_IN", "1"))
-    robot = trifinger.simulate(str(path))
-    t = robot.append_desired_action(robot.new_action(torque=[1, 0]))
-    assert robot.get_applied_action(t).torque[0] == pytest.approx(1)
+    assert move(path, [0.3, 0.2]).position == pytest.approx([0.3, 0.2], abs=0.02)
     start_program("run", str(path)).wait_for("gantry: holds its pose and waits for a user")
+
+
+def test_a_robot_of_a_file_that_says_enough_moves_at_once(tmp_path: Path) -> None:
+    # A light link, a motor that would throw it, and a zero at a stop.
+    urdf = URDF.replace('lower="-1" upper="1" effort="2"', 'lower="0" upper="2" effort="90"')
+    (tmp_path / "lever.urdf").write_text(urdf.replace("1e-3", "1e-6"))
+    said = new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
+    assert "What the file does not say was proposed for the simulation." in said
+    path = tmp_path / "lever.yml"
+    assert "initial_position: {hinge: 1}" in path.read_text()
+    assert "armature: {hinge: 0.15}" in path.read_text()
+    assert move(path, [1.3]).position == pytest.approx([1.3], abs=0.01)
+    assert output_of(PROGRAM, "config", path).count("too little") == 0
+    # Without the rotor, and with the same gains, it cannot work: who runs it is told.
+    path.write_text(path.read_text().replace("armature: {hinge: 0.15}", "armature: {hinge: 0}"))
+    warned = output_of(PROGRAM, "config", path)
+    assert "joint 'hinge' has an inertia of 1e-06 kgm^2, too little for safety_kd + " in warned
+
+
+def test_says_that_a_motor_cannot_carry_the_robot(tmp_path: Path) -> None:
+    urdf = URDF.replace("<inertial>", '<inertial><origin xyz="1 0 0"/>')
+    (tmp_path / "lever.urdf").write_text(urdf.replace('effort="2"', 'effort="0.1"'))
+    new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
+    text = (tmp_path / "lever.yml").read_text()
+    assert "CANNOT HOLD where it begins: the weight is 1.96 Nm, the motor has 0.1" in text
+
+
+def test_repairs_inertias_and_chooses_shapes_if_told_to(tmp_path: Path) -> None:
+    (tmp_path / "lever.urdf").write_text(URDF.replace('izz="1e-3"', 'izz="9e-3"'))
+    words = ["lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path]
+    assert "--repair-inertia, takes the nearest" in new_robot(*words, succeeds=False)
+    said = new_robot(*words, "--repair-inertia", "--collision", "none")
+    assert "repaired: body 'lever' has the moments of inertia 0.001, 0.001 and 0.009" in said
+    path = tmp_path / "lever.yml"
+    assert "\n  repair_inertia: true\n  collision: none\n" in path.read_text()
+    assert "body 'lever' has the moments of inertia" in path.read_text()
+    assert move(path, [0.5]).position == pytest.approx([0.5], abs=0.01)
+    assert "are for --from" in new_robot("arm", "--repair-inertia", succeeds=False)
 
 
 def test_fault_77_takes_any_names_and_stops_and_leaves_no_log_of_mujoco(
@@ -116,12 +165,10 @@ def test_fault_77_takes_any_names_and_stops_and_leaves_no_log_of_mujoco(
     assert not list(tmp_path.rglob("MUJOCO_LOG.TXT"))
     path = tmp_path / "new/folder/gantry.yml"
     text = path.read_text()
-    stops = text.partition("# its stops: ")[2].partition(" m")[0].split(" to ")
     # What it prints as a stop may be the soft limit.
-    text = text.replace("soft_lower: FILL_IN", f"soft_lower: {stops[0]}", 1)
-    text = text.replace("soft_upper: FILL_IN", f"soft_upper: {stops[1]}", 1)
-    text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
-    text = text.replace("soft_upper: FILL_IN", "soft_upper: 0.9")
+    stop = text.partition("its stops: ")[2].split(" to ")[0]
+    proposed = text.partition("soft_lower: ")[2].split(",")[0]
+    text = text.replace(f"soft_lower: {proposed}", f"soft_lower: {stop}", 1)
     path.write_text(text.replace("FILL_IN", "1"))
     robot = trifinger.simulate(str(path))
     t = robot.append_desired_action(robot.new_action(torque=[1, 0]))
@@ -135,7 +182,9 @@ def test_reads_urdf(tmp_path: Path) -> None:
     new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
     text = (tmp_path / "lever.yml").read_text()
     assert "urdf: 'lever.urdf'" in text
-    assert "hinge: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 rad" in text
+    assert "hinge: {safety_kd: " in text
+    assert "FILL_IN" not in text
+    assert "max_velocity: " not in text.partition("\nsafety:")[2]  # It stands in the file.
 
 
 def test_finds_the_meshes_of_a_package(tmp_path: Path) -> None:
@@ -155,9 +204,6 @@ def test_finds_the_meshes_of_a_package(tmp_path: Path) -> None:
     path = tmp_path / "lever.yml"
     text = path.read_text()
     assert "urdf: 'lever_description/urdf/lever.urdf'\n  mesh_folder: '..'\n" in text
-    text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
-    text = text.replace("soft_upper: FILL_IN", "soft_upper: 0.9")
-    path.write_text(text.replace("FILL_IN", "1"))
     robot = trifinger.simulate(str(path))
     t = robot.append_desired_action(robot.new_action(torque=[0.5]))
     assert robot.get_applied_action(t).torque[0] == pytest.approx(0.5)

@@ -49,8 +49,4 @@ struct NamedJoint {
 [[nodiscard]] std::vector<JointLimit> read_limits_by_name(const config::Node& root,
                                                           std::span<const NamedJoint> joints);
 
-/// The section "safety" of a new configuration, as YAML: what `known` does not say, with FILL_IN in
-/// the place of each value. Empty if nothing is missing. No joint may be called "every_joint".
-[[nodiscard]] std::string limits_to_fill_in(std::span<const NamedJoint> joints);
-
 }  // namespace trifinger

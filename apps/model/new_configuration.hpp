@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "trifinger/model/model_file.hpp"
+
+namespace trifinger::apps {
+
+// A robot in a file, for which there will be a configuration.
+struct SimulatedRobotFiles {
+  std::string name;
+  std::filesystem::path file;
+  std::optional<std::filesystem::path> meshes;
+  std::filesystem::path folder;  // of the configuration
+  bool repair_inertia{false};
+  std::string collision;  // hull, visual or none; empty: as usual
+};
+
+// Throws InvalidArgument.
+[[nodiscard]] ModelFile model_of(const SimulatedRobotFiles& files);
+
+// A configuration with which the robot can be simulated at once. FILL_IN stands in the place of a
+// torque that nobody knows.
+[[nodiscard]] std::string configuration_of(const SimulatedRobotFiles& files,
+                                           const ModelFile& model);
+
+}  // namespace trifinger::apps

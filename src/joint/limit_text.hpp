@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace trifinger::detail {
+
+// The shortest text that reads back as this number, in YAML: also ".inf".
+[[nodiscard]] std::string number_text(double number);
+
+// The name of a joint as a key of YAML. Names may have any characters.
+[[nodiscard]] std::string key_of(std::string_view name);
+
+}  // namespace trifinger::detail
