@@ -5,8 +5,9 @@
 
 The models are parts of Python packages, which nothing here needs otherwise. pip fetches a package
 without those that it depends on, and its models alone go to build/robots. `./run test` fetches the
-small package, with the Shadow Hand; `./run soak` fetches all. Tests of robots that are missing are
-skipped, so a machine without network has nothing to fear.
+small package, with the Shadow Hand; `./run soak` fetches all, which benchmarks/survey_robots.py
+looks at. Tests of robots that are missing are skipped, so a machine without network has nothing to
+fear.
 """
 
 import subprocess
@@ -34,20 +35,31 @@ class Source:
 SOURCES = (
     Source(
         "gymnasium-robotics",
-        (
-            *("gymnasium_robotics/envs/assets/hand/", "gymnasium_robotics/envs/assets/stls/hand/"),
-            "gymnasium_robotics/envs/assets/textures/",
-        ),
+        ("gymnasium_robotics/envs/",),
         is_small=True,  # 26 MB
     ),
     Source(
         "robosuite",
-        (
-            *("robosuite/models/assets/robots/panda/", "robosuite/models/assets/robots/ur5e/"),
-            "robosuite/models/assets/grippers/jaco_three_finger_gripper.xml",
-            "robosuite/models/assets/grippers/meshes/jaco_three_finger_gripper/",
+        tuple(
+            f"robosuite/models/assets/{part}/"
+            for part in ("robots", "grippers", "bases", "bullet_data")
         ),
         is_small=False,  # 157 MB
+    ),
+    Source("airo-models", ("airo_models/",), is_small=False),  # 13 MB
+    Source("dexterity", ("dexterity/models/vendor/",), is_small=False),  # 9 MB
+    Source(
+        "dm-control",
+        (
+            *("dm_control/suite/", "dm_control/locomotion/walkers/assets/"),
+            *("dm_control/locomotion/soccer/assets/", "dm_control/third_party/"),
+        ),
+        is_small=False,  # 56 MB
+    ),
+    Source(
+        "example-robot-data",
+        ("cmeel.prefix/share/example-robot-data/robots/",),
+        is_small=False,  # 131 MB
     ),
 )
 
@@ -59,10 +71,15 @@ def requirement(package: str) -> str:
     return next(pin for pin in pins if pin.startswith(f"{package}=="))
 
 
+def mark_of(source: Source) -> str:
+    """Returns what stands beside the models: their version, and which of them there are."""
+    return "\n".join([requirement(source.package), *source.parts])
+
+
 def is_there(source: Source) -> bool:
     """Says whether the models of this version have been fetched."""
     mark = FOLDER / f"{source.package}.txt"
-    return mark.exists() and mark.read_text() == requirement(source.package)
+    return mark.exists() and mark.read_text() == mark_of(source)
 
 
 def fetch(source: Source) -> None:
@@ -75,9 +92,13 @@ def fetch(source: Source) -> None:
             return
         (wheel,) = Path(folder).glob("*.whl")
         with zipfile.ZipFile(wheel) as files:
-            names = [name for name in files.namelist() if name.startswith(source.parts)]
+            names = [
+                name
+                for name in files.namelist()
+                if name.startswith(source.parts) and not name.endswith(".py")
+            ]
             files.extractall(FOLDER, names)
-    (FOLDER / f"{source.package}.txt").write_text(pin)
+    (FOLDER / f"{source.package}.txt").write_text(mark_of(source))
 
 
 def main(words: Sequence[str]) -> int:

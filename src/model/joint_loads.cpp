@@ -129,7 +129,7 @@ std::vector<JointLoad> JointLoads::loads(
   std::mt19937 random(1);  // the same poses each time
   for (int pose = 0; pose <= kNumPoses; ++pose) {
     for (std::size_t joint = 0; pose > 0 && joint < ranges.size(); ++joint) {
-      const double share = static_cast<double>(random()) / static_cast<double>(random.max());
+      const double share = static_cast<double>(random()) / static_cast<double>(std::mt19937::max());
       const auto& [lower, upper] = ranges[joint];
       model_.set_position(joint, lower + share * (upper - lower), *data_);
     }

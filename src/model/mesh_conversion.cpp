@@ -430,8 +430,8 @@ class ColladaReader {
   [[nodiscard]] std::optional<std::array<float, 4>> mean_colour() const {
     if (coloured_ == 0.0) return std::nullopt;
     std::array<float, 4> mean{};
-    for (std::size_t i = 0; i < mean.size(); ++i)
-      mean[i] = static_cast<float>(colour_[i] / coloured_);
+    std::ranges::transform(colour_, mean.begin(),
+                           [&](double sum) { return static_cast<float>(sum / coloured_); });
     return mean;
   }
 

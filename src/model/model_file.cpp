@@ -313,7 +313,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   name_ = name.empty() || name == "MuJoCo Model" ? options_.path.stem().string() : name;
   find_objects();
   find_start();
-  if (source.is_urdf() && exclude_overlaps()) compile();
+  if (exclude_overlaps(source.is_urdf())) compile();
   // They may refer to what lives no longer than this call.
   options_.armature = nullptr;
   options_.initial_position = nullptr;
@@ -348,7 +348,7 @@ void ModelFile::find_joints() {
     if (!is_scalar(model, joint)) continue;
     const std::string body = name_of(model, mjOBJ_BODY, model.jnt_bodyid[joint]);
     require_usable_name(name_of(model, mjOBJ_JOINT, joint),
-                        file + "a joint of body '" + body + "'");
+                        text_of(file, "a joint of body '", body, "'"));
     model_joints_.push_back({.name = name_of(model, mjOBJ_JOINT, joint),
                              .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
     model_parts_.push_back(
@@ -544,15 +544,21 @@ void ModelFile::find_start() {
   }
 }
 
-// Lets parts of the robot pass through each other if they overlap where sessions begin, or if a
-// joint is between them: MuJoCo itself keeps a base that is fixed apart from what turns on it.
-// Returns true if there are some.
-bool ModelFile::exclude_overlaps() {
+// Lets parts of the robot pass through each other. MuJoCo itself keeps a base that is fixed apart
+// from what turns on it: many have a mesh around their first joint, and would throw it. Of a URDF,
+// these are all parts with a joint between them, and all that overlap where sessions begin. The
+// author of an MJCF has said what touches, so there it is a base with a name, and what turns on it,
+// that overlap. Returns true if there are some.
+bool ModelFile::exclude_overlaps(bool is_urdf) {
   const mjModel& model = *model_;
+  const auto is_base_of = [&model](int parent, int body) {
+    return model.body_parentid[body] == parent && model.body_weldid[parent] == 0 &&
+           model.body_jntnum[body] > 0;
+  };
   std::set<std::pair<int, int>> pairs;
-  for (int body = 1; body < static_cast<int>(model.nbody); ++body) {
+  for (int body = 1; is_urdf && body < static_cast<int>(model.nbody); ++body) {
     const int parent = model.body_parentid[body];
-    if (model.body_jntnum[body] > 0 && model.body_weldid[parent] == 0) pairs.emplace(parent, body);
+    if (is_base_of(parent, body)) pairs.emplace(parent, body);
   }
   const Data data = make_data();
   reset(*data);
@@ -562,7 +568,10 @@ bool ModelFile::exclude_overlaps() {
     if (contact.dist >= 0.0 || contact.geom[0] < 0 || contact.geom[1] < 0) continue;
     const auto [first, second] =
         std::minmax(model.geom_bodyid[contact.geom[0]], model.geom_bodyid[contact.geom[1]]);
-    pairs.emplace(first, second);
+    const bool is_base = first != 0 && is_base_of(first, second) &&
+                         !name_of(model, mjOBJ_BODY, first).empty() &&
+                         !name_of(model, mjOBJ_BODY, second).empty();
+    if (is_urdf || is_base) pairs.emplace(first, second);
   }
   const auto is_object = [this](int body) {
     return std::ranges::find(objects_, body, &ObjectAddress::body) != objects_.end();

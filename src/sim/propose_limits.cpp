@@ -24,6 +24,7 @@ constexpr double kMargin = 0.1;         // of it, from where a joint begins to a
 constexpr double kMarginOfKey = 0.02;   // likewise, in a key frame, where somebody wants it
 constexpr double kFrequency = 20.0;     // of a joint with its gains, at least [rad/s]
 constexpr double kRate = 10.0;          // at which it arrives against its own damping [1/s]
+constexpr double kMaxStiffness = 5e5;   // [Nm/rad], [N/m]
 constexpr double kMaxFrequency = 60.0;  // above, it gets a rotor [rad/s]
 constexpr double kMaxPhase = 0.15;      // frequency times step, at most
 constexpr double kSag = 0.02;           // by the weight of the links [rad], a tenth for slides [m]
@@ -38,9 +39,9 @@ bool is_said(double value) { return !std::isnan(value); }
 // The nearest number with so many digits.
 double rounded(double number, int digits) {
   std::array<char, 40> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), number,
-                                 std::chars_format::scientific, digits - 1)
-                       .ptr;
+  const char* const end = std::to_chars(text.data(), text.data() + text.size(), number,
+                                        std::chars_format::scientific, digits - 1)
+                              .ptr;
   double result = number;
   std::from_chars(text.data(), end, result);
   return result;
@@ -154,8 +155,14 @@ class Proposer {
     const double lower = joint.soft_lower + margin;
     const double upper = joint.soft_upper - margin;
     const double start = loads_.start(i);
-    // A joint of a loop would tear it apart.
-    if ((start >= lower && start <= upper) || has_loop_) return;
+    if (start >= lower && start <= upper) return;
+    if (has_loop_) {  // A joint that is moved would tear it apart.
+      limit(i).soft_lower = std::min(joint.soft_lower, start);
+      limit(i).soft_upper = std::max(joint.soft_upper, start);
+      limit(i).hard_lower = std::min(joint.hard_lower, start - kMinSlack * unit(i));
+      limit(i).hard_upper = std::max(joint.hard_upper, start + kMinSlack * unit(i));
+      return;
+    }
     const double middle = 0.5 * (joint.soft_lower + joint.soft_upper);
     constexpr int kDigits = 4;
     const double place = rounded(has_key ? std::clamp(start, lower, upper) : middle, kDigits);
@@ -190,8 +197,10 @@ class Proposer {
   // Stiff enough for the weight and for what resists the motion.
   double stiffness(std::size_t i, double inertia) {
     const JointLoad& load = proposal_.joints[i].load;
-    return std::max({inertia * kFrequency * kFrequency, load.damping * kRate,
-                     (load.largest_weight + load.friction) / (kSag * unit(i))});
+    const double stiff = std::max({inertia * kFrequency * kFrequency, load.damping * kRate,
+                                   (load.largest_weight + load.friction) / (kSag * unit(i))});
+    // Some files brake a joint that shall never move with a huge damping.
+    return std::min(stiff, kMaxStiffness);
   }
 
   // A light link behind a strong motor gets a rotor.

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -77,6 +78,37 @@ TEST_F(JointLoadsTest, KnowMotorsOfTendons) {
   ASSERT_EQ(rotors.size(), 2U);
   EXPECT_NEAR(rotors[0].armature, 0.15, 1e-9);
   EXPECT_NEAR(loads.inertias()[0], 2 * kInertia + 0.3, 1e-9);
+}
+
+TEST_F(JointLoadsTest, KnowWhatResistsTheMotion) {
+  const ModelFile file = model(
+      R"(<mujoco><default><joint damping="2" frictionloss="0.3"/><geom size="0.1"/></default><worldbody>
+         <body><joint name="a"/><geom/></body><body><joint name="b"/><geom/></body>
+         <body><joint name="c"/><geom/></body></worldbody>
+         <tendon><fixed name="t"><joint joint="a" coef="0.5"/><joint joint="b" coef="0.5"/></fixed></tendon>
+         <actuator><motor tendon="t"/><motor joint="c"/></actuator></mujoco>)");
+  const auto loads = JointLoads(file).loads({{0, 0}, {0, 0}});
+  EXPECT_NEAR(loads[1].damping, 2.0, 1e-9);
+  EXPECT_NEAR(loads[1].friction, 0.3, 1e-9);
+  // Both joints turn by 1 rad if the tendon moves by 1.
+  EXPECT_NEAR(loads[0].damping, 4.0, 1e-9);
+  EXPECT_NEAR(loads[0].friction, 0.6, 1e-9);
+}
+
+TEST_F(JointLoadsTest, CountTheRotorsOfActuators) {
+  const ModelFile file = model(pendulums(
+      R"(<actuator><motor joint="a" gear="2" armature="0.01"/><motor joint="b"/></actuator>)"));
+  JointLoads loads(file);
+  const double before = loads.inertias()[0];
+  const auto rotors = loads.add_rotor(0, 0.3);
+  ASSERT_EQ(rotors.size(), 1U);
+  // A configuration that says this has the same inertia: it stands for both.
+  ModelFileOptions options{.path = folder_ / "robot.xml"};
+  options.armature = [&](const std::string& joint) {
+    return joint == "a" ? std::optional(rotors[0].armature) : std::nullopt;
+  };
+  const ModelFile with_rotor(options);
+  EXPECT_NEAR(JointLoads(with_rotor).inertias()[0], before + 0.3, 1e-9);
 }
 
 TEST_F(JointLoadsTest, MoveWhatFollows) {

@@ -223,6 +223,22 @@ TEST_F(Urdf, LetsPartsPassThroughEachOtherThatOverlapAtTheBeginning) {
   EXPECT_EQ(contacts_at(ModelFile(options), 0.9), 0);
 }
 
+TEST_F(Urdf, ABaseOfAnMjcfDoesNotThrowWhatTurnsOnIt) {
+  const auto contacts = [&](const std::string& base) {
+    write(folder_ / "hand.xml", "<mujoco><worldbody><geom type=\"plane\" size=\"1 1 1\"/>" + base +
+                                    R"(<geom size="0.2" pos="0 0 1"/>
+      <body name="thumb" pos="0 0 1"><joint/><geom size="0.1"/></body></body>
+      <body name="foot"><joint type="slide" axis="0 0 1"/><geom size="0.1"/></body></worldbody></mujoco>)");
+    const ModelFile model({.path = folder_ / "hand.xml"});
+    const SceneModel::Data data = model.make_data();
+    mj_forward(model.mujoco(), data.get());
+    return data->ncon;
+  };
+  // What stands on a floor touches it as before.
+  EXPECT_EQ(contacts(R"(<body name="palm">)"), 1);
+  EXPECT_EQ(contacts("<body>"), 2);
+}
+
 TEST_F(Urdf, RepairsInertiasIfThatIsAskedFor) {
   struct Case {
     std::string inertial;

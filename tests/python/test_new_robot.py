@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger new robot`; test_install.py builds and runs what it writes."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, output_of
+
+# The survey types `trifinger`.
+SEARCHES_HERE = os.environ | {"PATH": f"{Path(PROGRAM).parent}:{os.environ['PATH']}"}
+SURVEY = Path(__file__).parents[2] / "benchmarks/survey_robots.py"
 
 MJCF = """<mujoco model="gantry">
   <compiler angle="radian"/>
@@ -216,3 +223,16 @@ def test_says_what_is_wrong_with_the_file_of_a_robot(tmp_path: Path) -> None:
     (tmp_path / "cart.xml").write_text("<mujoco><worldbody/></mujoco>")
     assert "cart.xml" in new_robot(*words, succeeds=False)
     assert not (tmp_path / "cart.yml").exists()
+
+
+def test_the_survey_says_which_robots_run(tmp_path: Path) -> None:
+    (tmp_path / "lever.urdf").write_text(URDF)
+    (tmp_path / "gantry.xml").write_text(MJCF)
+    (tmp_path / "table.urdf").write_text('<robot name="table"><link name="top"/></robot>')
+    (tmp_path / "broken.urdf").write_text(URDF.replace("</robot>", ""))
+    command = [sys.executable, str(SURVEY), str(tmp_path), "--jobs", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, env=SEARCHES_HERE, check=False)
+    assert done.returncode == 1  # A third of the robots cannot be read.
+    assert "3 descriptions with a joint: 2 read, 2 held, 2 moved, 1 refused" in done.stdout
+    assert "3 of 3 joints came where they were sent; 2 of 2 robots held" in done.stdout
+    assert "it is no XML: the end of an element is missing" in done.stdout

@@ -133,6 +133,28 @@ TEST_F(ProposeLimits, BeginsInTheMiddleIfZeroIsAtALimit) {
   EXPECT_NEAR(with_key("0").initial_position[0].second, 0.04 + 0.02 * 1.92, 1e-3);
 }
 
+TEST_F(ProposeLimits, LeavesALoopWhereItIsClosed) {
+  const std::string tied = R"(<equality><connect body1="arm" anchor="0 0 0"/></equality>)";
+  std::string text = lever(R"(range="0 2")", kMotor, tied);
+  text.replace(text.find("<body>"), 6, R"(<body name="arm">)");
+  EXPECT_TRUE(proposal(text).initial_position.empty());
+}
+
+TEST_F(ProposeLimits, StopsGiveWayBeforeTheHardLimit) {
+  const JointProposal joint = proposal(lever(kStops, kMotor)).joints[0];
+  EXPECT_NEAR(joint.limit.hard_lower, -1.3, 1e-9);
+  EXPECT_NEAR(joint.limit.hard_upper, 2.3, 1e-9);
+  EXPECT_NEAR(proposal(lever(R"(range="0 0.01")", kMotor)).joints[0].limit.hard_upper, 0.06, 1e-9);
+}
+
+TEST_F(ProposeLimits, OvercomesDampingAndFrictionOfTheJointItself) {
+  const auto stiffness = [&](const std::string& joint) {
+    return proposal(lever(joint + R"( range="-1 2")", kMotor)).joints[0].limit.default_kp;
+  };
+  EXPECT_NEAR(stiffness(R"(damping="50")"), 500.0, 1.0);
+  EXPECT_NEAR(stiffness(R"(frictionloss="4")"), (kWeight + 4) / 0.02, 3.0);
+}
+
 TEST_F(ProposeLimits, KeepsGainsOfTheFileThatWork) {
   const JointProposal good =
       proposal(lever(kStops, R"(<position joint="lift" kp="80" kv="3"/>)")).joints[0];

@@ -124,6 +124,13 @@ def analyser() -> bool:
     return all(step.succeeded for step in steps)
 
 
+def robots() -> bool:
+    """Runs each robot of others as `trifinger new robot` writes it, and says which move."""
+    build("release")
+    command = [PYTHON, "benchmarks/survey_robots.py"]
+    return print_figures(STEPS.check("robots", command, **uses("release")))
+
+
 def memory() -> bool:
     """Runs a robot with recorder and controller for half an hour: its memory must not grow."""
     build("release")
@@ -160,6 +167,7 @@ PARTS: dict[str, Callable[[], bool]] = {
     "tests": tests,
     "busy": busy,
     "fuzz": fuzz,
+    "robots": robots,
     "memory": memory,
     "lerobot": lerobot_itself,
     "oldest": lowest_versions,

@@ -103,7 +103,7 @@ class ModelFile final : public SceneModel {
   void set_step();
   void find_objects();
   void find_start();
-  bool exclude_overlaps();
+  bool exclude_overlaps(bool is_urdf);
 
   ModelFileOptions options_;
   std::string name_;
