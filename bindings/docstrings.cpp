@@ -161,6 +161,10 @@ and `step` raise InheritedHandle.
 Simulations with cameras share one vision pipeline per thread. An image is drawn when an
 observation needs it.)";
 const char* const cameras = R"(The cameras of each simulation that are observed; none without `Layout.IMAGES`.)";
+const char* const configuration = R"(Positions and velocities of joints and objects of simulation `index` in MuJoCo's layout, to
+draw it: `qpos`, then `qvel`.
+
+Raises InvalidArgument if there is no such simulation.)";
 const char* const oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is
 older, poses were lost, or the tracker was not sure since then.)";
 const char* const reset = R"(Begins an episode in the simulations that `which` marks with a number other than 0, or in

@@ -307,6 +307,8 @@ void bind_environments(nb::module_& m) {
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
       .def_prop_ro("oldest_sure_age", &EnvironmentBatch::oldest_sure_age,
                    docs::EnvironmentBatch::oldest_sure_age)
+      .def("configuration", &EnvironmentBatch::configuration, "index"_a,
+           docs::EnvironmentBatch::configuration)
       .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,
            docs::EnvironmentBatch::seed)
       .def(

@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode
 
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
-from trifinger.picture import FILM_RATE, View, save_film
+from trifinger.picture import FILM_RATE, save_film
 from trifinger.whole_file import whole_file
 
 # Takes rows of observations and returns rows of actions.
@@ -205,11 +205,8 @@ def evaluate(
     return evaluator(act_of(policy), evaluator.rows_of(policy), watch)
 
 
-def save_policy_film(
-    act: Act, task: str, options: Options, path: Path, rows: int = 1, view: View | None = None
-) -> None:
-    """Writes a film of some episodes at real speed."""
-    environment = Environment(task, options=options, render_mode="rgb_array", view=view)
+def save_policy_film(act: Act, environment: Environment, path: Path, rows: int = 1) -> None:
+    """Writes a film of some episodes of an environment that draws, at real speed."""
     rate = environment.metadata["render_fps"]
     every = -(-rate // FILM_RATE)
 

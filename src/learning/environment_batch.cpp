@@ -62,6 +62,11 @@ void EnvironmentBatch::Implementation::require_own() const {
       "these simulations were made before fork(); make new ones in the child process");
 }
 
+void EnvironmentBatch::Implementation::require_simulation(std::size_t index) const {
+  require(index < size, "there is no simulation " + std::to_string(index) + ", there are " +
+                            std::to_string(size));
+}
+
 EnvironmentBatch::EnvironmentBatch(const TaskDescription& task, const EnvironmentOptions& options,
                                    const SimulationOptions& simulation, int size, int num_threads,
                                    const std::optional<rendering::VisionOptions>& vision)
@@ -82,9 +87,14 @@ const std::vector<camera::Camera>& EnvironmentBatch::cameras() const noexcept {
 }
 Results& EnvironmentBatch::results() noexcept { return implementation_->results; }
 
+std::vector<double> EnvironmentBatch::configuration(std::size_t index) const {
+  implementation_->require_own();
+  implementation_->require_simulation(index);
+  return implementation_->configuration(index);
+}
+
 void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t episode) {
-  require(index < size(), "there is no simulation " + std::to_string(index) + ", there are " +
-                              std::to_string(size()));
+  implementation_->require_simulation(index);
   implementation_->seeds[index] = seed;
   implementation_->runs[index].next_episode = episode;
 }

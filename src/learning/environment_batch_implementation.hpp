@@ -30,8 +30,12 @@ class EnvironmentBatch::Implementation {
   // Does what `call` says in the given simulations.
   virtual void run(std::span<const int> which) = 0;
 
+  [[nodiscard]] virtual std::vector<double> configuration(std::size_t index) const = 0;
+
   // Throws InheritedHandle in a forked child, which has none of the threads.
   void require_own() const;
+  // Throws InvalidArgument if there is no such simulation.
+  void require_simulation(std::size_t index) const;
 
   // The progress of one simulation.
   struct Run {

@@ -83,6 +83,17 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
 
   [[nodiscard]] int num_threads() const noexcept override { return mjb_nthread(batch_.get()); }
 
+  [[nodiscard]] std::vector<double> configuration(std::size_t index) const override {
+    std::vector<double> values;
+    for (const int part : {mjSTATE_QPOS, mjSTATE_QVEL}) {
+      int count = 0;
+      const mjtNum* const first = mjb_stateComponent(batch_.get(), part, &count);
+      const std::size_t row = index * static_cast<std::size_t>(mjb_nstate(batch_.get()));
+      values.insert(values.end(), first + row, first + row + count);
+    }
+    return values;
+  }
+
   void run(std::span<const int> which) override {
     if (!is_of_many_) {
       run_physics(which);

@@ -15,26 +15,21 @@ namespace {
 
 using detail::require;
 
-struct Pose {
-  std::array<double, 3> position{};
-  std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};
-};
-
 // The point `local` of a body at `pose`, in the world frame.
-std::array<double, 3> point_of(const Pose& pose, const double* local) noexcept {
+std::array<double, 3> point_of(const FramePose& pose, const double* local) noexcept {
   std::array<double, 3> point{};
   mju_rotVecQuat(point.data(), local, pose.orientation.data());
   mju_addTo3(point.data(), pose.position.data());
   return point;
 }
 
-void turn(Pose& pose, const double* quaternion) noexcept {
+void turn(FramePose& pose, const double* quaternion) noexcept {
   const std::array<double, 4> before = pose.orientation;
   mju_mulQuat(pose.orientation.data(), before.data(), quaternion);
 }
 
 // Moves the pose of a body by one of its joints, like MuJoCo's kinematics.
-void move(const mjModel& model, int joint, const double* qpos, Pose& pose) noexcept {
+void move(const mjModel& model, int joint, const double* qpos, FramePose& pose) noexcept {
   const int address = model.jnt_qposadr[joint];
   const double* const axis = model.jnt_axis + 3 * joint;
   const double* const anchor = model.jnt_pos + 3 * joint;
@@ -64,7 +59,7 @@ void move(const mjModel& model, int joint, const double* qpos, Pose& pose) noexc
 // Goes from the pose of its parent to that of a body. `visit` is called with each joint and the
 // pose before it.
 template <class Visit>
-void go_to(const mjModel& model, int body, const double* qpos, Pose& pose,
+void go_to(const mjModel& model, int body, const double* qpos, FramePose& pose,
            const Visit& visit) noexcept {
   const int first = model.body_jntadr[body];
   if (model.body_jntnum[body] == 1 && model.jnt_type[first] == mjJNT_FREE) {
@@ -98,16 +93,18 @@ Frames::Frames(std::shared_ptr<const SceneModel> model, std::span<const std::str
     : model_(std::move(model)) {
   const mjModel& mujoco = *model_->mujoco();
   for (const std::string& name : names) {
-    Chain chain{.bodies = {}, .offset = nullptr};
+    Chain chain{.bodies = {}, .position = nullptr, .orientation = nullptr};
     int body = -1;
     if (const int site = mj_name2id(&mujoco, mjOBJ_SITE, name.c_str()); site >= 0) {
       body = mujoco.site_bodyid[site];
-      chain.offset = mujoco.site_pos + 3 * site;
+      chain.position = mujoco.site_pos + 3 * site;
+      chain.orientation = mujoco.site_quat + 4 * site;
     } else if (const int named = mj_name2id(&mujoco, mjOBJ_BODY, name.c_str()); named >= 0) {
       body = named;
     } else if (const int geom = mj_name2id(&mujoco, mjOBJ_GEOM, name.c_str()); geom >= 0) {
       body = mujoco.geom_bodyid[geom];
-      chain.offset = mujoco.geom_pos + 3 * geom;
+      chain.position = mujoco.geom_pos + 3 * geom;
+      chain.orientation = mujoco.geom_quat + 4 * geom;
     }
     require(body >= 0,
             detail::text_of("the model has no frame '", name, "'; its sites are ",
@@ -123,14 +120,22 @@ Frames::Frames(std::shared_ptr<const SceneModel> model, std::span<const std::str
   }
 }
 
+FramePose Frames::pose(std::size_t frame, std::span<const double> configuration) const noexcept {
+  const auto& [bodies, position, orientation] = chains_[frame];
+  FramePose pose;
+  for (const int body : bodies) {
+    go_to(*model_->mujoco(), body, configuration.data(), pose, [](int, const FramePose&) {});
+  }
+  if (position != nullptr) {
+    pose.position = point_of(pose, position);
+    turn(pose, orientation);
+  }
+  return pose;
+}
+
 std::array<double, 3> Frames::position(std::size_t frame,
                                        std::span<const double> configuration) const noexcept {
-  const auto& [bodies, offset] = chains_[frame];
-  Pose pose;
-  for (const int body : bodies) {
-    go_to(*model_->mujoco(), body, configuration.data(), pose, [](int, const Pose&) {});
-  }
-  return offset != nullptr ? point_of(pose, offset) : pose.position;
+  return pose(frame, configuration).position;
 }
 
 void Frames::positions(std::span<const double> configuration,
@@ -145,8 +150,8 @@ void Frames::jacobian(std::size_t frame, std::span<const double> configuration,
                       std::span<double> jacobian) const noexcept {
   const mjModel& model = *model_->mujoco();
   const std::array<double, 3> point = position(frame, configuration);
-  Pose pose;
-  const auto add = [&](int joint, const Pose& before) {
+  FramePose pose;
+  const auto add = [&](int joint, const FramePose& before) {
     const int type = model.jnt_type[joint];
     if (type != mjJNT_HINGE && type != mjJNT_SLIDE) return;
     std::array<double, 3> axis{};
@@ -157,9 +162,12 @@ void Frames::jacobian(std::size_t frame, std::span<const double> configuration,
       mju_sub3(arm.data(), point.data(), point_of(before, model.jnt_pos + 3 * joint).data());
       mju_cross(column.data(), axis.data(), arm.data());
     }
+    const auto width = static_cast<std::size_t>(model.nv);
+    const auto dof = static_cast<std::size_t>(model.jnt_dofadr[joint]);
+    const bool has_rotation = jacobian.size() >= 6 * width;
     for (std::size_t row = 0; row < 3; ++row) {
-      jacobian[row * static_cast<std::size_t>(model.nv) +
-               static_cast<std::size_t>(model.jnt_dofadr[joint])] = column[row];
+      jacobian[row * width + dof] = column[row];
+      if (has_rotation) jacobian[(3 + row) * width + dof] = type == mjJNT_HINGE ? axis[row] : 0.0;
     }
   };
   for (const int body : chains_[frame].bodies) {

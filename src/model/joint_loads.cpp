@@ -21,17 +21,6 @@ bool is_scalar(const mjModel& model, int joint) {
   return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
 }
 
-// Where a joint is that an equality couples to another one.
-double coupled_position(const mjModel& model, int equality, const double* qpos) {
-  const int leader = model.jnt_qposadr[model.eq_obj2id[equality]];
-  const int follower = model.jnt_qposadr[model.eq_obj1id[equality]];
-  const double* const factors = model.eq_data + mjNEQDATA * equality;
-  const double moved = qpos[leader] - model.qpos0[leader];
-  double sum = 0.0;
-  for (int i = 4; i >= 0; --i) sum = sum * moved + factors[i];
-  return model.qpos0[follower] + sum;
-}
-
 }  // namespace
 
 JointLoads::JointLoads(const SceneModel& model)
@@ -46,20 +35,11 @@ double JointLoads::start(std::size_t joint) const noexcept {
 
 std::vector<std::pair<std::string, double>> JointLoads::begin_at(std::size_t joint,
                                                                  double position) {
-  const mjModel& model = *changed_;
-  std::vector<std::pair<std::string, double>> followers;
   model_.set_position(joint, position, *data_);
-  const std::vector<double> forces = motor(joint);
-  for (int i = 0; i < static_cast<int>(model.neq); ++i) {
-    if (model.eq_type[i] != mjEQ_JOINT || model.eq_obj2id[i] < 0 || !model.eq_active0[i]) continue;
-    const int leader = model.jnt_dofadr[model.eq_obj2id[i]];
-    const int follower = model.eq_obj1id[i];
-    // A follower that the motor moves itself is coupled already.
-    const bool is_driven = forces[static_cast<std::size_t>(model.jnt_dofadr[follower])] != 0.0;
-    if (forces[static_cast<std::size_t>(leader)] == 0.0 || is_driven) continue;
-    const double place = coupled_position(model, i, data_->qpos);
-    data_->qpos[model.jnt_qposadr[follower]] = place;
-    followers.emplace_back(name_of(model, follower), place);
+  std::vector<std::pair<std::string, double>> followers;
+  for (const std::size_t follower : model_.followers(joint)) {
+    followers.emplace_back(model_.model_joints()[follower].name,
+                           model_.model_position(follower, *data_));
   }
   return followers;
 }

@@ -312,6 +312,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   // "MuJoCo Model" is what MuJoCo calls a model without a name.
   name_ = name.empty() || name == "MuJoCo Model" ? options_.path.stem().string() : name;
   find_objects();
+  find_followers();
   find_start();
   if (exclude_overlaps(source.is_urdf())) compile();
   // They may refer to what lives no longer than this call.

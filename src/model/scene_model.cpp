@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <ranges>
 
 #include "trifinger/base/error.hpp"
 
@@ -50,6 +51,15 @@ void SceneModel::set_velocity(const ObjectAddress& object, const std::array<doub
   mju_rotVecQuat(values + 3, angular.data(), inverse.data());
 }
 
+std::vector<std::size_t> SceneModel::followers(std::size_t joint) const {
+  std::vector<std::size_t> found;
+  for (const Follower& follower : motors_[joint].followers) {
+    const auto place = std::ranges::find(model_parts_, follower.position, &Part::position);
+    found.push_back(static_cast<std::size_t>(place - model_parts_.begin()));
+  }
+  return found;
+}
+
 double SceneModel::position(std::size_t joint, const mjData_& data) const noexcept {
   double position = 0.0;
   for (const Part& part : motors_[joint].parts) position += part.share * data.qpos[part.position];
@@ -74,12 +84,64 @@ void SceneModel::set_position(std::size_t joint, double position,
   const std::vector<Part>& parts = motors_[joint].parts;
   if (parts.size() == 1 && parts[0].share == 1.0) {
     at(parts[0]) = position;
-    return;
+  } else {
+    double present = 0.0;
+    for (const Part& part : parts) present += part.share * at(part);
+    const double way = (position - present) / motors_[joint].sum_of_squares;
+    for (const Part& part : parts) at(part) += part.share * way;
   }
-  double present = 0.0;
-  for (const Part& part : parts) present += part.share * at(part);
-  const double way = (position - present) / motors_[joint].sum_of_squares;
-  for (const Part& part : parts) at(part) += part.share * way;
+  for (const Follower& follower : motors_[joint].followers) {
+    const double moved =
+        configuration[static_cast<std::size_t>(follower.leader)] - follower.leader_start;
+    double sum = 0.0;
+    for (const double factor : std::views::reverse(follower.factors)) sum = sum * moved + factor;
+    configuration[static_cast<std::size_t>(follower.position)] = follower.start + sum;
+  }
+}
+
+// A follower of a follower comes after it.
+void SceneModel::find_followers() {
+  const mjModel& model = *model_;
+  std::vector<int> left;
+  for (int i = 0; i < static_cast<int>(model.neq); ++i) {
+    if (model.eq_type[i] == mjEQ_JOINT && model.eq_obj2id[i] >= 0 && model.eq_active0[i])
+      left.push_back(i);
+  }
+  const auto is_driven = [&](int dof) {
+    return std::ranges::any_of(motors_, [dof](const Motor& motor) {
+      return std::ranges::find(motor.parts, dof, &Part::velocity) != motor.parts.end();
+    });
+  };
+  // What a motor moves itself is coupled already.
+  std::erase_if(left, [&](int i) { return is_driven(model.jnt_dofadr[model.eq_obj1id[i]]); });
+  const auto finds_leader = [&](int equality) {
+    const int leader = model.eq_obj2id[equality];
+    const int follower = model.eq_obj1id[equality];
+    const int dof = model.jnt_dofadr[leader];
+    for (Motor& motor : motors_) {
+      double speed = 0.0;  // of the leader
+      for (const Part& part : motor.parts) {
+        if (part.velocity == dof) speed = part.share / motor.sum_of_squares;
+      }
+      for (const Follower& other : motor.followers) {
+        if (other.velocity == dof) speed = other.speed;
+      }
+      if (speed == 0.0) continue;
+      std::array<double, 5> factors{};
+      std::copy_n(model.eq_data + mjNEQDATA * equality, factors.size(), factors.begin());
+      motor.followers.push_back({.position = model.jnt_qposadr[follower],
+                                 .velocity = model.jnt_dofadr[follower],
+                                 .start = model.qpos0[model.jnt_qposadr[follower]],
+                                 .leader = model.jnt_qposadr[leader],
+                                 .leader_start = model.qpos0[model.jnt_qposadr[leader]],
+                                 .factors = factors,
+                                 .speed = speed * factors[1]});
+      return true;
+    }
+    return false;
+  };
+  while (std::erase_if(left, finds_leader) > 0) {
+  }
 }
 
 void SceneModel::set_torque(std::size_t joint, double torque, mjData_& data) const noexcept {
@@ -89,7 +151,10 @@ void SceneModel::set_torque(std::size_t joint, double torque, mjData_& data) con
 double SceneModel::torque_of(std::size_t joint, const double* force) const noexcept {
   double torque = 0.0;
   for (const Part& part : motors_[joint].parts) torque += part.share * force[part.velocity];
-  return torque / motors_[joint].sum_of_squares;
+  torque /= motors_[joint].sum_of_squares;
+  for (const Follower& follower : motors_[joint].followers)
+    torque += follower.speed * force[follower.velocity];
+  return torque;
 }
 
 double SceneModel::model_position(std::size_t joint, const mjData_& data) const noexcept {

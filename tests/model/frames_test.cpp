@@ -35,7 +35,7 @@ constexpr const char* kJoints = R"(<mujoco model="joints">
       <body name="wrist" pos="0 0 -0.2" quat="0.8 0.6 0 0">
         <joint name="ball" type="ball" pos="0.01 0 0.03"/>
         <geom size="0.02"/>
-        <site name="tip" pos="0.01 -0.02 -0.1"/>
+        <site name="tip" pos="0.01 -0.02 -0.1" euler="0.4 0.5 -0.6"/>
       </body>
     </body>
     <body name="drone"><freejoint/><geom size="0.05"/><site name="nose" pos="0.1 0 0"/></body>
@@ -83,6 +83,20 @@ TEST_F(FramesTest, AreWhereMujocoSays) {
     for (std::size_t i = 0; i < points.size(); ++i) {
       EXPECT_NEAR(points[i], expected[i / 3][i % 3], 1e-12) << names[i / 3];
     }
+    const std::array<const double*, 5> matrices{
+        data->site_xmat + 9 * mj_name2id(&mujoco, mjOBJ_SITE, "tip"),
+        data->xmat + 9 * mj_name2id(&mujoco, mjOBJ_BODY, "wrist"),
+        data->geom_xmat + 9 * mj_name2id(&mujoco, mjOBJ_GEOM, "block"),
+        data->site_xmat + 9 * mj_name2id(&mujoco, mjOBJ_SITE, "nose"),
+        data->xmat + 9 * mj_name2id(&mujoco, mjOBJ_BODY, "drone")};
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const FramePose pose_of = frames.pose(i, configuration);
+      std::array<double, 9> matrix{};
+      mju_quat2Mat(matrix.data(), pose_of.orientation.data());
+      for (std::size_t k = 0; k < matrix.size(); ++k) {
+        EXPECT_NEAR(matrix[k], matrices[i][k], 1e-12) << names[i];
+      }
+    }
   }
 }
 
@@ -94,7 +108,7 @@ TEST_F(FramesTest, HaveTheJacobianOfMujoco) {
   const SceneModel::Data data = file->make_data();
   Random random{.seed = 6};
   const auto size = static_cast<std::size_t>(mujoco.nv);
-  std::vector<double> expected(3 * size);
+  std::vector<double> expected(6 * size);
   for (int pose = 0; pose < 100; ++pose) {
     std::vector<double> configuration(static_cast<std::size_t>(mujoco.nq));
     for (double& number : configuration) number = random.uniform(-2.0, 2.0);
@@ -104,12 +118,12 @@ TEST_F(FramesTest, HaveTheJacobianOfMujoco) {
     for (std::size_t frame = 0; frame < names.size(); ++frame) {
       const std::array<double, 3> point = frames.position(frame, configuration);
       const int body = mj_name2id(&mujoco, mjOBJ_BODY, frame < 2 ? "wrist" : "rail");
-      mj_jac(&mujoco, data.get(), expected.data(), nullptr, point.data(), body);
-      std::vector<double> jacobian(3 * size, 0.0);
+      mj_jac(&mujoco, data.get(), expected.data(), expected.data() + 3 * size, point.data(), body);
+      std::vector<double> jacobian(6 * size, 0.0);
       const AllocationCounter allocations;
       frames.jacobian(frame, configuration, jacobian);
       EXPECT_EQ(allocations.count(), 0);
-      for (std::size_t row = 0; row < 3; ++row) {
+      for (std::size_t row = 0; row < 6; ++row) {
         for (std::size_t dof = 0; dof < 2; ++dof) {  // the slide and the hinge
           EXPECT_NEAR(jacobian[row * size + dof], expected[row * size + dof], 1e-12)
               << names[frame] << ' ' << row << ' ' << dof;

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Environments satisfy Gymnasium, and one simulation gives the same numbers as many."""
 
+import copy
 import dataclasses
 import os
+import pickle
 import re
 import signal
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import av
@@ -21,7 +24,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 from trifinger import environments
-from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
+from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.picture import View
 
 pytestmark = pytest.mark.bindings
@@ -51,8 +54,7 @@ VARIED = {
 
 
 def single(task, **options):
-    kind = GoalEnvironment if options.get("observation") == "goal" else Environment
-    return kind(task, options=Options.of(task, **options))
+    return Environment(task, options=Options.of(task, **options))
 
 
 def wandering(shape, seed=0):
@@ -561,6 +563,52 @@ def test_a_picture_shows_robot_and_goals():
     environment.close()
 
 
+@pytest.mark.without_sanitizer
+def test_pictures_of_many_are_those_of_single_ones():
+    drawn = {"render_mode": "rgb_array", "view": View("camera60", 160, 120)}
+    vector = gymnasium.make_vec("TriFinger/Push-v0", 2, **drawn)
+    singles = [gymnasium.make("TriFinger/Push-v0", **drawn) for _ in range(2)]
+    vector.reset(seed=3)
+    actions = np.random.default_rng(0).uniform(-1, 1, vector.action_space.shape)
+    vector.step(actions.astype(np.float32))
+    pictures = vector.render()
+    for i, single in enumerate(singles):
+        single.reset(seed=3 + i)
+        single.step(actions[i].astype(np.float32))
+        # A single one may be a step of 1 ms ahead.
+        differences = [np.abs(one.astype(int) - single.render()).mean() for one in pictures]
+        assert differences[i] < 1
+        assert differences[1 - i] > 2 * differences[i]
+        single.close()
+    vector.close()
+
+
+def pickled(environment):
+    return pickle.loads(pickle.dumps(environment))  # noqa: S301 (what was pickled here)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, pickled])
+@pytest.mark.parametrize("make", [gymnasium.make, partial(gymnasium.make_vec, num_envs=2)])
+def test_a_copy_is_a_new_environment_with_the_same_arguments(make, again):
+    first = make("TriFinger/Push-v0", observation="goal", duration=0.2, friction=(0.7, 1.2))
+    first.reset(seed=5)
+    actions = 0.1 * np.ones(first.action_space.shape, np.float32)
+    first.step(actions)
+    second = again(first)
+    assert second.unwrapped.spec.id == "TriFinger/Push-v0"
+    assert second.unwrapped.options == first.unwrapped.options
+    assert second.observation_space == first.observation_space
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        second.unwrapped.step(actions)
+    expected, _ = first.reset(seed=5)
+    seen, _ = second.reset(seed=5)
+    assert data_equivalence(seen, expected, exact=True)
+    for mine, others in zip(second.step(actions), first.step(actions), strict=True):
+        assert data_equivalence(mine, others, exact=True)
+    first.close()
+    second.close()
+
+
 class TestMistakes:
     def test_a_wrong_shape(self):
         environment = single("reach")
@@ -732,8 +780,6 @@ class TestMistakes:
             single("reach", steps_per_action=1)
         with pytest.raises(trifinger.InvalidArgument, match="friction is 2 to 1"):
             single("reach", friction=(2.0, 1.0))
-        with pytest.raises(trifinger.InvalidArgument, match="GoalEnvironment"):
-            Environment("reach", options=Options.of("reach", observation="goal"))
 
     def test_options_may_be_arguments(self):
         for one in (

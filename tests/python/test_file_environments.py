@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 from trifinger import _trifinger, environments
-from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
+from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.tasks import Start, Task
 
 pytestmark = pytest.mark.bindings
@@ -101,8 +101,7 @@ def compare(task: str, options: Options, config: str | None, steps: int) -> list
     """Compares a vector environment with single ones, bit for bit; returns the faults."""
     count, faults = 3, []
     vector = VectorEnvironment(task, count, options=options, config=config, num_threads=2)
-    kind = GoalEnvironment if options.observation == "goal" else Environment
-    singles = [kind(task, options=options, config=config) for _ in range(count)]
+    singles = [Environment(task, options=options, config=config) for _ in range(count)]
     seen, info = vector.reset(seed=5)
     ones = [single.reset(seed=5 + i) for i, single in enumerate(singles)]
     for i, (observation, alone) in enumerate(ones):

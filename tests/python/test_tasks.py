@@ -4,6 +4,7 @@
 import copy
 import gc
 import json
+import pickle
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ from trifinger import policy_file
 from trifinger.commands import evaluate, run_policy_of_python
 from trifinger.environments import (
     Environment,
-    GoalEnvironment,
     Options,
     VectorEnvironment,
     policy_metadata,
@@ -270,12 +270,29 @@ def test_it_can_place_an_object_change_its_goal_and_end_an_episode() -> None:
 
 
 def test_goal_conditioned_environments_take_it() -> None:
-    environment = GoalEnvironment(Middle())
+    environment = Environment(Middle(), observation="goal")
     observation, _ = environment.reset(seed=1)
     assert observation["desired_goal"].shape == (3,)
     rewards = environment.compute_reward(np.zeros((4, 3)), np.ones((4, 3)))
     assert rewards == pytest.approx(-np.sqrt(3) * np.ones(4))
     assert environment.compute_reward(np.zeros(3), np.ones(3)) == rewards[0]
+
+
+def pickled(environment: Environment) -> Any:
+    return pickle.loads(pickle.dumps(environment))  # noqa: S301 (what was pickled here)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, pickled])
+def test_a_copy_of_an_environment_has_a_task_of_its_own(again: Any) -> None:
+    task = Push()
+    first = Environment(task)
+    first.reset(seed=2)
+    second = again(first)
+    seen = [one.reset(seed=4)[0] for one in (first, second)]
+    np.testing.assert_array_equal(*seen)
+    assert task.seen[0] == 1  # observations of an episode: the copy counts its own
+    first.close()
+    second.close()
 
 
 MODULE = """

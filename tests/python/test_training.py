@@ -445,9 +445,11 @@ def test_an_evaluation_is_what_single_environments_come_to():
 
 @pytest.mark.parametrize("steps_per_action", [10, 20, 50])
 def test_a_film_lasts_as_long_as_its_episodes(steps_per_action, tmp_path):
-    options = Options.of("reach", duration=0.2, steps_per_action=steps_per_action)
     path = tmp_path / "film.mp4"
-    evaluation.save_policy_film(lambda seen: np.zeros((len(seen), 9)), "reach", options, path)
+    environment = Environment(
+        "reach", duration=0.2, steps_per_action=steps_per_action, render_mode="rgb_array"
+    )
+    evaluation.save_policy_film(lambda seen: np.zeros((len(seen), 9)), environment, path)
     with av.open(str(path)) as film:
         (stream,) = film.streams.video
         assert 15 <= stream.average_rate <= 30
@@ -643,6 +645,21 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
     done = run("/usr/bin")
     assert done.returncode == 2
     assert "is part of the Python package" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_robot_of_ones_own_is_trained_and_evaluated(arm, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["reach", "--robot-config", arm, "--episodes", "2", "--out", "out"]
+    settings = SHORT | {"frames": ("hand",)}
+    assert train.main([*words, *(f"--set={name}={value}" for name, value in settings.items())]) == 0
+    policy = trifinger.Policy("out/reach.policy")
+    assert policy.metadata["robot"] == arm
+    assert policy.num_outputs == 2
+    assert Path("out/film.mp4").stat().st_size > 0
+    capsys.readouterr()
+    assert evaluate.main(["out/reach.policy", "--episodes", "3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["episodes"] == 3
 
 
 def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):

@@ -112,6 +112,11 @@ class EnvironmentBatch {
 
   [[nodiscard]] Results& results() noexcept;
 
+  /// Positions and velocities of joints and objects of simulation `index` in MuJoCo's layout, to
+  /// draw it: `qpos`, then `qvel`.
+  /// @throws InvalidArgument if there is no such simulation
+  [[nodiscard]] std::vector<double> configuration(std::size_t index) const;
+
  private:
   class Implementation;
   class Simulations;

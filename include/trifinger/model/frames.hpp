@@ -12,6 +12,12 @@
 
 namespace trifinger {
 
+/// Where a frame is, in the world frame.
+struct FramePose {
+  std::array<double, 3> position{};                       ///< x y z [m]
+  std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};  ///< Quaternion w x y z.
+};
+
 /// Where named frames of a model are: forward kinematics without any other physics.
 ///
 /// It is constant: any number of threads may share it. Only the constructor allocates or throws.
@@ -28,9 +34,12 @@ class Frames {
   /// Computes x, y, z of one frame [m].
   [[nodiscard]] std::array<double, 3> position(
       std::size_t frame, std::span<const double> configuration) const noexcept;
+  /// Computes position and orientation of one frame.
+  [[nodiscard]] FramePose pose(std::size_t frame,
+                               std::span<const double> configuration) const noexcept;
   /// Computes the derivative of the position of one frame by the hinges and slides of its chain
   /// [m/rad], [m/m]: three rows of as many numbers as MuJoCo's `qvel` has. Other numbers are left
-  /// alone.
+  /// alone. With six rows the others are the angular velocity for each velocity of a joint.
   void jacobian(std::size_t frame, std::span<const double> configuration,
                 std::span<double> jacobian) const noexcept;
 
@@ -38,7 +47,9 @@ class Frames {
   // A frame: the bodies from the world to it, and its place in the last one.
   struct Chain {
     std::vector<int> bodies;
-    const double* offset;  // three numbers of the model; null: the body itself
+    // The frame in that body: three and four numbers of the model; null: the body itself.
+    const double* position;
+    const double* orientation;
   };
 
   std::shared_ptr<const SceneModel> model_;

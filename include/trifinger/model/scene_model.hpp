@@ -84,6 +84,8 @@ class SceneModel {
   [[nodiscard]] const std::vector<ModelJoint>& model_joints() const noexcept {
     return model_joints_;
   }
+  /// Those of them that follow a driven joint by an equality (`mimic` of a URDF).
+  [[nodiscard]] std::vector<std::size_t> followers(std::size_t joint) const;
   /// True if the driven joints are exactly these, in this order.
   [[nodiscard]] bool drives_all() const noexcept { return drives_all_; }
 
@@ -109,14 +111,16 @@ class SceneModel {
   /// @{
   [[nodiscard]] double position(std::size_t joint, const mjData_& data) const noexcept;
   [[nodiscard]] double velocity(std::size_t joint, const mjData_& data) const noexcept;
-  /// Moves the joint there; coupled joints share the way as the torque of their motor would.
+  /// Moves the joint there; coupled joints share the way as the torque of their motor would, and
+  /// joints that follow by an equality go where it says.
   void set_position(std::size_t joint, double position, mjData_& data) const noexcept;
   /// Moves the joint in `configuration`, positions in the order of MuJoCo's `qpos`.
   void set_position(std::size_t joint, double position,
                     std::span<double> configuration) const noexcept;
   /// Sets the torque of its motor.
   void set_torque(std::size_t joint, double torque, mjData_& data) const noexcept;
-  /// The torque that acts on this joint if `force` acts on the model's degrees of freedom.
+  /// The torque that acts on this joint if `force` acts on the model's degrees of freedom. What
+  /// acts on joints that follow it counts, by how fast they are at the beginning.
   [[nodiscard]] double torque_of(std::size_t joint, const double* force) const noexcept;
   /// @}
   /// Position and velocity of an entry of `model_joints`.
@@ -141,14 +145,27 @@ class SceneModel {
     int velocity;  // in qvel
     double share;
   };
+  // A joint that an equality couples to a joint of a motor: `factors` are its polynomial.
+  struct Follower {
+    int position;  // in qpos
+    int velocity;  // in qvel
+    double start;  // in qpos0
+    int leader;    // in qpos
+    double leader_start;
+    std::array<double, 5> factors;
+    double speed;  // for a velocity of 1 of the driven joint
+  };
   struct Motor {
     int actuator{-1};
     int ctrl{-1};  // its input
     std::vector<Part> parts{};
+    std::vector<Follower> followers{};
     double sum_of_squares{1.0};  // of the shares
   };
 
   SceneModel() = default;
+  // Finds the followers of all motors, whose parts are known.
+  void find_followers();
   SceneModel(SceneModel&&) noexcept = default;
   SceneModel& operator=(SceneModel&&) noexcept = default;
 

@@ -53,6 +53,11 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "--episodes", type=int, help="default: 700; for push by PPO 30000, for D'Claw by PPO 20000"
     )
     parser.add_argument("--seed", type=int, help="default: 1")
+    parser.add_argument(
+        "--robot-config",
+        metavar="NAME|FILE",
+        help="configuration of the simulated robot; default: of the one that the task is for",
+    )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
     parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
     parser.add_argument(
@@ -74,10 +79,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error("either a task or --resume is needed")
     if arguments.said and not arguments.resume:
         parser.error("--task belongs to --resume")
-    others = (arguments.algorithm, arguments.episodes, arguments.seed, arguments.out)
-    if arguments.resume and (
-        arguments.shared or arguments.set or any(one is not None for one in others)
-    ):
+    own = ("algorithm", "episodes", "seed", "out", "robot_config")
+    others = any(getattr(arguments, name) is not None for name in own)
+    if arguments.resume and (arguments.shared or arguments.set or others):
         parser.error("--resume goes on as the training was begun: it takes no other options")
     return arguments
 
@@ -88,7 +92,7 @@ def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
 
     if arguments.resume:
         return Plan.of_folder(arguments.resume, arguments.said), arguments.resume
-    numbers = {name: getattr(arguments, name) for name in ("episodes", "seed")}
+    numbers = {name: getattr(arguments, name) for name in ("episodes", "seed", "robot_config")}
     plan = Plan.of(
         arguments.task,
         arguments.algorithm or "ddpg",

@@ -4,11 +4,10 @@
 import contextlib
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 
 from trifinger import _trifinger, mappings
 from trifinger._trifinger import Frontend, Observation as Observed, Simulation
@@ -17,27 +16,23 @@ from trifinger.cameras import Cameras
 from trifinger.environments.options import (
     AnyTask,
     Options,
-    default_options,
-    options_of,
-    overrides_of,
-    require,
     reset_options,
-    robot_of,
     whole_number,
 )
 from trifinger.environments.task_environment import (
     AGE,
+    MODES,
     Info,
+    Mode,
     Observation,
     Part,
     TaskEnvironment,
     copied,
-    prepared,
     seed_of,
 )
-from trifinger.environments.window import Window
 from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped
-from trifinger.picture import Painter, View
+from trifinger.picture import View
+from trifinger.tasks import Task
 
 OBJECT = "object"  # the companion with the poses of objects
 NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
@@ -72,7 +67,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     _core: _trifinger.Episodes
     # Gymnasium declares it as an attribute of objects, too, so ClassVar would not be compatible.
-    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
+    metadata = {"render_modes": [*MODES], "render_fps": 50}  # noqa: RUF012
 
     def __init__(
         self,
@@ -82,40 +77,43 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         connect: Callable[[], Frontend] | None = None,
         config: str | None = None,
         config_overrides: dict[str, object] | None = None,
-        render_mode: Literal["rgb_array", "human"] | None = None,
+        render_mode: Mode | None = None,
         view: View | None = None,
         **changes: Any,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
-        require(view is None or isinstance(view, View), "view", view, "a View: View(width=640)")
-        options = options_of(task, options, **changes)
-        if (options.observation == "goal") != isinstance(self, GoalEnvironment):
-            raise InvalidArgument(
-                f'observation is "{options.observation}"; GoalEnvironment needs "goal", '
-                "Environment any other"
-            )
-        config = robot_of(task, config)
-        overrides = overrides_of(task, options, config, config_overrides)
-        observed = options
-        if connect is not None:
-            observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
-        known, own = prepared(task, 1)
-        core = _trifinger.Episodes(known, observed.to_json(), config, overrides)
-        super().__init__(task if isinstance(task, str) else task.name, own, options, core)
-        self.render_mode = render_mode
+        def make_core(
+            known: str | Task, options: Options, config: str, overrides: dict[str, object]
+        ) -> _trifinger.Episodes:
+            observed = options
+            if connect is not None:
+                observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
+            return _trifinger.Episodes(known, observed.to_json(), config, overrides)
+
+        super().__init__(
+            task,
+            1,
+            make_core,
+            options=options,
+            config=config,
+            config_overrides=config_overrides,
+            render_mode=render_mode,
+            view=view,
+            changes=changes,
+        )
+        if self.options.observation == "goal":
+            # Checkers take an environment that has this for one with goals.
+            self.compute_reward = self._compute_reward
         self._object = self._core.object_name
-        self._sees_objects = bool(self._object or core.bodies)
-        self._scene = (config, overrides)
+        self._sees_objects = bool(self._object or self._core.bodies)
         self._simulation = None
         if connect is None:
-            self._simulation = Simulation(config, overrides)
+            self._simulation = Simulation(*self.scene)
             connect = self._simulation.connect
         # What knows where the object really is, if that decides about the outcome.
-        self._judge = self._simulation if core.judges_by_truth else None
+        self._judge = self._simulation if self._core.judges_by_truth else None
         self._poses: Frontend | None = None
-        self._process: mappings.DecisionProcess[Any] = _MAPPINGS[options.mapping](
-            connect, options.steps_per_action
+        self._process: mappings.DecisionProcess[Any] = _MAPPINGS[self.options.mapping](
+            connect, self.options.steps_per_action
         )
         self.observation_space = self._observation_space()
         self.action_space = self._action_space()
@@ -128,11 +126,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._episode = 0
         self._is_running = False
         self._acted_to = -1  # the last step whose outcome is known
-        self._drawing: Any = None
-        self._view = view or View()
-        metadata = dict(type(self).metadata)
-        metadata["render_fps"] = round(self.episode_actions / options.duration)
-        self.metadata = metadata
+        self.metadata = {**type(self).metadata, "render_fps": self._frame_rate}
 
     def __repr__(self) -> str:
         return f"Environment('{self.task}', {self.options})"
@@ -141,11 +135,6 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     def simulation(self) -> Simulation | None:
         """The environment's own simulation; None for a connected robot."""
         return self._simulation
-
-    @property
-    def scene(self) -> tuple[str, dict[str, object]]:
-        """The configuration of the robot, and what differs from it for this task."""
-        return self._scene
 
     @property
     def episode(self) -> tuple[int, int]:
@@ -276,26 +265,15 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     def render(self) -> Any:
         """Draws the scene: as an image, height x width x 3, or in a window with mode "human"."""
-        if self.render_mode is None:
-            raise InvalidArgument(
-                'render_mode is None; make the environment with render_mode="rgb_array" or "human"'
-            )
-        if self._drawing is None:
-            if self.render_mode == "human":
-                frame_time, instead = 1 / self.metadata["render_fps"], 'render_mode="rgb_array"'
-                self._drawing = Window(self._mjcf(), self._view, frame_time, instead)
-            else:
-                self._drawing = Painter(self._mjcf(), is_plain=True, view=self._view)
-        return self._drawing.draw(self._configuration(), self._marks())
+        self._require_render_mode()
+        return self._draw(self._configuration(), self._arrays["desired"])
 
     def close(self) -> None:
         """Gives the robot back and closes the drawing."""
         self._is_running = False
         self._process.close()
         self._poses = None
-        if self._drawing is not None:
-            self._drawing.close()
-            self._drawing = None
+        self._close_drawing()
 
     # Takes in what C++ has seen, and what the cameras have.
     def _take(self, seen: tuple[int, float, bool, bool, bool, int]) -> None:
@@ -348,19 +326,6 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         for point in self._core.approach(_observed(state).position):
             self._process.step(self._process.robot.new_action(position=point))
 
-    # The centres of the balls that show goals: none if goals are no places.
-    def _marks(self) -> Array:
-        goal = self._arrays["desired"]
-        if not self.goal_unit.startswith("m"):
-            return np.zeros(0)
-        if len(goal) % 3 == 0:
-            return goal
-        return np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
-
-    def _mjcf(self) -> str:
-        config, overrides = self._scene
-        return _trifinger.export_mjcf(config, overrides)
-
     def _configuration(self) -> Array:
         if self._simulation is not None:
             return np.asarray(self._simulation.configuration())
@@ -370,19 +335,3 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             pose = robot.companion(OBJECT).latest_observation()[self._object]
             parts += [pose["position"], pose["orientation"]]
         return np.concatenate(parts)
-
-
-class GoalEnvironment(Environment):
-    """The goal-conditioned variant: observations hold the achieved and the desired goal."""
-
-    def __init__(self, task: AnyTask, *, options: Options | None = None, **arguments: Any) -> None:
-        """Takes the arguments of Environment; the options need observation="goal"."""
-        if options is None:
-            options = default_options(task, observation="goal")
-        super().__init__(task, options=options, **arguments)
-
-    def compute_reward(
-        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
-    ) -> Any:
-        """The reward for an achieved goal, or one reward for each row of a batch."""
-        return self._reward_of(achieved_goal, desired_goal)

@@ -2,20 +2,37 @@
 """What all environments of a task have in common."""
 
 import weakref
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from trifinger import _trifinger
 from trifinger.arrays import Array
-from trifinger.environments.options import AnyTask, Options, task_of
+from trifinger.environments.options import (
+    AnyTask,
+    Options,
+    options_of,
+    overrides_of,
+    require,
+    robot_of,
+    task_of,
+)
+from trifinger.environments.window import Window
 from trifinger.errors import InvalidArgument
+from trifinger.picture import Painter, View
 from trifinger.tasks import Task
 
 Observation = Array | dict[str, Array]
 Info = dict[str, Any]
 Part = Literal["", "final_"]
+Mode = Literal["rgb_array", "human"]
+# Makes the part in C++ of a task, its options, and the configuration and overrides of the robot.
+MakeCore = Callable[[str | Task, Options, str, dict[str, object]], Any]
+
+MODES: tuple[Mode, ...] = ("rgb_array", "human")
 
 AGE = "image_age"
 # Arrays of the part in C++, one row for each simulation. Those of many simulations have all.
@@ -29,19 +46,48 @@ _ENVIRONMENTS: "weakref.WeakValueDictionary[int, TaskEnvironment]" = weakref.Wea
 
 
 class TaskEnvironment:
-    """A task with its options: spaces, layout of observations, and rewards.
+    """A task with its options: spaces, layout of observations, rewards and drawing.
 
-    `core` is the part in C++, for one robot or many. Its arrays end with the same dimensions. It
-    needs `own`, a task in Python, as long as it lives.
+    `make_core` makes the part in C++, for one robot or many. Its arrays end with the same
+    dimensions. It needs a task in Python as long as it lives. A copy, also one by pickle, is a new
+    environment with the same arguments, in which no episode has begun.
     """
 
-    def __init__(self, task: str, own: Task | None, options: Options, core: Any) -> None:
-        self.task = task
+    def __new__(cls, *arguments: Any, **named: Any) -> Self:
+        """Keeps the arguments for copies."""
+        self = super().__new__(cls)
+        self._arguments = (arguments, named)
+        return self
+
+    def __init__(
+        self,
+        task: AnyTask,
+        num_robots: int,
+        make_core: MakeCore,
+        *,
+        options: Options | None,
+        config: str | None,
+        config_overrides: dict[str, object] | None,
+        render_mode: Mode | None,
+        view: View | None,
+        changes: Mapping[str, Any],
+    ) -> None:
+        allowed = "'rgb_array' or 'human'"
+        require(render_mode in (None, *MODES), "render_mode", render_mode, allowed)
+        require(view is None or isinstance(view, View), "view", view, "a View: View(width=640)")
+        self.options = options = options_of(task, options, **changes)
+        config = robot_of(task, config)
+        overrides = overrides_of(task, options, config, config_overrides)
+        known, own = prepared(task, num_robots)
+        self._core = core = make_core(known, options, config, overrides)
+        self.task = task if isinstance(task, str) else task.name
         self._own = own
         if own is not None:
             _ENVIRONMENTS[id(own)] = self
-        self.options = options
-        self._core = core
+        self._scene = (config, overrides)
+        self.render_mode = render_mode
+        self._view = view or View()
+        self._drawing: Painter | Window | None = None
         # Memory that C++ writes: it stays the same as long as `core` lives.
         self._arrays: dict[str, Array] = {
             f"{part}{name}": getattr(core, f"{part}{name}")
@@ -67,6 +113,16 @@ class TaskEnvironment:
             begin += len(low)
             places = [place[f"{name}[{i}]"] for i in range(len(low))]
             self._flat[name] = (places, np.array(low), np.array(high))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What makes a copy: the class and its arguments."""
+        arguments, named = self._arguments
+        return _made, (type(self), arguments, named), {"spec": self.spec}
+
+    @property
+    def scene(self) -> tuple[str, dict[str, object]]:
+        """The configuration of the robot, and what differs from it for this task."""
+        return self._scene
 
     @property
     def episode_actions(self) -> int:
@@ -158,12 +214,53 @@ class TaskEnvironment:
         rewards = arrays[f"{part}finger_rewards"]
         return info | {"distance": distance.copy(), "finger_rewards": rewards.copy()}
 
-    def _reward_of(self, achieved: npt.ArrayLike, desired: npt.ArrayLike) -> Any:
-        rows = [
-            np.atleast_2d(np.ascontiguousarray(goal, np.float64)) for goal in (achieved, desired)
-        ]
+    def _compute_reward(
+        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
+    ) -> Any:
+        """The reward for an achieved goal, or one reward for each row of a batch."""
+        goals = (achieved_goal, desired_goal)
+        rows = [np.atleast_2d(np.ascontiguousarray(goal, np.float64)) for goal in goals]
         rewards = self._core.compute_reward(*rows)
-        return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
+        return float(rewards[0]) if np.ndim(achieved_goal) == 1 else rewards
+
+    @property
+    def _frame_rate(self) -> int:
+        return round(self.episode_actions / self.options.duration)
+
+    # Draws a robot in this configuration, and its goal.
+    def _draw(self, configuration: Array, goal: Array) -> Any:
+        if self._drawing is None:
+            config, overrides = self._scene
+            mjcf = _trifinger.export_mjcf(config, overrides)
+            if self.render_mode == "human":
+                instead = 'render_mode="rgb_array"'
+                self._drawing = Window(mjcf, self._view, 1 / self._frame_rate, instead)
+            else:
+                self._drawing = Painter(mjcf, is_plain=True, view=self._view)
+        return self._drawing.draw(configuration, self._marks(goal))
+
+    def _require_render_mode(self) -> None:
+        if self.render_mode is None:
+            raise InvalidArgument(
+                'render_mode is None; make the environment with render_mode="rgb_array" or "human"'
+            )
+
+    # The centres of the balls that show a goal: none if goals are no places.
+    def _marks(self, goal: Array) -> Array:
+        if not self.goal_unit.startswith("m"):
+            return np.zeros(0)
+        if len(goal) % 3 == 0:
+            return goal
+        return np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
+
+    def _close_drawing(self) -> None:
+        if self._drawing is not None:
+            self._drawing.close()
+            self._drawing = None
+
+
+def _made(kind: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
+    return kind(*arguments, **named)
 
 
 def prepared(task: AnyTask, num_robots: int) -> tuple[str | Task, Task | None]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
@@ -15,24 +14,24 @@ from trifinger.arrays import Array
 from trifinger.environments.options import (
     AnyTask,
     Options,
-    options_of,
-    overrides_of,
     require,
     reset_options,
-    robot_of,
     whole_number,
 )
 from trifinger.environments.task_environment import (
     AGE,
+    MODES,
     Info,
+    Mode,
     Observation,
     Part,
     TaskEnvironment,
     copied,
-    prepared,
     seed_of,
 )
 from trifinger.errors import InvalidArgument
+from trifinger.picture import View
+from trifinger.tasks import Task
 
 
 class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, Any]):
@@ -41,11 +40,12 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
     `task` is the name of a task, MODULE:CLASS for one in Python, or an object of such a class.
     A simulation with seed s gives the same numbers, bit for bit, as `Environment` with seed s. With
     `copy=False` the next call overwrites the observations: they are the memory that C++ writes.
-    `num_threads` is one per processor that this process may use by default (0). `changes` are other
-    values of options, as in `duration=1.0`.
+    `num_threads` is one per processor that this process may use by default (0). The arguments
+    that `Environment` has, too, mean the same.
     """
 
     _core: _trifinger.EnvironmentBatch
+    compute_reward = TaskEnvironment._compute_reward
 
     def __init__(
         self,
@@ -58,6 +58,8 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         copy: bool = True,
         config: str | None = None,
         config_overrides: dict[str, object] | None = None,
+        render_mode: Mode | None = None,
+        view: View | None = None,
         **changes: Any,
     ) -> None:
         num_envs = whole_number("num_envs", num_envs, 31)
@@ -70,20 +72,34 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
                 f"autoreset_mode is {autoreset_mode!r}, must be an AutoresetMode, such as "
                 "AutoresetMode.SAME_STEP"
             ) from None
-        options = options_of(task, options, **changes)
-        config = robot_of(task, config)
-        overrides = overrides_of(task, options, config, config_overrides)
-        known, own = prepared(task, num_envs)
-        core = _trifinger.EnvironmentBatch(
-            known, options.to_json(), num_envs, num_threads, config, overrides
+
+        def make_core(
+            known: str | Task, options: Options, config: str, overrides: dict[str, object]
+        ) -> _trifinger.EnvironmentBatch:
+            return _trifinger.EnvironmentBatch(
+                known, options.to_json(), num_envs, num_threads, config, overrides
+            )
+
+        super().__init__(
+            task,
+            num_envs,
+            make_core,
+            options=options,
+            config=config,
+            config_overrides=config_overrides,
+            render_mode=render_mode,
+            view=view,
+            changes=changes,
         )
-        super().__init__(task if isinstance(task, str) else task.name, own, options, core)
         self.num_envs = num_envs
-        self.metadata = {"autoreset_mode": mode}
-        self.render_mode = None
+        self.metadata = {
+            "autoreset_mode": mode,
+            "render_modes": [*MODES],
+            "render_fps": self._frame_rate,
+        }
         self._mode: str = mode.value
         self._copy = copy
-        self._cameras = [name for name, *_ in core.cameras]
+        self._cameras = [name for name, *_ in self._core.cameras]
         self._has_begun = False
         self._has_ended = np.zeros(num_envs, bool)
         self.single_observation_space = self._observation_space()
@@ -143,6 +159,8 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         finally:
             # Nobody knows how episodes go on that a task in Python could not begin.
             self._has_ended = self._ends()[2]
+        if self.render_mode == "human":
+            self.render()
         return self._observation(), self._info(
             np.ones(self.num_envs, bool) if mask is None else mask
         )
@@ -191,6 +209,8 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             info["fault"] = np.where(ended, 0, info["fault"])
             info["final_obs"] = last
             info["_final_obs"] = info["_final_info"] = ended
+        if self.render_mode == "human":
+            self.render()
         return self._observation(), arrays["reward"].copy(), terminated, truncated, info
 
     # Which episodes are terminated, truncated, or either.
@@ -199,11 +219,23 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         truncated = self._arrays["truncated"].astype(bool)
         return terminated, truncated, terminated | truncated
 
-    def compute_reward(
-        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
-    ) -> Any:
-        """The reward for an achieved goal, or one reward for each row of a batch."""
-        return self._reward_of(achieved_goal, desired_goal)
+    def render(self) -> Any:
+        """Draws all simulations, as a tuple of images, height x width x 3.
+
+        With mode "human", a window shows simulation 0.
+        """
+        self._require_render_mode()
+        if self.render_mode == "human":
+            return self._draw_one(0)
+        return tuple(map(self._draw_one, range(self.num_envs)))
+
+    def _draw_one(self, index: int) -> Any:
+        configuration = np.array(self._core.configuration(index))
+        return self._draw(configuration, self._arrays["desired"][index])
+
+    def close_extras(self, **_: Any) -> None:
+        """Closes the drawing; close() calls it."""
+        self._close_drawing()
 
     def _observation(self) -> Observation:
         seen = self._views()

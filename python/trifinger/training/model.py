@@ -71,7 +71,8 @@ def relabelling_of(plan: Plan) -> dict[str, Any]:
     if plan.task not in ("reach", "finger_reach") or not plan.options.per_finger:
         raise InvalidArgument("relabelled is for reaches, with per_finger=True")
     shown = dataclasses.replace(plan.options, observation="dictionary")
-    space = VectorEnvironment(plan.task, 1, options=shown).single_observation_space["goal"]  # type: ignore[index]
+    seen = VectorEnvironment(**plan.environment | {"options": shown, "num_envs": 1})
+    space = seen.single_observation_space["goal"]  # type: ignore[index]
     return {
         "relabelled": plan.recipe.relabelled,
         "reward_scale": plan.recipe.reward_scale,

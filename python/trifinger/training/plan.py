@@ -59,26 +59,37 @@ class Recipe:
     """Standard deviation of actions of PPO at the start; PPO learns the later ones."""
 
     @classmethod
-    def of(cls, task: str, algorithm: Algorithm, *, is_shared: bool = False) -> Self:
-        """A recipe that is known to learn the task, or else a starting point for experiments."""
+    def of(
+        cls,
+        task: str,
+        algorithm: Algorithm,
+        *,
+        is_shared: bool = False,
+        has_fingers: bool = True,
+    ) -> Self:
+        """A recipe that is known to learn the task, or else a starting point for experiments.
+
+        Only a robot that `has_fingers` can share experience or a policy between them.
+        """
+        reaches_with_fingers = has_fingers and task in ("reach", "finger_reach")
         known = get_args(Algorithm)
         if algorithm not in known:
             raise InvalidArgument(f"there is no algorithm '{algorithm}', only {', '.join(known)}")
         common: dict[str, Any] = {"algorithm": algorithm, "is_shared": is_shared}
         if algorithm == "ppo":
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
-            if task in ("reach", "finger_reach"):
+            if reaches_with_fingers:
                 return cls(**common, num_envs=16, batch_size=160)
             if task.startswith("dclaw_"):
                 common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
             common |= {"gamma": 0.99, "reward_scale": 1.0, "initial_noise": 0.6}
-            if ":" not in task:
+            if ":" not in task and task != "reach":
                 common |= {"approach": 60.0}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
-        if task in ("reach", "finger_reach") and is_shared:
+        if reaches_with_fingers and is_shared:
             return cls(**common, batch_size=80, final_learning_rate=2e-5, relabelled=0.2)
-        if task in ("reach", "finger_reach"):
+        if reaches_with_fingers:
             return cls(**common, batch_size=64, relabelled=0.8)
         return cls(**common, num_envs=8, gamma=0.98, batch_size=256, learning_rate=3e-4)
 
@@ -93,6 +104,8 @@ class Plan:
     episodes: int = 700
     """Number of episodes of all robots together, if each has its full length."""
     seed: int = 1
+    robot_config: str | None = None
+    """Configuration of the robot; None: that of the robot that the task is usually for."""
     evaluation_interval: int = 50
     """Episodes between two evaluations."""
     checkpoint_interval: int = 25
@@ -112,8 +125,10 @@ class Plan:
 
         `more` are fields of the plan itself, as in `episodes=100`.
         """
-        recipe = Recipe.of(task, algorithm, is_shared=is_shared)
         settings = dict(settings or {})
+        recipe = Recipe.of(
+            task, algorithm, is_shared=is_shared, has_fingers="frames" not in settings
+        )
         names = {field.name for field in dataclasses.fields(Recipe)}
         known = names | {field.name for field in dataclasses.fields(Options)}
         for name in sorted(settings.keys() - known):
@@ -132,6 +147,9 @@ class Plan:
         options = Options.of(task)
         for name, value in settings.items():
             _check_type(name, value, getattr(options, name, value))
+        robot = more.get("robot_config")
+        if robot is not None and Path(robot).is_file():
+            more["robot_config"] = str(Path(robot).resolve())  # --resume may be said elsewhere
         # There are about a hundred evaluations at most, so that they take little of the time.
         episodes = more.get("episodes", 700)
         more.setdefault("evaluation_interval", max(50, episodes // 100))
@@ -142,6 +160,11 @@ class Plan:
         if plan.episodes < 1:
             raise InvalidArgument(f"episodes is {plan.episodes}, must be at least 1")
         return plan
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """The arguments that all environments of the training have in common."""
+        return {"task": self.task, "options": self.options, "config": self.robot_config}
 
     @property
     def name(self) -> str:

@@ -85,7 +85,7 @@ class Training:
         self._normalizer = (
             VecNormalize(self._rows, gamma=recipe.gamma) if recipe.algorithm == "ppo" else None
         )
-        self._evaluator = Evaluator(plan.task, plan.options)
+        self._evaluator = Evaluator(**plan.environment)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = make_model(plan, self._normalizer or self._rows, self._total)
         # Each robot begins with episode 0 of its seed.
@@ -126,7 +126,7 @@ class Training:
             self._evaluate("end")
             self._save()
         _replace(self.folder / CURVE, _curve_file(self.curve))
-        metadata = policy_metadata(self.plan.task, self.plan.options)
+        metadata = policy_metadata(**self.plan.environment)
         policy_file.export(self._model, self.policy_path, metadata=metadata)
         return self.curve[-1][1]
 
@@ -140,8 +140,8 @@ class Training:
         self.save_curve()
         if task in PATH_FIGURES:
             save_paths(self._paths, self.folder / PATH_FIGURES[task])
-        film = self.folder / "film.mp4"
-        save_policy_film(self.act, task, self.plan.options, film, self._rows.rows, view)
+        scene = Environment(**self.plan.environment, render_mode="rgb_array", view=view)
+        save_policy_film(self.act, scene, self.folder / "film.mp4", self._rows.rows)
 
     @property
     def policy_path(self) -> Path:
@@ -305,15 +305,12 @@ class _Board(TensorBoardOutputFormat):
 def _environments(plan: Plan) -> Vector:
     mode = AutoresetMode.SAME_STEP
     if plan.recipe.num_envs == 1:
-        return SyncVectorEnv(
-            [lambda: Environment(plan.task, options=plan.options)], autoreset_mode=mode
-        )
+        return SyncVectorEnv([lambda: Environment(**plan.environment)], autoreset_mode=mode)
     return VectorEnvironment(
-        plan.task,
-        plan.recipe.num_envs,
-        options=plan.options,
+        num_envs=plan.recipe.num_envs,
         num_threads=_threads(plan.recipe),
         autoreset_mode=mode,
+        **plan.environment,
     )
 
 
