@@ -36,6 +36,8 @@ void bind_hand(nanobind::module_& m);
 void bind_rendering(nanobind::module_& m);
 /// Kinematics.
 void bind_kinematics(nanobind::module_& m);
+/// ModelKinematics, JointSolution.
+void bind_model_kinematics(nanobind::module_& m);
 /// configuration_text, read_joint_facts, kinematics_of: what
 /// packages/trifinger_view/trifinger_view/motion is made of.
 void bind_joint_facts(nanobind::module_& m);

@@ -477,6 +477,14 @@ const char* const height = R"([pixel])";
 const char* const width = R"([pixel])";
 }
 
+namespace JointSolution {
+const char* const JointSolution = R"(A result of the inverse kinematics. It is always finite and within the ranges.)";
+const char* const angle = R"(Between their orientations [rad]; 0 if none was asked for.)";
+const char* const distance = R"(From the frame to its goal [m].)";
+const char* const is_reached = R"(Both are at most 1e-6.)";
+const char* const position = R"(One for each driven joint [rad], [m].)";
+}
+
 namespace JointState {
 const char* const JointState = R"(Measurements of the nine joints, finger 0 first, from the base to the tip.)";
 const char* const position = R"([rad])";
@@ -647,6 +655,15 @@ const char* const reset = R"(Treats the next sample as the first one.)";
 const char* const update = R"(Takes the next sample, `elapsed` [s] after the previous one, and returns the filtered
 signal. The first sample passes unchanged. A sample with another number of values passes
 unchanged, too.)";
+}
+
+namespace ModelKinematics {
+const char* const bias_torques = R"(Torques that keep joints at their `velocity` [rad/s], [m/s] without acceleration, against
+gravity, springs, Coriolis and centrifugal forces. Damping and friction are not included.)";
+const char* const gravity_torques = R"(Torques that hold the pose against gravity and springs.)";
+const char* const jacobian = R"(Linear velocity of a frame, above its angular velocity, for a velocity of 1 of each joint: 6
+rows, `num_joints` columns.)";
+const char* const mass_matrix = R"(Inertia at the joints, including that of the rotors [kg m^2], [kg].)";
 }
 
 namespace Motion {

@@ -282,6 +282,14 @@ extern const char* const height;
 extern const char* const width;
 }
 
+namespace JointSolution {
+extern const char* const JointSolution;
+extern const char* const angle;
+extern const char* const distance;
+extern const char* const is_reached;
+extern const char* const position;
+}
+
 namespace JointState {
 extern const char* const JointState;
 extern const char* const position;
@@ -404,6 +412,13 @@ namespace LowPassFilter {
 extern const char* const LowPassFilter;
 extern const char* const reset;
 extern const char* const update;
+}
+
+namespace ModelKinematics {
+extern const char* const bias_torques;
+extern const char* const gravity_torques;
+extern const char* const jacobian;
+extern const char* const mass_matrix;
 }
 
 namespace Motion {

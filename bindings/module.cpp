@@ -28,6 +28,7 @@ NB_MODULE(_trifinger, m) {
   bind_hand(m);
   bind_rendering(m);
   bind_kinematics(m);
+  bind_model_kinematics(m);
   bind_joint_facts(m);
   bind_motion(m);
   bind_forces(m);

@@ -1159,6 +1159,93 @@ class Kinematics:
         initial pose by default.
         """
 
+class JointSolution:
+    """
+    A result of the inverse kinematics. It is always finite and within the ranges.
+    """
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """One for each driven joint [rad], [m]."""
+
+    @property
+    def distance(self) -> float:
+        """From the frame to its goal [m]."""
+
+    @property
+    def angle(self) -> float:
+        """Between their orientations [rad]; 0 if none was asked for."""
+
+    @property
+    def is_reached(self) -> bool:
+        """Both are at most 1e-6."""
+
+    def __repr__(self) -> str: ...
+
+class ModelKinematics:
+    """
+    Kinematics and dynamics of any robot, from its model: where named frames are, how joints move them, and
+    what torques carry it. Contacts are left out.
+
+    Everything is in the world frame: z up. Joints are the driven ones, in the order of actions [rad], [Nm];
+    a joint that slides has m and N. Joints that follow one by an equality go with it. All others, and bodies
+    that float, stay where sessions begin.
+    """
+
+    def __init__(self, config: str = 'sim', frames: Sequence[str] = (), overrides: dict[str, object] = {}) -> None:
+        """
+        `config` is the name of a configuration that comes with the package, or a file. `frames` are names of
+        sites, bodies or geoms; none: the tips of a TriFinger, or the ends of a robot from a file. `overrides`
+        changes single values of the configuration.
+        """
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the driven joints."""
+
+    @property
+    def frames(self) -> list[str]:
+        """Names of the frames."""
+
+    @property
+    def ranges(self) -> numpy.typing.NDArray[numpy.float64]:
+        """The soft limits of the joints, N x 2 [rad], [m]."""
+
+    @property
+    def initial_position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Where the joints are when a session begins [rad], [m]."""
+
+    def pose(self, frame: str, position: numpy.typing.ArrayLike) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+        """
+        Place of a frame [m], and its orientation: a quaternion w x y z with w >= 0.
+        """
+
+    def jacobian(self, frame: str, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Linear velocity of a frame, above its angular velocity, for a velocity of 1 of each joint: 6
+        rows, `num_joints` columns.
+        """
+
+    def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """Torques that hold the pose against gravity and springs."""
+
+    def bias_torques(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Torques that keep joints at their `velocity` [rad/s], [m/s] without acceleration, against
+        gravity, springs, Coriolis and centrifugal forces. Damping and friction are not included.
+        """
+
+    def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """Inertia at the joints, including that of the rotors [kg m^2], [kg]."""
+
+    def inverse_kinematics(self, frame: str, point: numpy.typing.ArrayLike, orientation: numpy.typing.ArrayLike | None = None, near: numpy.typing.ArrayLike | None = None) -> JointSolution:
+        """
+        Finds positions within the soft limits that bring a frame to `point` [m], with this orientation (a
+        quaternion w x y z) if one is given: damped least squares from `near` (default: where sessions begin),
+        then from poses drawn from a fixed series. Joints that do not move the frame stay as in `near`. If
+        nothing reaches it, the nearest pose that was found. It takes some milliseconds.
+        """
+
 def configuration_text(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     """
     The whole configuration of that name, or in that file, as a session's document
@@ -3696,6 +3783,14 @@ class EnvironmentBatch:
         """
         Age of the newest pose of the object just before the next one arrives [steps]. If it is
         older, poses were lost, or the tracker was not sure since then.
+        """
+
+    def configuration(self, index: int) -> list[float]:
+        """
+        Positions and velocities of joints and objects of simulation `index` in MuJoCo's layout, to
+        draw it: `qpos`, then `qvel`.
+
+        Raises InvalidArgument if there is no such simulation.
         """
 
     def seed(self, index: int, seed: int, episode: int = ...) -> None:

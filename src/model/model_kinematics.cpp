@@ -81,6 +81,7 @@ ModelKinematics::ModelKinematics(std::shared_ptr<const SceneModel> model,
   }
   rows_.setZero(6, dofs);
   jacobian_.setZero(6, joints);
+  gravity_.setZero(joints);
   bias_.setZero(joints);
   inertia_.setZero(dofs, dofs);
   moved_.setZero(dofs, joints);
@@ -103,6 +104,14 @@ void ModelKinematics::update(const Eigen::Ref<const Eigen::VectorXd>& position) 
   }
 }
 
+Eigen::VectorXd ModelKinematics::position() const {
+  Eigen::VectorXd position(num_joints());
+  for (Eigen::Index joint = 0; joint < position.size(); ++joint) {
+    position[joint] = model_->position(static_cast<std::size_t>(joint), *data_);
+  }
+  return position;
+}
+
 Eigen::Isometry3d ModelKinematics::pose(std::size_t frame) const noexcept {
   const auto [position, orientation] = frames_.pose(frame, configuration());
   const auto& [w, x, y, z] = orientation;
@@ -121,20 +130,21 @@ const ModelKinematics::Jacobian& ModelKinematics::jacobian(std::size_t frame) no
 
 const Eigen::VectorXd& ModelKinematics::gravity_torques() noexcept {
   std::fill_n(data_->qvel, speeds_.rows(), 0.0);
-  return bias_at_velocity();
+  weigh(gravity_);
+  return gravity_;
 }
 
 const Eigen::VectorXd& ModelKinematics::bias_torques(
     const Eigen::Ref<const Eigen::VectorXd>& velocity) noexcept {
   Eigen::Map<Eigen::VectorXd>(data_->qvel, speeds_.rows()).noalias() =
       speeds_.lazyProduct(velocity);
-  return bias_at_velocity();
+  weigh(bias_);
+  return bias_;
 }
 
-const Eigen::VectorXd& ModelKinematics::bias_at_velocity() noexcept {
+void ModelKinematics::weigh(Eigen::VectorXd& torques) noexcept {
   model_->compute_weight(*model_->mujoco(), *data_,
-                         std::span(bias_.data(), static_cast<std::size_t>(bias_.size())));
-  return bias_;
+                         std::span(torques.data(), static_cast<std::size_t>(torques.size())));
 }
 
 const Eigen::MatrixXd& ModelKinematics::mass_matrix() noexcept {

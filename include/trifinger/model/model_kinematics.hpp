@@ -41,7 +41,6 @@ struct JointSolution {
 /// once: make one for each.
 class ModelKinematics {
  public:
-  /// Six rows, a column for each joint: linear velocity of a frame above its angular velocity.
   using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
   /// `frames` are names as for `Frames`; none: `end_frames` of the model.
@@ -60,10 +59,14 @@ class ModelKinematics {
   /// Sets the pose for the functions below: one position for each joint.
   void update(const Eigen::Ref<const Eigen::VectorXd>& position) noexcept;
 
+  /// The positions of the pose; before the first `update` those where sessions begin.
+  [[nodiscard]] Eigen::VectorXd position() const;
+
   [[nodiscard]] Eigen::Isometry3d pose(std::size_t frame) const noexcept;
+  /// Linear velocity of a frame, above its angular velocity, for a velocity of 1 of each joint: 6
+  /// rows, `num_joints` columns.
   [[nodiscard]] const Jacobian& jacobian(std::size_t frame) noexcept;
   /// Torques that hold the pose against gravity and springs.
-  /// The next `bias_torques` take their place.
   [[nodiscard]] const Eigen::VectorXd& gravity_torques() noexcept;
   /// Torques that keep joints at their `velocity` [rad/s], [m/s] without acceleration, against
   /// gravity, springs, Coriolis and centrifugal forces. Damping and friction are not included.
@@ -87,7 +90,7 @@ class ModelKinematics {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
   [[nodiscard]] std::span<const double> configuration() const noexcept;
-  [[nodiscard]] const Eigen::VectorXd& bias_at_velocity() noexcept;
+  void weigh(Eigen::VectorXd& torques) noexcept;
   [[nodiscard]] JointSolution search(std::size_t frame, const Eigen::Vector3d& point,
                                      const std::optional<Eigen::Quaterniond>& orientation,
                                      const Eigen::VectorXd& begin,
@@ -101,7 +104,7 @@ class ModelKinematics {
   Eigen::MatrixXd speeds_;  // of the model's degrees of freedom, for a velocity of 1 of each joint
   RowMajor rows_;           // a Jacobian by the model's degrees of freedom
   Jacobian jacobian_;
-  Eigen::VectorXd bias_;
+  Eigen::VectorXd gravity_, bias_;
   RowMajor inertia_;  // by the model's degrees of freedom
   Eigen::MatrixXd moved_, mass_;
 };
