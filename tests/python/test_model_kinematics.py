@@ -26,6 +26,8 @@ class Judge:
     def __init__(self, config: str, kinematics: trifinger.ModelKinematics) -> None:
         self.model = model_of(trifinger.export_mjcf(config))
         self.data = mujoco.MjData(self.model)
+        # Joints without a motor stay where sessions begin.
+        self.data.qpos[:] = trifinger.Simulation(config).configuration()[: self.model.nq]
         joints = [self.model.joint(name) for name in kinematics.joint_names]
         self.places = [int(joint.qposadr[0]) for joint in joints]
         self.dofs = [int(joint.dofadr[0]) for joint in joints]
