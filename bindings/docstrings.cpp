@@ -664,6 +664,10 @@ const char* const gravity_torques = R"(Torques that hold the pose against gravit
 const char* const jacobian = R"(Linear velocity of a frame, above its angular velocity, for a velocity of 1 of each joint: 6
 rows, `num_joints` columns.)";
 const char* const mass_matrix = R"(Inertia at the joints, including that of the rotors [kg m^2], [kg].)";
+const char* const null_space_torques = R"(The part of `torques` that does not accelerate a frame, only the joints around it: (1 - J'
+(J M^-1 J')^-1 J M^-1) torques. With it an arm of seven joints keeps its elbow where it
+should be. O. Khatib: A unified approach for motion and force control of robot manipulators.
+IEEE Journal on Robotics and Automation, 1987.)";
 }
 
 namespace Motion {
@@ -1149,7 +1153,7 @@ all, changes nothing.)";
 const char* const point_of_body = R"(The motion of a point that is fixed to a body. `point` is in the body's frame, from its
 centre [m].)";
 const char* const pullable_bodies = R"(Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
-objects.)";
+objects. A robot from a file has no tips: its `end_frames` come after the objects.)";
 const char* const recover = R"(Clears the fault of the robot `name`, so that the next session begins. This is for an
 operator who has looked at the robot.
 

@@ -419,6 +419,7 @@ extern const char* const bias_torques;
 extern const char* const gravity_torques;
 extern const char* const jacobian;
 extern const char* const mass_matrix;
+extern const char* const null_space_torques;
 }
 
 namespace Motion {

@@ -174,6 +174,18 @@ void bind_model_kinematics(nb::module_& m) {
                   "numpy.typing.NDArray[numpy.float64]"),
           docs::ModelKinematics::mass_matrix)
       .def(
+          "null_space_torques",
+          [](RobotKinematics& self, const std::string& frame, const JointArray& position,
+             const JointArray& torques) {
+            self.check("torques", torques);
+            const std::size_t place = self.frame(frame);
+            return JointArray{self.at(position).null_space_torques(place, torques.value)};
+          },
+          "frame"_a, "position"_a, "torques"_a,
+          nb::sig("def null_space_torques(self, frame: str, position: numpy.typing.ArrayLike, "
+                  "torques: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
+          docs::ModelKinematics::null_space_torques)
+      .def(
           "inverse_kinematics",
           [](RobotKinematics& self, const std::string& frame, const Vector3& point,
              const std::optional<Array<Eigen::Vector4d>>& orientation,

@@ -747,7 +747,7 @@ class Simulation:
     def bodies(self) -> list[str]:
         """
         Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
-        objects.
+        objects. A robot from a file has no tips: its `end_frames` come after the objects.
         """
 
     def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
@@ -1237,6 +1237,14 @@ class ModelKinematics:
 
     def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """Inertia at the joints, including that of the rotors [kg m^2], [kg]."""
+
+    def null_space_torques(self, frame: str, position: numpy.typing.ArrayLike, torques: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The part of `torques` that does not accelerate a frame, only the joints around it: (1 - J'
+        (J M^-1 J')^-1 J M^-1) torques. With it an arm of seven joints keeps its elbow where it
+        should be. O. Khatib: A unified approach for motion and force control of robot manipulators.
+        IEEE Journal on Robotics and Automation, 1987.
+        """
 
     def inverse_kinematics(self, frame: str, point: numpy.typing.ArrayLike, orientation: numpy.typing.ArrayLike | None = None, near: numpy.typing.ArrayLike | None = None) -> JointSolution:
         """

@@ -25,6 +25,7 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 constexpr double kReached = 1e-6;       // [m], [rad]
 constexpr double kExact = 1e-9;         // a search ends here
 constexpr double kLeastDamping = 1e-9;  // of the squares of a Jacobian
+constexpr double kTiny = 1e-300;        // so that nothing divides by zero
 constexpr double kLargestStep = 0.5;    // of a joint [rad], [m]
 constexpr int kNumSteps = 100;          // of one search
 constexpr int kNumSearches = 50;
@@ -86,6 +87,9 @@ ModelKinematics::ModelKinematics(std::shared_ptr<const SceneModel> model,
   inertia_.setZero(dofs, dofs);
   moved_.setZero(dofs, joints);
   mass_.setZero(joints, joints);
+  solver_ = Eigen::LDLT<Eigen::MatrixXd>(joints);
+  inverse_.setZero(joints, 6);
+  free_.setZero(joints);
 }
 
 std::size_t ModelKinematics::frame(const std::string& name) const {
@@ -157,6 +161,22 @@ const Eigen::MatrixXd& ModelKinematics::mass_matrix() noexcept {
   moved_.noalias() = inertia_.lazyProduct(speeds_);
   mass_.noalias() = speeds_.transpose().lazyProduct(moved_);
   return mass_;
+}
+
+const Eigen::VectorXd& ModelKinematics::null_space_torques(
+    std::size_t frame, const Eigen::Ref<const Eigen::VectorXd>& torques) noexcept {
+  (void)mass_matrix();
+  (void)jacobian(frame);
+  solver_.compute(mass_);
+  inverse_ = jacobian_.transpose();
+  solver_.solveInPlace(inverse_);
+  Eigen::Matrix<double, 6, 6> mobility = jacobian_.lazyProduct(inverse_);
+  // Directions in which the joints cannot move the frame stay out of it.
+  mobility.diagonal().array() += kLeastDamping * mobility.trace() + kTiny;
+  const Vector6 acceleration = inverse_.transpose().lazyProduct(torques);
+  const Vector6 wrench = symmetric_solve(mobility, acceleration);
+  free_ = torques - jacobian_.transpose().lazyProduct(wrench);
+  return free_;
 }
 
 // Searches from a pose, within the ranges: damped least squares, with a damping that falls with the

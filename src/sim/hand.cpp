@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
+#include <iterator>
 #include <mutex>
 #include <new>
 #include <stop_token>
@@ -20,6 +21,7 @@
 #include "trifinger/core/sensor.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
+#include "trifinger/model/frames.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
@@ -101,6 +103,7 @@ std::vector<std::string> pullable_bodies(const SceneModel& model) {
     names.push_back("tip_" + std::to_string(tip));
   }
   for (const ObjectAddress& object : model.objects()) names.push_back(object.name);
+  if (model.tip_geoms().empty()) std::ranges::move(end_frames(model), std::back_inserter(names));
   return names;
 }
 

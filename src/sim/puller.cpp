@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <string>
+
+#include "trifinger/model/frames.hpp"
 
 namespace trifinger::detail {
 namespace {
@@ -49,6 +52,16 @@ Puller::Puller(const SceneModel& model)
   }
   for (const ObjectAddress& object : model.objects()) {
     bodies_.push_back({.index = object.body, .centre = {}});
+  }
+  if (!model.tip_geoms().empty()) return;
+  for (const std::string& end : end_frames(model)) {
+    const int site = mj_name2id(&compiled, mjOBJ_SITE, end.c_str());
+    if (site < 0) {
+      bodies_.push_back({.index = mj_name2id(&compiled, mjOBJ_BODY, end.c_str()), .centre = {}});
+      continue;
+    }
+    Body& body = bodies_.emplace_back(Body{.index = compiled.site_bodyid[site], .centre = {}});
+    std::copy_n(compiled.site_pos + std::ptrdiff_t{3} * site, 3, body.centre.begin());
   }
 }
 

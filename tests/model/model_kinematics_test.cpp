@@ -228,6 +228,23 @@ TEST_F(ModelKinematicsTest, TorquesOfAChainAreThoseOfMujoco) {
   }
 }
 
+TEST_F(ModelKinematicsTest, TorquesOfTheNullSpaceDoNotMoveTheFrame) {
+  ModelKinematics kinematics(std::make_shared<const RobotModel>(RobotDescription{}));
+  Random random{.seed = 6};
+  for (int pose = 0; pose < 20; ++pose) {
+    const Eigen::VectorXd position = draw(kinematics, random);
+    const Eigen::VectorXd torques = draw(kinematics, random);
+    kinematics.update(position);
+    const Eigen::VectorXd free = kinematics.null_space_torques(0, torques);
+    const Eigen::VectorXd acceleration = kinematics.mass_matrix().ldlt().solve(free);
+    EXPECT_LT((kinematics.jacobian(0) * acceleration).norm(), 1e-4);
+    // The other fingers are not concerned.
+    EXPECT_LT((free - torques).tail<6>().norm(), 1e-6);
+    // What is free stays as it is.
+    EXPECT_LT((kinematics.null_space_torques(0, free) - free).norm(), 1e-4);
+  }
+}
+
 TEST_F(ModelKinematicsTest, AllocateNothingInALoop) {
   const auto file = model(kGripper);
   const std::vector<std::string> names{"pad"};
@@ -239,7 +256,7 @@ TEST_F(ModelKinematicsTest, AllocateNothingInALoop) {
     kinematics.update(position);
     sum += kinematics.pose(0).translation().z() + kinematics.jacobian(0)(0, 1);
     sum += kinematics.gravity_torques()[0] + kinematics.bias_torques(position)[1];
-    sum += kinematics.mass_matrix()(0, 0);
+    sum += kinematics.mass_matrix()(0, 0) + kinematics.null_space_torques(0, position)[0];
   }
   EXPECT_EQ(allocations.count(), 0);
   EXPECT_TRUE(std::isfinite(sum));

@@ -70,7 +70,7 @@ def test_the_owner_of_the_simulation_places_everything(arm: str) -> None:
         simulation.vary(pair_friction={"tip_object": 0.5})
     with pytest.raises(trifinger.InvalidArgument, match="position has 3 numbers, must have 2"):
         simulation.reset([0, 0, 0])
-    assert simulation.bodies == ["ball"]
+    assert simulation.bodies == ["ball", "flap"]
 
 
 def test_what_safety_needs_is_asked_for_by_name(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstddef>
@@ -75,6 +76,13 @@ class ModelKinematics {
   /// Inertia at the joints, including that of the rotors [kg m^2], [kg].
   [[nodiscard]] const Eigen::MatrixXd& mass_matrix() noexcept;
 
+  /// The part of `torques` that does not accelerate a frame, only the joints around it:
+  /// (1 - J' (J M^-1 J')^-1 J M^-1) torques. With it an arm of seven joints keeps its elbow where
+  /// it should be. O. Khatib: A unified approach for motion and force control of robot
+  /// manipulators. IEEE Journal on Robotics and Automation, 1987.
+  [[nodiscard]] const Eigen::VectorXd& null_space_torques(
+      std::size_t frame, const Eigen::Ref<const Eigen::VectorXd>& torques) noexcept;
+
   /// Finds positions within `ranges` that bring a frame to `point` [m], with this orientation if
   /// one is given: damped least squares from `near`, then from poses drawn from a fixed series.
   /// Joints that do not move the frame stay as in `near`. If nothing reaches it, the nearest pose
@@ -107,6 +115,9 @@ class ModelKinematics {
   Eigen::VectorXd gravity_, bias_;
   RowMajor inertia_;  // by the model's degrees of freedom
   Eigen::MatrixXd moved_, mass_;
+  Eigen::LDLT<Eigen::MatrixXd> solver_;
+  Eigen::Matrix<double, Eigen::Dynamic, 6> inverse_;  // of the mass, times J'
+  Eigen::VectorXd free_;
 };
 
 }  // namespace trifinger

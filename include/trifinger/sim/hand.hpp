@@ -77,7 +77,7 @@ inline constexpr const char* kHandCompanion = "hand";
 inline constexpr Nanoseconds kHandTimeout = std::chrono::milliseconds(200);
 
 /// Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
-/// objects.
+/// objects. A robot from a file has no tips: its `end_frames` come after the objects.
 [[nodiscard]] std::vector<std::string> pullable_bodies(const SceneModel& model);
 
 /// The number of a body in `pullable_bodies`.
