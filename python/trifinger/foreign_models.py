@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from trifinger import _trifinger
 from trifinger.errors import InvalidArgument
@@ -12,8 +13,10 @@ if TYPE_CHECKING:
     import mujoco
 
 
-def model_of(mjcf: str) -> mujoco.MjModel:
+def model_of(mjcf: str, change: Callable[[Any], None] | None = None) -> mujoco.MjModel:
     """Compiles a model that anybody may have written: it names no files, and its size is limited.
+
+    `change` may change the `mujoco.MjSpec` before.
 
     Raises:
         InvalidArgument: if it is not a model, or asks for more than a text on its own may have
@@ -21,6 +24,11 @@ def model_of(mjcf: str) -> mujoco.MjModel:
     import mujoco
 
     try:
-        return mujoco.MjModel.from_xml_string(_trifinger.checked_model_text(mjcf))
+        spec = mujoco.MjSpec.from_string(_trifinger.checked_model_text(mjcf))
+        # Inertias that were possible need not be so when they are rounded to the digits of a text.
+        spec.compiler.balanceinertia = True
+        if change is not None:
+            change(spec)
+        return spec.compile()
     except (ValueError, InvalidArgument, mujoco.FatalError) as error:
         raise InvalidArgument(f"the model cannot be read: {error}") from error

@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -18,11 +18,12 @@ from trifinger import extras
 from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
 from trifinger.foreign_models import model_of
+from trifinger.look import BELOW, FLOOR, LAMP, TO_LAMP, landing_height, look_of
 from trifinger.placement import Placement
 from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
 
 DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # on Debian, without a screen
@@ -36,6 +37,12 @@ CAMERAS = {"front": (90.0, -20.0), "side": (210.0, -20.0), "top": (90.0, -89.9)}
 LARGEST = 4096  # largest width and height [pixels]
 MARGIN = 1.06  # size of the picture, relative to that of robot and objects in it
 TABLE = ((0.1, 0.1, 0.0), (0.1, -0.1, 0.0), (-0.1, 0.1, 0.0), (-0.1, -0.1, 0.0))  # always seen [m]
+COARSE = 2  # pixels of a picture in one of its shadows, along each side
+FOG = np.array([1.5, 4.0])  # where the floor begins and ends to fade, in reaches of the lamp
+SAME = 2e-5  # a scene that moves less is not drawn again [m], [rad]
+MOST_SHAPES = 10_000  # of a scene
+SMALLEST = 1.6  # how much farther away a camera may be that stands still
+FOLLOW = 15  # pictures before and after, which a camera that follows sees
 STEEP = 60.0  # elevation from which a view is steep [degrees]
 BEHIND = 0.05  # parts of frame and wall are drawn if they are this far behind the middle [m]
 SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
@@ -65,20 +72,28 @@ class View:
 
 
 class SceneCamera:
-    """A camera that looks at a MuJoCo model."""
+    """A camera that looks at a MuJoCo model, which has our look."""
 
     def __init__(self, model: Any, view: View) -> None:
         """Places the camera of `view`; raises InvalidArgument if there is no such camera."""
         import mujoco
 
         self._mujoco, self._model = mujoco, model
-        self._aspect = view.width / view.height
+        self._data = mujoco.MjData(model)
+        model.stat.extent = 1.0  # what counts in extents now counts in metres
         moving = model.geom_bodyid > 0
-        self._shapes = np.flatnonzero(moving & (model.geom_group == 0))
-        self.is_of_ours = len(self._shapes) > 0
-        """False for the model of a robot from a file, which only has shapes that look."""
-        if not self.is_of_ours:
-            self._shapes = np.flatnonzero(moving & (model.geom_group == LOOKS_GROUP))
+        shapes = moving & (model.geom_group == 0)
+        self._is_of_ours = bool(shapes.any())  # a robot from a file has shapes that look alone
+        if not self._is_of_ours:
+            # With its base, which may be a part of the world, but without the walls of a room.
+            shapes = (model.geom_group == LOOKS_GROUP) & (model.geom_rbound > 0)
+            largest = model.geom_rbound[shapes & moving].max(initial=0.0)
+            shapes &= moving | (model.geom_rbound < 2 * largest)
+        roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
+        free = (roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE))
+        self._shapes, self._objects = np.flatnonzero(shapes), np.flatnonzero(shapes & free)
+        is_fixed = (model.geom_group <= LOOKS_GROUP) & ~free
+        self._fixed = np.flatnonzero(is_fixed & (model.geom_rbound > 0))  # planes have no bound
         self._surround = np.flatnonzero(model.geom_group == SURROUND_GROUP)
         self._opacity = model.geom_rgba[self._surround, 3].copy()
         self.camera = mujoco.MjvCamera()
@@ -86,16 +101,26 @@ class SceneCamera:
         angles = CAMERAS.get(view.camera) or _angles(view.camera)
         if angles is not None:
             self.camera.azimuth, self.camera.elevation = angles
-            self.fill()
-            return
-        self.camera.fixedcamid = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, view.camera)
-        self.camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        if self.camera.fixedcamid < 0:
+        else:
+            self.camera.fixedcamid = mujoco.mj_name2id(
+                model, mujoco.mjtObj.mjOBJ_CAMERA, view.camera
+            )
+            self.camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        if angles is None and self.camera.fixedcamid < 0:
             names = [*CAMERAS, *(model.camera(i).name for i in range(model.ncam))]
             raise InvalidArgument(
                 f"there is no camera '{view.camera}', only {', '.join(names)}; or give azimuth and "
                 'elevation in degrees, as in "120,-15"'
             )
+        self._axes = _axes(self.camera)
+        slope = np.tan(np.radians(model.vis.global_.fovy) / 2) / MARGIN
+        self._slopes = slope * np.array([view.width / view.height, 1.0])
+        start = np.array(model.key_qpos[0] if model.nkey else model.qpos0)
+        self._move(start)
+        self._landing = landing_height(model, self._data)
+        self._start = self._needs([start])[0]
+        self.look(self._places(self._start))
+        self._middle = self.camera.lookat.copy()
 
     def clear(self, data: Any, camera: Any = None) -> None:
         """Hides the parts of frame and wall that stand in front of the scene.
@@ -110,48 +135,104 @@ class SceneCamera:
             forward = _axes(camera)[2]
             if abs(camera.elevation) < STEEP:
                 forward[2] = 0.0
-            depth = (data.geom_xpos[self._surround] - camera.lookat) @ forward
+            depth = (data.geom_xpos[self._surround] - self._middle) @ forward
             opacity = np.where(depth > BEHIND, opacity, 0.0)
         self._model.geom_rgba[self._surround, 3] = opacity
 
-    def fill(self, configurations: Iterable[ArrayLike] = ()) -> None:
-        """Moves the camera so that robot and objects just fill the picture.
+    def path(self, configurations: Sequence[ArrayLike]) -> Array:
+        """A place of the camera for each configuration: robot and objects are in the picture.
 
-        They are seen in the start pose, or in each of these configurations, MuJoCo's `qpos`. Of our
-        own scenes, the middle of the table is always seen. A camera of the model stays.
+        The camera stands still if robot and objects are large enough when it sees where all of them
+        ever are. Otherwise it follows them, and is where it must be for those within FOLLOW
+        configurations. A place between two places also has in its picture what moves from one to
+        the other.
         """
-        if self.camera.type != self._mujoco.mjtCamera.mjCAMERA_FREE:
-            return
-        axes = _axes(self.camera)
-        model = self._model
-        start = model.key_qpos[0] if model.nkey else model.qpos0
-        corners = [self._corners(qpos) for qpos in (*configurations,) or (start,)]
-        if self.is_of_ours or not len(self._shapes):
-            corners.append(np.array(TABLE))
-        points = np.concatenate(corners) @ axes.T
-        slope = np.tan(np.radians(model.vis.global_.fovy) / 2) / MARGIN
-        # In the frame of the camera, a point is in view if |x - place| <= slope * (z - camera z).
-        places, depths = [], []
-        for column, half in ((points[:, 0], slope * self._aspect), (points[:, 1], slope)):
-            high = np.max(column - half * points[:, 2])
-            low = np.min(column + half * points[:, 2])
-            places.append((high + low) / 2)
-            depths.append((low - high) / (2 * half))
-        middle = (points[:, 2].min() + points[:, 2].max()) / 2
-        self.camera.lookat[:] = np.array([*places, middle]) @ axes
-        self.camera.distance = middle - min(depths)
+        needs = self._needs(configurations)
+        still = self._places(needs.max(axis=0))
+        if _distance(still) <= SMALLEST * np.median(_distance(self._places(needs))):
+            return np.tile(still, (len(needs), 1))
+        ends = ((FOLLOW, FOLLOW), (0, 0))
+        near = np.lib.stride_tricks.sliding_window_view(
+            np.pad(needs, ends, mode="edge"), 2 * FOLLOW + 1, axis=0
+        )
+        # A weighted mean of places that all see something sees it, too: they are in a cone.
+        places = np.pad(self._places(near.max(axis=-1)), ends, mode="edge")
+        weights = np.hanning(2 * FOLLOW + 3)[1:-1]
+        weights /= weights.sum()
+        return np.stack([np.convolve(column, weights, "valid") for column in places.T], axis=1)
 
-    def _corners(self, qpos: ArrayLike) -> Array:
-        """Corners of boxes around all shapes of robot and objects in a configuration."""
-        model, data = self._model, self._mujoco.MjData(self._model)
-        data.qpos[:] = qpos
-        self._mujoco.mj_forward(model, data)
+    def place_for(self, configuration: ArrayLike) -> Array:
+        """The place that sees the robot in its start pose, and the objects where they are."""
+        needs = self._start
+        if len(self._objects):
+            self._move(configuration)
+            needs = np.maximum(needs, self._needs_of(self._objects))
+        return self._places(needs)
+
+    def look(self, place: ArrayLike) -> None:
+        """Moves the camera and its lamp to a place; a camera of the model stays."""
+        place = np.asarray(place)
+        self.reach = 1.8 * float(np.hypot(_distance(place) * self._slopes.max(), place[4]))
+        target = place[[0, 1, 3]] @ self._axes
+        self._model.light(LAMP).pos = target + 3 * self.reach * TO_LAMP
+        if self.camera.type == self._mujoco.mjtCamera.mjCAMERA_FREE:
+            self.camera.lookat[:], self.camera.distance = target, _distance(place)
+
+    def _move(self, configuration: ArrayLike) -> None:
+        self._data.qpos[:] = np.asarray(configuration)[: self._model.nq]
+        self._mujoco.mj_kinematics(self._model, self._data)
+
+    def _needs(self, configurations: Sequence[ArrayLike]) -> Array:
+        """What the camera must see in each configuration; the floor goes below all of them."""
+        ground = self._landing
+        if ground is None:
+            low = np.inf
+            for configuration in configurations:
+                self._move(configuration)
+                low = min(low, self._corners(self._fixed)[:, 2].min(initial=np.inf))
+            ground = low if np.isfinite(low) else 0.0
+        self._model.geom(FLOOR).pos[2] = ground - BELOW
+        rows = []
+        for configuration in configurations:
+            self._move(configuration)
+            # What has fallen through the ground is gone.
+            above = self._data.geom_xpos[self._shapes, 2] >= ground
+            rows.append(self._needs_of(self._shapes[above | ~np.isin(self._shapes, self._objects)]))
+        return np.array(rows)
+
+    def _needs_of(self, shapes: Array) -> Array:
+        """How far the edges of the picture, and its nearest and farthest points, must be out.
+
+        In the frame of the camera, a point is in view if |x - place| <= slope * (z - camera z).
+        """
+        corners = self._corners(shapes)
+        if self._is_of_ours or not len(corners):
+            corners = np.concatenate([corners, TABLE])
+        x, y, z = self._axes @ corners.T
+        wide, high = self._slopes
+        edges = [x - wide * z, -x - wide * z, y - high * z, -y - high * z, -z, z]
+        return np.asarray(np.max(edges, axis=1))
+
+    def _places(self, needs: Array) -> Array:
+        """Rows of the camera's place right, up and forward, its target's, and half the depth."""
+        right, left, top, bottom, near, far = needs.T
+        wide, high = self._slopes
+        depth = np.minimum(-(right + left) / (2 * wide), -(top + bottom) / (2 * high))
+        sides = (right - left) / 2, (top - bottom) / 2
+        return np.stack([*sides, depth, (far - near) / 2, (far + near) / 2], axis=-1)
+
+    def _corners(self, shapes: Array) -> Array:
+        """Corners of boxes around shapes, where they are now."""
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-        boxes = model.geom_aabb[self._shapes]
+        boxes = self._model.geom_aabb[shapes]
         corners = boxes[:, None, :3] + boxes[:, None, 3:] * signs
-        turns = data.geom_xmat[self._shapes].reshape(-1, 3, 3)
-        world = np.einsum("gij,gcj->gci", turns, corners) + data.geom_xpos[self._shapes][:, None]
+        turns = self._data.geom_xmat[shapes].reshape(-1, 3, 3)
+        world = np.einsum("gij,gcj->gci", turns, corners) + self._data.geom_xpos[shapes][:, None]
         return np.asarray(world.reshape(-1, 3))
+
+
+def _distance(places: Array) -> Array:
+    return np.asarray(places[..., 3] - places[..., 2])
 
 
 def _angles(text: str) -> tuple[float, float] | None:
@@ -176,59 +257,104 @@ def _axes(camera: Any) -> Array:
 class Painter:
     """Draws a model in any configuration."""
 
-    def __init__(self, mjcf: str, is_plain: bool = False, view: View | None = None) -> None:
-        """Plain pictures lack shadows and smooth edges; drawing them takes a tenth of the time.
+    def __init__(self, mjcf: str, view: View | None = None) -> None:
+        """Raises InvalidArgument if the model does not have the camera of `view`.
 
-        Raises InvalidArgument if the model does not have the camera of `view`. Raises Error, which
-        says what to install, if this machine cannot draw.
+        Raises Error, which says what to install, if this machine cannot draw.
         """
         with explained():
             import mujoco
-            from mujoco.rendering.classic.renderer import Renderer
+            from mujoco.gl_context import GLContext
 
         self._mujoco = mujoco
-        self._model = model_of(mjcf)
+        self._model = model_of(mjcf, look_of)
         view = view or View()
         self.size = (view.width, view.height)
+        self._model.vis.quality.offsamples = 0
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = self.size
-        if is_plain:
-            self._model.vis.quality.offsamples = 0
         self._data = mujoco.MjData(self._model)
         self.placement = Placement(self._model)
         self._scene_camera = SceneCamera(self._model, view)
+        self._last: tuple[Array, NDArray[np.uint8]] = np.empty(0), np.empty(0, np.uint8)
+        self._options = mujoco.MjvOption()
+        self._options.sitegroup[:] = 0
+        self._scene = mujoco.MjvScene(self._model, maxgeom=MOST_SHAPES)
         with explained():
-            self._renderer = Renderer(self._model, width=view.width, height=view.height)
-        if is_plain:
-            for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-                self._renderer.scene.flags[flag] = False
+            self._screen = GLContext(*self.size)
+            self._screen.make_current()
+            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
 
-    def look_at(self, configurations: Iterable[ArrayLike]) -> None:
-        """Moves the camera so that a robot from a file fills the picture in all of these.
+    def path(self, configurations: Sequence[ArrayLike]) -> Array:
+        """A place of the camera for each configuration, with which `draw` shows all that moves."""
+        return self._scene_camera.path(configurations)
 
-        Our own robots are seen in their start pose: they stay on their table.
-        """
-        if not self._scene_camera.is_of_ours:
-            self._scene_camera.fill(configurations)
-
-    def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
+    def draw(
+        self, configuration: ArrayLike, marks: ArrayLike = (), place: ArrayLike | None = None
+    ) -> NDArray[np.uint8]:
         """The scene as an image, height x width x 3.
 
         `configuration` begins with MuJoCo's qpos, as `placement` makes it. `marks` are the centres
-        of balls that show goals: a row x, y, z for each [m].
+        of balls that show goals: a row x, y, z for each [m]. `place` is one of `path`, or between
+        two of them; without it the camera sees the start pose, and all objects.
         """
+        mujoco, model, data = self._mujoco, self._model, self._data
+        scene_camera, scene = self._scene_camera, self._scene
+        place = scene_camera.place_for(configuration) if place is None else place
+        drawn = np.concatenate([np.ravel(one) for one in (configuration, place, marks)])
+        before, pixels = self._last
+        if drawn.shape == before.shape and np.abs(drawn - before).max() < SAME:
+            return pixels.copy()
+        data.qpos[:] = np.asarray(configuration)[: model.nq]
+        mujoco.mj_normalizeQuat(model, data.qpos)
+        scene_camera.look(place)
+        for move in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon):
+            move(model, data)
+        scene_camera.clear(data)
+        camera, every = scene_camera.camera, mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(model, data, self._options, None, camera, every, scene)
+        draw_marks(scene, marks, keep=scene.ngeom)
+        scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
+        self._context.shadowClip = scene_camera.reach
+        self._context.fogStart, self._context.fogEnd = FOG * scene_camera.reach
+        self._screen.make_current()
+        lit = self._pixels(*self.size, shadows=False)
+        # The shadows alone: where, and by how much, they make a smaller picture darker.
+        small = [-(-length // COARSE) for length in self.size]
+        bright, dark = (self._pixels(*small, shadows=shadows) for shadows in (False, True))
+        pixels = shadowed(lit, bright, dark)
+        self._last = drawn, pixels
+        return pixels.copy()
+
+    def _pixels(self, width: int, height: int, *, shadows: bool) -> NDArray[np.uint8]:
         mujoco = self._mujoco
-        self._data.qpos[:] = np.asarray(configuration)[: self._model.nq]
-        mujoco.mj_normalizeQuat(self._model, self._data.qpos)
-        mujoco.mj_forward(self._model, self._data)
-        self._scene_camera.clear(self._data)
-        self._renderer.update_scene(self._data, self._scene_camera.camera)
-        draw_marks(self._renderer.scene, marks, keep=self._renderer.scene.ngeom)
-        pixels: Array = self._renderer.render()
-        return pixels
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        rectangle = mujoco.MjrRect(0, 0, width, height)
+        pixels = np.empty((height, width, 3), np.uint8)
+        mujoco.mjr_render(rectangle, self._scene, self._context)
+        mujoco.mjr_readPixels(pixels, None, rectangle, self._context)
+        return pixels[::-1]  # OpenGL begins with the lowest row
 
     def close(self) -> None:
         """Releases the memory for drawing."""
-        self._renderer.close()
+        self._screen.make_current()
+        self._context.free()
+        self._screen.free()
+
+
+def shadowed(
+    lit: NDArray[np.uint8], bright: NDArray[np.uint8], dark: NDArray[np.uint8]
+) -> NDArray[np.uint8]:
+    """A picture with the soft shadows by which `dark` is darker than `bright`, two smaller ones."""
+    before, after = (one.sum(axis=2, dtype=np.uint16) for one in (bright, dark))
+    share: Array = np.minimum(after / np.maximum(before, np.float32(1)), 1)
+    for _ in range(2):  # a mean of neighbours, down and then across
+        padded = np.pad(share, ((1, 1), (0, 0)), mode="edge")
+        share = ((padded[:-2] + padded[1:-1] + padded[2:]) / 3).T
+    factors = (255 * share).astype(np.uint16).repeat(COARSE, 0).repeat(COARSE, 1)
+    pixels = lit * factors[: lit.shape[0], : lit.shape[1], None] // 255
+    return np.asarray(pixels, np.uint8)
 
 
 @contextlib.contextmanager

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import StartProgram
+from conftest import PROGRAM, StartProgram
 from trifinger.commands import film
 from trifinger.commands.film import find_session
+from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace
+from trifinger.picture import View
 
 
 def record_session(steps: int) -> None:
@@ -142,6 +144,68 @@ def test_says_what_drawing_lacks(tmp_path: Path) -> None:
     remedy = "apt-get install libegl1 libgl1-mesa-dri libopengl0"
     assert done.stderr.startswith(f"trifinger: MuJoCo cannot draw with MUJOCO_GL=egl: {remedy} (")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--from", "0.03", "--to", "0.01"), "--from 0.03 must be before --to 0.01"),
+        (("--from", "nan"), "--from nan must be before --to 0.039"),
+        (("--from", "7"), "the log has 0.039 s of 'sim': --from and --to must be in"),
+        (("--from", "7", "--to", "8"), "the log has 0.039 s of 'sim': --from and --to must be in"),
+        (("--from", "-2", "--to", "-1"), "the log has 0.039 s of 'sim'"),
+    ],
+)
+def test_a_part_that_there_is_not(
+    words: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record_alone(tmp_path)
+    output = tmp_path / "film"
+    assert film.main([str(tmp_path), "-o", str(output), *words]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"trifinger: {said}")
+    assert error.count("\n") == 1
+    assert not output.exists()
+
+
+def test_a_part_of_a_film(tmp_path: Path) -> None:
+    record_alone(tmp_path)
+    session = trifinger.Log(tmp_path).session()
+    view = View(width=64, height=48)
+    for begin, end, first, last in (
+        (None, None, 0, 39),
+        (0.01, None, 10, 39),
+        (None, 0.02, 0, 20),
+        (0.01, 0.02, 10, 20),
+        (0.0, 9.0, 0, 39),
+    ):
+        scene = Scene(session, view, begin, end)
+        scene.close()
+        assert scene.steps[0] == first
+        assert last - 33 < scene.steps[-1] <= last  # 30 pictures a second
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stroke", ["near", "far"])
+def test_a_thrown_ball_is_seen_to_land(
+    stroke: str, start_program: StartProgram, tmp_path: Path
+) -> None:
+    name = "throw_far" if stroke == "far" else "throw"
+    robot = start_program("run", name, "--non-real-time", "--record", str(tmp_path / "log"))
+    robot.wait_for("waits for a user")
+    words = [PROGRAM, "manipulate", "throw", "--output", str(tmp_path / "report")]
+    words += ["--set", "stroke=far"] if stroke == "far" else []
+    subprocess.run(words, check=True, capture_output=True)
+    robot.end()
+    scene = Scene(trifinger.Log(tmp_path / "log").session(), View(width=320, height=240))
+    pictures = [scene.image(int(step)).astype(int) for step in scene.steps]
+    scene.close()
+    model, data = scene._painter._model, scene._painter._data
+    ball = int(np.flatnonzero(model.jnt_type == 0)[0])
+    assert data.xpos[model.jnt_bodyid[ball], 2] < 0.05  # it lies on the ground at the end
+    # In every picture, something is as orange as the ball.
+    for picture in pictures:
+        assert np.any((picture[..., 0] > 150) & (picture[..., 0] - picture[..., 2] > 90))
 
 
 @pytest.mark.slow

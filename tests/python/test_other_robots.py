@@ -122,7 +122,7 @@ def test_a_robot_of_others_is_like_one_of_ours(run: Run, tmp_path: Path) -> None
     assert film.main([str(run.log), "-o", str(tmp_path / "film"), *words]) == 0
     for file in ("run.png", "plot.html", "page.html", "film/film.mp4", "film/strip.png"):
         assert (tmp_path / file).stat().st_size > 5000, file
-    drawn = Scene(session, is_plain=True)
+    drawn = Scene(session)
     first, last = drawn.image(0), drawn.image(STEPS // 4)
     drawn.close()
     # The robot fills a part of the picture, and moves in it.

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from conftest import PROGRAM
 from trifinger import InvalidArgument
+from trifinger.foreign_models import model_of
+from trifinger.look import FLOOR, LAMP, look_of
 from trifinger.picture import CAMERAS, SURROUND_GROUP, TABLE, Painter, SceneCamera, View
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # the default of Painter
@@ -20,6 +22,7 @@ SCENES = {
     "flipped": ("--flipped",),
     "high": ("--finger-height", "0.5"),
     "low": ("--variant", "pro", "--finger-height", "0.2"),
+    "flipped ball": ("--flipped", "--object", "ball"),
     "all objects": ("--object", "cube", "cuboid", "stick", "ball"),
 }
 
@@ -48,12 +51,12 @@ def seen(scene, camera):
     """A scene in its start pose, with a camera."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(mjcf_of(scene))
+    model = model_of(mjcf_of(scene), look_of)
+    view = View(camera)
+    scene_camera = SceneCamera(model, view)
     data = mujoco.MjData(model)
     data.qpos[:] = model.key_qpos[0]
     mujoco.mj_forward(model, data)
-    view = View(camera)
-    scene_camera = SceneCamera(model, view)
     return model, data, view, scene_camera
 
 
@@ -100,7 +103,7 @@ def test_neither_frame_nor_wall_hides_the_scene(scene, camera):
 def test_the_frame_is_there_where_it_hides_nothing():
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(mjcf_of("edu"))
+    model = model_of(mjcf_of("edu"), look_of)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     surround = model.geom_group == SURROUND_GROUP
@@ -116,17 +119,122 @@ def test_shadows_have_soft_edges():
     painter = Painter(mjcf_of("edu"), view=View("top"))
     configuration = painter._model.key_qpos[0].copy()
     shaded = painter.draw(configuration).astype(int).sum(axis=2)
-    painter._model.light_castshadow[:] = False
-    lit = painter.draw(configuration).astype(int).sum(axis=2)
+    painter._model.light(LAMP).castshadow = False
+    lit = painter.draw(configuration + 1e-4).astype(int).sum(axis=2)
     painter.close()
     darkening = (lit - shaded)[lit - shaded > 3]
+    assert len(darkening) > 0.05 * lit.size
     # Half shadows are a good part of all that is in shadow.
     deepest = np.percentile(darkening, 95)
-    assert ((darkening > 0.15 * deepest) & (darkening < 0.85 * deepest)).mean() > 0.2
+    assert ((darkening > 0.15 * deepest) & (darkening < 0.85 * deepest)).mean() > 0.15
+
+
+def pixels_of(points, scene_camera, model, view):
+    """Where points are in the picture, both from -1 to 1, and how far away [m]."""
+    camera = scene_camera.camera
+    right, up, forward = scene_camera._axes
+    away = np.asarray(points) - (camera.lookat - camera.distance * forward)
+    slope = np.tan(np.radians(model.vis.global_.fovy) / 2)
+    depth = away @ forward
+    across = away @ right / (slope * view.width / view.height)
+    return across / depth, away @ up / depth / slope, depth
+
+
+@pytest.mark.parametrize("camera", [*CAMERAS, "35,-10"])
+@pytest.mark.parametrize("speed", [0.0, 1.0, 8.0])
+def test_a_path_shows_all_that_moves_at_every_time(camera, speed):
+    import mujoco
+
+    model = model_of(mjcf_of("flipped ball"), look_of)
+    view = View(camera, 320, 240)
+    scene_camera = SceneCamera(model, view)
+    data = mujoco.MjData(model)
+    random = np.random.default_rng(int(10 * speed))
+    ball = model.joint(int(np.flatnonzero(model.jnt_type == 0)[0]))
+    azimuth = random.uniform(-np.pi, np.pi)
+    times = np.arange(0.0, 3.0, 1 / 30)
+    ways = np.maximum(times - 1.0, 0.0)
+    configurations = np.tile(model.key_qpos[0], (len(times), 1))
+    configurations[:, :9] += 0.3 * np.sin(times[:, None] * random.uniform(1, 9, 9))
+    places = configurations[:, ball.qposadr[0] : ball.qposadr[0] + 3]
+    places += speed * ways[:, None] * [np.cos(azimuth), np.sin(azimuth), 0.5]
+    places[:, 2] = np.maximum(places[:, 2] - 4.9 * ways**2, 0.02)  # it lands on the table
+    shown = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_group == 0))
+    path = scene_camera.path(configurations)
+    assert len(path) == len(times)
+    for i in range(2 * len(times) - 1):  # between two pictures, too
+        share = 0.5 * (i % 2)
+        mean = (1 - share) * configurations[i // 2] + share * configurations[-(-i // 2)]
+        data.qpos[:] = mean
+        mujoco.mj_kinematics(model, data)
+        scene_camera.look((1 - share) * path[i // 2] + share * path[-(-i // 2)])
+        x, y, depth = pixels_of(data.geom_xpos[shown], scene_camera, model, view)
+        assert depth.min() > 0
+        assert max(np.abs(x).max(), np.abs(y).max()) < 1
+        # Its lamp sees what the camera sees.
+        away = data.geom_xpos[shown] - scene_camera.camera.lookat
+        assert np.linalg.norm(away, axis=1).max() < scene_camera.reach
+    # A camera that follows does so smoothly; one that need not, stands still.
+    turns = np.abs(np.diff(path, 2, axis=0)).max()
+    assert turns <= 0.2 * speed / 30
+    assert (turns == 0) == (speed < 0.1)
+
+
+def test_what_falls_through_the_ground_is_not_followed():
+    model = model_of(mjcf_of("flipped ball"), look_of)
+    scene_camera = SceneCamera(model, View())
+    start = model.key_qpos[0].copy()
+    fallen = start.copy()
+    fallen[int(model.jnt_qposadr[model.jnt_type == 0][0]) + 2] = -50.0
+    path = scene_camera.path([start, fallen])
+    assert np.ptp(path, axis=0).max() < 0.2
+
+
+FOREIGN = """
+<mujoco>
+  <default><geom rgba="1 0 0 1" group="2"/></default>
+  <worldbody>
+    {ground}
+    <body pos="0 0 2">
+      <joint name="hinge" axis="0 1 0"/>
+      <geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.5" rgba="0 0 1 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("ground", "height"),
+    [("", 1.45), ('<geom type="plane" size="1 1 1" pos="0 0 0.5"/>', 0.5)],
+)
+def test_a_robot_from_a_file_stands_in_light_on_a_floor(ground, height):
+    painter = Painter(FOREIGN.format(ground=ground), View("front", 160, 120))
+    picture = painter.draw(painter._model.qpos0).astype(int)
+    floor = painter._data.geom(FLOOR).xpos[2]
+    painter.close()
+    assert floor == pytest.approx(height, abs=0.01)
+    assert picture[:2].min() > 150  # the sky
+    assert np.ptp(picture[-2:], axis=2).max() < 20  # a grey floor, whatever colours the file has
+    assert picture[-2:].min() > 100
+    is_blue = picture[..., 2] > picture[..., 0] + 60
+    assert 0.01 < is_blue.mean() < 0.5
+
+
+def test_what_does_not_move_is_not_drawn_again():
+    painter = Painter(mjcf_of("edu"), view=View("front", 64, 48))
+    start = painter._model.key_qpos[0].copy()
+    first = painter.draw(start)
+    first[:] = 0  # pictures belong to who asked for them
+    again = painter.draw(start + 1e-6)
+    moved = painter.draw(start + 0.1)
+    painter.close()
+    assert again.std() > 10
+    assert (again != moved).any()
 
 
 def test_cameras_of_the_platform_have_their_names():
-    painter = Painter(mjcf_of("edu"), is_plain=True, view=View("camera180", 100, 100))
+    painter = Painter(mjcf_of("edu"), view=View("camera180", 100, 100))
     picture = painter.draw(painter._model.key_qpos[0])
     painter.close()
     assert picture.shape == (100, 100, 3)

@@ -83,6 +83,11 @@ def wait_until_measured(guide: Guide, robot: str) -> None:
 def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Adds the log and the part of it that a command reads: LOG, --from and --to."""
     parser.add_argument("log", help="a file, or a folder: the newest recording in it")
+    add_part_options(parser)
+
+
+def add_part_options(parser: argparse.ArgumentParser) -> None:
+    """Adds --from and --to, between which a log is read."""
     parser.add_argument(
         "--from", dest="from_", type=float, metavar="SECONDS", help="begin, since the first step"
     )

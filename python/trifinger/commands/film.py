@@ -7,7 +7,14 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
-from trifinger.commands.command_line import ArgumentParser, add_view_options, run, say, view_of
+from trifinger.commands.command_line import (
+    ArgumentParser,
+    add_part_options,
+    add_view_options,
+    run,
+    say,
+    view_of,
+)
 from trifinger.errors import Error, InvalidArgument
 from trifinger.log.camera_film import camera_film
 from trifinger.log.film import film
@@ -89,6 +96,7 @@ def main(words: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("log", type=Path, help="a file, or a folder of recordings")
+    add_part_options(parser)
     parser.add_argument("-o", "--output", type=Path, help="folder; default: the report's, or film")
     parser.add_argument("--report", type=Path, help="folder that `trifinger manipulate` wrote")
     parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
@@ -109,14 +117,14 @@ def main(words: Sequence[str] | None = None) -> int:
 
     def work() -> None:
         extras.require("film")
-        view = view_of(arguments)
+        view, part = view_of(arguments), (arguments.from_, arguments.to)
         trace = Trace(arguments.report) if arguments.report else None
         session = find_session(arguments.log, arguments.robot, arguments.session, trace)
         output = arguments.output or arguments.report or Path("film")
         if arguments.cameras:
-            say(f"{camera_film(session, output)} written.", flush=True)
+            say(f"{camera_film(session, output, *part)} written.", flush=True)
             return
-        for path in film(session, output, trace, view):
+        for path in film(session, output, trace, view, *part):
             say(f"{path} written.", flush=True)
 
     return run(work)

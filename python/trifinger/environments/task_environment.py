@@ -236,7 +236,7 @@ class TaskEnvironment:
                 instead = 'render_mode="rgb_array"'
                 self._drawing = Window(mjcf, self._view, 1 / self._frame_rate, instead)
             else:
-                self._drawing = Painter(mjcf, is_plain=True, view=self._view)
+                self._drawing = Painter(mjcf, self._view)
         return self._drawing.draw(configuration, self._marks(goal))
 
     def _require_render_mode(self) -> None:

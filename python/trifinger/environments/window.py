@@ -10,6 +10,7 @@ from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.extras import sentence
 from trifinger.foreign_models import model_of
+from trifinger.look import look_of
 from trifinger.picture import SceneCamera, View, draw_marks
 
 
@@ -31,7 +32,7 @@ class Window:
         except ImportError as error:
             raise InvalidArgument(f"{sentence('window', 'glfw')} ({error})") from error
         self._mujoco = mujoco
-        self._model = model_of(mjcf)
+        self._model = model_of(mjcf, look_of)
         self._data = mujoco.MjData(self._model)
         self._scene_camera = SceneCamera(self._model, view)
         others = threading.enumerate()

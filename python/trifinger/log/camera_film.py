@@ -17,6 +17,7 @@ from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.log.images import LoggedCameras, LoggedImages
 from trifinger.log.plot import curves as plot_curves, matplotlib_figure, panels
+from trifinger.log.steps import steps_between
 from trifinger.progress import shown
 
 if TYPE_CHECKING:
@@ -136,20 +137,24 @@ class CameraStrip:
         return np.asarray(drawn)
 
 
-def film_times(session: LoggedSession) -> Array:
+def film_times(
+    session: LoggedSession, begin: float | None = None, end: float | None = None
+) -> Array:
     """The times of the pictures of a film at real speed, since the first step [s]."""
-    duration = float((session.times[-1] - session.times[0]).astype(np.int64)) * 1e-9
-    return np.arange(0.0, duration + 1e-9, 1.0 / picture.FILM_RATE)
+    steps = steps_between(session, begin, end)
+    first, last = np.searchsorted(session.time_index, steps[[0, -1]])
+    start, stop = (session.times[[first, last]] - session.times[0]).astype(np.int64) * 1e-9
+    return np.arange(start, stop + 1e-9, 1.0 / picture.FILM_RATE)
 
 
-def frames(session: LoggedSession) -> Iterator[Array]:
+def frames(
+    session: LoggedSession, begin: float | None = None, end: float | None = None
+) -> Iterator[Array]:
     """Yields the pictures of the film, height x width x 3."""
-    if not len(session.time_index):
-        raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
+    times = film_times(session, begin, end)
     cameras = LoggedCameras(session)
     strip = CameraStrip(cameras, session.times[0])
     plot = Plot(session, SIZE * len(cameras.names), PLOT_HEIGHT)
-    times = film_times(session)
     for time in shown(times, "cameras.mp4", len(times)):
         yield np.concatenate([_of_height(strip.at(time)), plot.at(time)], axis=0)
 
@@ -159,9 +164,14 @@ def _of_height(image: Array) -> Array:
     return image[: image.shape[0] // 2 * 2]
 
 
-def camera_film(session: LoggedSession, output: Path) -> Path:
-    """Writes cameras.mp4 into the folder `output`, at real speed; returns its path."""
+def camera_film(
+    session: LoggedSession, output: Path, begin: float | None = None, end: float | None = None
+) -> Path:
+    """Writes cameras.mp4 into the folder `output`, at real speed; returns its path.
+
+    With `begin` and `end`, times since the first step [s], only what is between them.
+    """
     output.mkdir(parents=True, exist_ok=True)
     path = output / "cameras.mp4"
-    picture.save_film(frames(session), path, Fraction(picture.FILM_RATE))
+    picture.save_film(frames(session, begin, end), path, Fraction(picture.FILM_RATE))
     return path

@@ -18,6 +18,7 @@ from trifinger.arrays import Array
 from trifinger.element_text import positions_field
 from trifinger.errors import InvalidArgument
 from trifinger.log.manipulation import Trace, save_report
+from trifinger.log.steps import steps_between
 from trifinger.picture import Painter, View
 from trifinger.progress import shown
 from trifinger.whole_file import whole_file
@@ -27,15 +28,22 @@ SMOOTHING = 5  # poses of an object in a mean
 
 
 class Scene:
-    """Draws the scene of a log at any step."""
+    """Draws the scene of a log."""
 
     def __init__(
-        self, session: LoggedSession, is_plain: bool = False, view: View | None = None
+        self,
+        session: LoggedSession,
+        view: View | None = None,
+        begin: float | None = None,
+        end: float | None = None,
     ) -> None:
-        """Plain pictures lack shadows and smooth edges; drawing them takes a tenth of the time."""
+        """The camera sees all that moves between two times since the first step [s].
+
+        Raises InvalidArgument if there is nothing to draw.
+        """
         if "model.xml" not in session.documents:
             raise InvalidArgument(f"'{session.name}' has no model in its log to draw")
-        self._painter = Painter(session.documents["model.xml"], is_plain, view)
+        self._painter = Painter(session.documents["model.xml"], view)
         self.size = self._painter.size
         self._time_index = session.time_index
         observations = session.observations
@@ -45,14 +53,16 @@ class Scene:
         self._objects: dict[str, Array] = {}
         if has_objects:
             self._times, self._objects = object_poses(session)
-
-        if len(self._joints):
-            seen = np.linspace(self._time_index[0], self._time_index[-1], STRIP_IMAGES)
-            self._painter.look_at([self._configuration(int(step)) for step in seen])
+        steps = steps_between(session, begin, end)
+        every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
+        self.steps = np.arange(steps[0], steps[-1] + 1, every)
+        """Steps of the pictures of a film at real speed."""
+        self._places = self._painter.path([self._configuration(step) for step in self.steps])
 
     def image(self, step: int) -> Array:
         """The scene at a step: height x width x 3."""
-        return self._painter.draw(self._configuration(step))
+        place = [np.interp(step, self.steps, column) for column in self._places.T]
+        return self._painter.draw(self._configuration(step), place=place)
 
     def _configuration(self, step: int) -> Array:
         objects = {
@@ -87,11 +97,9 @@ def object_poses(session: LoggedSession) -> tuple[Array, dict[str, Array]]:
     return np.asarray(elements["stamp"]["capture_index"]), objects
 
 
-def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
+def save_film(scene: Scene, path: Path) -> None:
     """Writes a film at real speed."""
-    every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
-    steps = range(int(session.time_index[0]), int(session.time_index[-1]) + 1, every)
-    images = (scene.image(step) for step in shown(steps, path.name, len(steps)))
+    images = (scene.image(step) for step in shown(scene.steps, path.name, len(scene.steps)))
     picture.save_film(images, path, picture.FILM_RATE)
 
 
@@ -128,28 +136,26 @@ def film(
     output: Path,
     trace: Trace | None = None,
     view: View | None = None,
+    begin: float | None = None,
+    end: float | None = None,
 ) -> Iterator[Path]:
-    """Draws a session into the folder `output` and yields the path of each file.
+    """Draws a session, or what is between two times since its first step [s].
 
-    The files are film.mp4 and strip.png. With the `trace` of a manipulation in this session there
-    is report.png as well.
+    Yields the path of each file: film.mp4 and strip.png in the folder `output`. With the `trace` of
+    a manipulation in this session there is report.png as well.
     """
-    if not len(session.time_index):
-        raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
-    output.mkdir(parents=True, exist_ok=True)
-    path = output / "film.mp4"
-    with contextlib.closing(Scene(session, is_plain=True, view=view)) as scene:
-        save_film(scene, session, path)
-    yield path
-    first, last = int(session.time_index[0]), int(session.time_index[-1])
-    if trace:
-        steps = [min(step, last) for step in trace.steps(STRIP_IMAGES)]
-    else:
-        steps = np.linspace(first, last, STRIP_IMAGES).astype(int).tolist()
-    path = output / "strip.png"
-    with contextlib.closing(Scene(session, view=view)) as scene:
+    with contextlib.closing(Scene(session, view, begin, end)) as scene:
+        output.mkdir(parents=True, exist_ok=True)
+        path = output / "film.mp4"
+        save_film(scene, path)
+        yield path
+        first, last = int(scene.steps[0]), int(scene.steps[-1])
+        steps = trace.steps(STRIP_IMAGES) if trace else []
+        steps = [step for step in steps if first <= step <= last]
+        steps = steps or np.linspace(first, last, STRIP_IMAGES).astype(int).tolist()
+        path = output / "strip.png"
         save_strip(scene, session, steps, path)
-    yield path
+        yield path
     if trace:
         path = output / "report.png"
         save_report(trace, path)

@@ -3,7 +3,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+
 from trifinger._trifinger import LoggedSession
+from trifinger.arrays import Array
+from trifinger.errors import InvalidArgument
 from trifinger.log.types import Steps
 from trifinger.progress import shown
 
@@ -18,6 +22,24 @@ def step_range(
     if begin is None and end is None:
         return None, None
     return session.between(begin or 0.0, 1e9 if end is None else end)
+
+
+def steps_between(session: LoggedSession, begin: float | None, end: float | None) -> Array:
+    """The steps in the log between two times [s], which count from the first one.
+
+    Raises InvalidArgument if there are none.
+    """
+    times = (session.times - session.times[:1]).astype(np.int64) * 1e-9
+    if not len(times):
+        raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
+    begin, end = begin or 0.0, times[-1] if end is None else end
+    if begin > times[-1] or end < 0.0:
+        raise InvalidArgument(
+            f"the log has {times[-1]:.3f} s of '{session.name}': --from and --to must be in them"
+        )
+    if not begin <= end:
+        raise InvalidArgument(f"--from {begin:g} must be before --to {end:g}")
+    return session.time_index[(times >= begin) & (times <= end)]
 
 
 def parts_of(
