@@ -20,6 +20,7 @@ from conftest import PATIENT_FAKE, PROGRAM, StartProgram
 from link_into_venv import write_scripts
 from test_log import Written, write_log
 from trifinger.log.plot import curves, panels, plot
+from trifinger.log.plot.matplotlib_figure import draw
 
 COMMANDS = ("info", "check", "recover", "cut", "plot", "export")
 STEPS = 600
@@ -247,6 +248,62 @@ class Page:
             np.frombuffer(self.numbers, "<f4", count, low),
             np.frombuffer(self.numbers, "<f4", count, high),
         )
+
+
+def envelope(rows: np.ndarray, bins: int = 10) -> curves.Envelope:
+    """The envelope of rows of numbers, as many in each bin."""
+    made = curves.Envelope(bins)
+    made.add(np.arange(bins), np.arange(bins) * (len(rows) // bins), rows)
+    return made
+
+
+@pytest.mark.parametrize("unit", ["rad", "Nm", "m", "N", "", "lm"])
+@pytest.mark.parametrize("size", [0.0, 1e-15, 1e-6, 1e-3, 1.0, 1e6])
+@pytest.mark.parametrize("middle", [0.0, 1e-12, -0.3, 1.0, 1e5])
+def test_an_axis_shows_all_numbers_and_no_noise(unit: str, size: float, middle: float) -> None:
+    rows = middle + size * np.random.default_rng(1).uniform(-1, 1, (50, 3))
+    low, high = panels.Panel("x", unit, envelope(rows)).limits()
+    assert low < rows.min()
+    assert high > rows.max()
+    assert high - low >= panels.LEAST.get(unit, 0.0) * (1 - 1e-9)
+    assert high - low >= panels.LEAST_SHARE * np.abs(rows).max() * (1 - 1e-9)
+    span = max(np.ptp(rows), panels.LEAST.get(unit, 1.0), 2e-3 * np.abs(rows).max())
+    assert high - low < 1.2 * span  # and not much else
+    assert (low + high) / 2 == pytest.approx((rows.min() + rows.max()) / 2, abs=1e-9 * (1 + span))
+
+
+def test_a_panel_is_left_out_if_one_number_says_it_all() -> None:
+    rows = np.full((100, 3), np.nan)
+    rows[:, 1:] = 1.0
+    one = envelope(rows)
+    rows[57, 2] = 1.001  # a peak of a single step
+    other = envelope(rows)
+    zeros = envelope(np.zeros((100, 3)))
+    nothing = envelope(np.full((100, 3), np.nan))
+    assert panels.Panel("x", "", one).still() == 1.0
+    assert panels.Panel("x", "", other).still() is None
+    assert panels.Panel("x", "", one, desired=nothing, applied=one).still() == 1.0
+    assert panels.Panel("x", "", one, desired=zeros).still() is None
+    assert panels.Panel("x", "Nm", zeros, zeros, zeros).still() == 0.0
+    assert panels.Panel("x", "Nm", zeros, zeros, one).still() is None
+
+
+def test_a_plot_names_what_never_happened(tmp_path: Path) -> None:
+    with trifinger.simulate(record=str(tmp_path / "log")) as robot:
+        robot.append_desired_actions(np.repeat(robot.new_action(), 40))
+        robot.wait_until_time_index(39)
+    log = trifinger.Log(tmp_path / "log")
+    contents = panels.contents_of(log, log.session(), None, None)
+    drawn = [panel.name for _, panel in contents.rows]
+    assert {"position", "velocity", "object: cube.position"} <= set(drawn)
+    assert contents.still["tip_force"] == 0.0
+    assert not set(contents.still) & set(drawn)
+    assert "tip_force (always 0)" in contents.left_out
+    assert "problems (there were none)" in contents.left_out
+    plot(log, tmp_path / "page.html")
+    assert contents.left_out in Page((tmp_path / "page.html").read_text()).text
+    texts = [text.get_text() for text in draw(log, log.session(), None, None).axes[0].texts]
+    assert " ".join(texts).count(contents.left_out) == 1
 
 
 @pytest.mark.slow

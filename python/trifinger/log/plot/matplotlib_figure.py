@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.gridspec import GridSpec
 
+LETTERS = 160  # of a line of text across the picture
 STYLE: Any = {
     "font.size": 8.5,
+    "axes.formatter.useoffset": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": "#888888",
@@ -70,6 +72,7 @@ def draw_row(parts: Sequence[Axes], curves: Curves, panel: Panel) -> None:
     names = panels.names_of_groups(curves, panel)
     for i, (axes, numbers, name) in enumerate(zip(parts, groups, names, strict=True)):
         draw_panel(axes, curves, panel, numbers)
+        axes.set_ylim(*panel.limits())
         entitle(axes, panel.name + name, panel.unit if i == 0 else "")
         if i:
             axes.tick_params(labelleft=False)
@@ -93,11 +96,15 @@ def draw_lateness(
     histogram.set_xscale("log")
     histogram.set_yscale("log")
     histogram.set_xlabel(f"lateness [{unit}]")
-    entitle(histogram, "lateness, how many steps")
+    entitle(histogram, "steps")
     for value, colour, label in quantiles:
         line: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": "--"}
         histogram.axvline(value * factor, label=f"{label} {duration_text(value)}", **line)
-    histogram.legend(fontsize=8, loc="upper right", handlelength=1.3, edgecolor="none")
+    # Above the curves, beside the title.
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "borderpad": 0.0}
+    histogram.legend(
+        fontsize=7, ncols=3, handlelength=1.0, columnspacing=0.8, frameon=False, **place
+    )
     histogram.grid(color="#E6E6E6", linewidth=0.6)
     histogram.set_axisbelow(True)
 
@@ -127,13 +134,16 @@ def draw_head(axes: Axes, contents: Contents) -> None:
     curves = contents.curves
     own = [panel for source, panel in contents.rows if source is curves]
     headline, facts = panels.title_of(curves)
-    place: dict[str, Any] = {"transform": axes.transAxes, "va": "center"}
-    axes.text(0.0, 0.75, headline, fontsize=15, fontweight="bold", **place)
-    axes.text(0.0, 0.38, facts, fontsize=9, color="#555555", **place)
+    # Long texts do not change the widths of the panels.
+    place: dict[str, Any] = {"transform": axes.transAxes, "va": "top", "in_layout": False}
+    axes.text(0.0, 0.97, headline, fontsize=15, fontweight="bold", **place)
     fault = curves.session.fault
-    if fault is not None and fault.needs_recovery:
-        text = textwrap.shorten(curves.session.fault_text, 190)
-        axes.text(0.0, 0.08, text, fontsize=9, color=BAD, **place)
+    is_bad = fault is not None and fault.needs_recovery
+    lines = [(facts, "#555555"), (contents.left_out, "#555555")]
+    lines += [(textwrap.shorten(curves.session.fault_text, 2 * LETTERS), BAD)] if is_bad else []
+    lines = [(part, colour) for text, colour in lines for part in textwrap.wrap(text, LETTERS)]
+    for row, (text, colour) in enumerate(lines):
+        axes.text(0.0, 0.6 - 0.18 * row, text, fontsize=9, color=colour, **place)
     handles = []
     if any(panel.desired is not None and panel.desired.has_numbers() for panel in own):
         handles += [
@@ -149,7 +159,7 @@ def draw_head(axes: Axes, contents: Contents) -> None:
         axes.legend(
             handles=handles,
             loc="center right",
-            bbox_to_anchor=(1.0, 0.75),
+            bbox_to_anchor=(1.0, 0.9),
             ncols=len(handles),
             fontsize=8.5,
             frameon=False,
@@ -190,7 +200,7 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
 
     contents = panels.contents_of(log, session, first, last)
     curves, kinds = contents.curves, len(contents.kinds)
-    heights = [0.75] + [1.6] * (len(contents.rows) + (curves.late is not None))
+    heights = [1.15] + [1.6] * (len(contents.rows) + (curves.late is not None))
     heights += [0.35 + 0.22 * kinds] * (kinds > 0)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, sum(heights) + 0.3 * len(heights)), layout="constrained")

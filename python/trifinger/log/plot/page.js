@@ -53,13 +53,14 @@ async function main() {
     const change = {x: found.map((line) => line[0]), y: found.map((line) => line[1])};
     // Plotly does not fit axes that share their range to numbers that come later.
     const ranges = {};
-    for (const axes of index.shared.filter((axes) => !axes.some((axis) => chosen.has(axis)))) {
+    for (const [axes, least] of index.shared.filter(([axes]) => !axes.some((axis) => chosen.has(axis)))) {
       const numbers = found.filter((_, i) => axes.includes(index.axes[i]))
         .flatMap((line) => line[1]).filter((number) => number !== null);
       const low = numbers.reduce((a, b) => Math.min(a, b), Infinity);
       const high = numbers.reduce((a, b) => Math.max(a, b), -Infinity);
-      const margin = high > low ? 0.06 * (high - low) : Math.max(Math.abs(high), 1e-3);
       if (high < low) continue;
+      const shown = Math.max(least, index.share * Math.max(Math.abs(low), Math.abs(high))) || 1;
+      const margin = Math.max(shown - (high - low), 0) / 2 + index.margin * (high - low);
       for (const axis of axes) ranges[axis + ".range"] = [low - margin, high + margin];
     }
     return Plotly.update(page, change, ranges, lines.map((line) => line.trace));

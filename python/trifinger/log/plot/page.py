@@ -12,8 +12,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
-from trifinger.log.plot.curves import Curves
-from trifinger.log.plot.panels import contents_of, title_of
+from trifinger.log.plot.panels import Contents, contents_of, title_of
 from trifinger.log.plot.plotly_figure import PlotlyFigure
 
 MAX_NUMBERS = 8_000_000  # limit for all lines of a page
@@ -29,8 +28,9 @@ def stretches_of(session: LoggedSession) -> int:
     return min(MAX_STRETCHES, max(2000, MAX_NUMBERS // (2 * max(numbers, 1))))
 
 
-def facts_of(session: LoggedSession, curves: Curves) -> str:
+def facts_of(session: LoggedSession, contents: Contents) -> str:
     """The headline and the texts above the figure, as HTML."""
+    curves = contents.curves
     headline, facts = title_of(curves)
     per_stretch = -(-(curves.last - curves.first) // curves.bins)
     if curves.bins < curves.last - curves.first:
@@ -49,6 +49,7 @@ def facts_of(session: LoggedSession, curves: Curves) -> str:
         bad = f'<p class="bad">{html.escape(session.fault_text)}</p>'
     return (
         f"<h1>{html.escape(headline)}</h1>\n<p>{html.escape(facts)}</p>\n{bad}\n"
+        f"<p>{html.escape(contents.left_out)}</p>\n"
         f"<p>Drag to zoom, double-click to see all; a click on a name in the legend hides its "
         f'lines. {held}</p>\n<p class="bad" id="error"></p>'
     )
@@ -89,7 +90,7 @@ def page(log: Log, session: LoggedSession, first: int | None, last: int | None) 
 <style>{(FOLDER / "page.css").read_text()}</style>
 </head>
 <body>
-{facts_of(session, contents.curves)}
+{facts_of(session, contents)}
 {figure.numbers.to_html()}
 {figure.to_html((FOLDER / "page.js").read_text())}
 {tables_of(log, session)}

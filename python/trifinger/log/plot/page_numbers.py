@@ -10,6 +10,7 @@ import numpy as np
 
 from trifinger.arrays import Array
 from trifinger.log.plot.curves import Curves, Envelope
+from trifinger.log.plot.panels import LEAST_SHARE, MARGIN
 
 
 @dataclass
@@ -21,7 +22,8 @@ class Numbers:
     lines: list[tuple[int, int, int, int, int]] = field(default_factory=list)
     places: dict[int, int] = field(default_factory=dict)  # places of the times of all curves
     axes: list[str] = field(default_factory=list)  # axis of each line, as in "yaxis3"
-    shared: list[list[str]] = field(default_factory=list)  # groups of axes that share a range
+    # Groups of axes that share a range, and how much they show at least.
+    shared: list[tuple[list[str], float]] = field(default_factory=list)
 
     def _add(self, values: Array, kind: str) -> int:
         place = self.size
@@ -48,7 +50,13 @@ class Numbers:
     def to_html(self) -> str:
         """Two HTML elements with the numbers and their index, which the script reads."""
         packed = base64.b64encode(gzip.compress(b"".join(self.parts), 6)).decode()
-        index = {"lines": self.lines, "axes": self.axes, "shared": self.shared}
+        index = {
+            "lines": self.lines,
+            "axes": self.axes,
+            "shared": self.shared,
+            "margin": MARGIN,
+            "share": LEAST_SHARE,
+        }
         return (
             f'<script type="application/json" id="index">{json.dumps(index)}</script>\n'
             f'<script type="text/plain" id="numbers">{packed}</script>'

@@ -24,6 +24,10 @@ MARKS = {
 BAD = "#C0202A"
 # Names of the parts of long fields, by the type of the robot.
 GROUPS = {"trifinger": ("finger 0", "finger 120", "finger 240")}
+# How much an axis shows at least, so that a number which hardly changes looks so.
+LEAST = {"rad": 0.02, "rad/s": 0.02, "m": 2e-3, "m/s": 2e-3, "Nm": 0.01, "N": 0.1, "": 0.05}
+LEAST_SHARE = 1e-3  # and of numbers with other units: a share of the largest
+MARGIN = 0.06  # above and below the numbers, as a share of what they span
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,26 @@ class Panel:
         )
         return [(kind, envelope) for kind, envelope in kinds if envelope is not None]
 
+    def numbers(self) -> Array:
+        """The finite ones that are drawn; there is at least one."""
+        ends = [end for _, one in self.drawn() for end in (one.low, one.high) if end is not None]
+        return np.concatenate([end[np.isfinite(end)] for end in ends])
+
+    def still(self) -> float | None:
+        """The one number that all of the panel's are at every time; None if there are several."""
+        numbers = self.numbers()
+        return float(numbers[0]) if np.all(numbers == numbers[0]) else None
+
+    def limits(self) -> tuple[float, float]:
+        """The ends of its axis."""
+        numbers = self.numbers()
+        return padded(float(numbers.min()), float(numbers.max()), self.least)
+
+    @property
+    def least(self) -> float:
+        """How much its axis shows at least."""
+        return LEAST.get(self.unit, 0.0)
+
     @property
     def groups(self) -> list[range]:
         """Numbers that are drawn together: fingers of three joints, legs, or all."""
@@ -56,6 +80,13 @@ class Panel:
         return [range(columns)]
 
 
+def padded(low: float, high: float, least: float) -> tuple[float, float]:
+    """The ends of an axis with numbers from `low` to `high` that shows `least` or more."""
+    least = max(least, LEAST_SHARE * max(abs(low), abs(high))) or 1.0
+    missing = max(least - (high - low), 0.0) / 2 + MARGIN * (high - low)
+    return low - missing, high + missing
+
+
 @dataclass(frozen=True)
 class Contents:
     """All that a plot shows."""
@@ -63,6 +94,17 @@ class Contents:
     curves: Curves
     rows: list[tuple[Curves, Panel]]  # companions come last, with curves of their own
     problems: dict[str, list[float]]  # times of each kind [s]
+    still: dict[str, float]  # panels that are left out, and the number that they would show
+
+    @property
+    def left_out(self) -> str:
+        """A sentence about what is not drawn because it never happened; or nothing."""
+        parts = [f"{name} (always {number:g})" for name, number in self.still.items()]
+        if self.curves.timing is not None and self.curves.late is None:
+            parts.append("lateness (no step was late)")
+        if not self.kinds:
+            parts.append("problems (there were none)")
+        return f"Left out: {', '.join(parts)}." if parts else ""
 
     @property
     def kinds(self) -> list[str]:
@@ -84,7 +126,11 @@ def contents_of(
                 (found, Panel(f"{name}: {panel.name}", panel.unit, panel.measured))
                 for panel in panels_of(found)[:3]
             ]
-    return Contents(curves, rows, problems_of(log, curves))
+    still = {panel.name: number for _, panel in rows if (number := panel.still()) is not None}
+    if len(still) == len(rows):
+        still = {}  # what nothing happened to is drawn, rather than nothing
+    rows = [row for row in rows if row[1].name not in still]
+    return Contents(curves, rows, problems_of(log, curves), still)
 
 
 def panels_of(curves: Curves) -> list[Panel]:
@@ -97,13 +143,12 @@ def panels_of(curves: Curves) -> list[Panel]:
             series: curves.fields.get((series, name))
             for series in ("observation", "desired_action", "applied_action")
         }
-        if not any(one is not None and one.has_numbers() for one in shown.values()):
-            continue
         unit = next((units[series][name] for series, one in shown.items() if one is not None), "")
-        measured, desired, applied = shown.values()
-        if measured is None and name.endswith(("_kp", "_kd")):
+        panel = Panel(name, unit, *shown.values())
+        if panel.measured is None and name.endswith(("_kp", "_kd")):
             continue  # gains, which are constant or set by the robot
-        panels.append(Panel(name, unit, measured, desired, applied))
+        if any(envelope.has_numbers() for _, envelope in panel.drawn()):
+            panels.append(panel)
     return panels
 
 

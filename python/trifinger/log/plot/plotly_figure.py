@@ -121,11 +121,9 @@ class PlotlyFigure:
                 first = self.figure.get_subplot(row, 1).yaxis.plotly_name.removeprefix("yaxis")
                 style = {"matches": f"y{first}", "showticklabels": False}
                 self.figure.update_yaxes(**style, row=row, col=place[1])
-        if len(groups) > 1:
-            columns = range(1, 13, 12 // len(groups))
-            self.numbers.shared.append(
-                [self.figure.get_subplot(row, column).yaxis.plotly_name for column in columns]
-            )
+        columns = range(1, 13, 12 // len(groups))
+        axes = [self.figure.get_subplot(row, column).yaxis.plotly_name for column in columns]
+        self.numbers.shared.append((axes, panel.least))
 
     def _add_lateness(self, row: int, curves: Curves, lateness: LatenessHistogram) -> None:
         hover = "%{y:.3s}s<extra>lateness</extra>"
