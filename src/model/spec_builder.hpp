@@ -86,7 +86,6 @@ class SpecBuilder {
   // spec_scene.cpp
   void add_surroundings();
   void add_material(const char* material_name, float specular, float shininess);
-  void add_lamp(const Eigen::Vector3d& position, float brightness);
   void add_light(const Eigen::Vector3d& position, float brightness, bool shadow);
   void add_table();
   void add_platform();

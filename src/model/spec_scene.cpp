@@ -56,7 +56,7 @@ void SpecBuilder::add_surroundings() {
   set_colour(floor->rgba, {0.62F, 0.64F, 0.66F, 1});
   mjs_setString(floor->material, "matte");
 
-  add_lamp({0.9, -1.2, 2.4}, 0.58F);
+  add_light({0.9, -1.2, 2.4}, 0.58F, true);
   add_light({-1.4, 0.4, 1.5}, 0.16F, false);
   add_light({0.5, 1.5, 1.2}, 0.12F, false);
 }
@@ -66,20 +66,6 @@ void SpecBuilder::add_material(const char* material_name, float specular, float 
   mjs_setName(material->element, material_name);
   material->specular = specular;
   material->shininess = shininess;
-}
-
-// Adds a lamp with some width: the lights on its rim share the brightness, which softens the
-// edges of shadows. With two more lights and the viewer's own there are eight, the most that
-// OpenGL shows at once.
-void SpecBuilder::add_lamp(const Eigen::Vector3d& position, float brightness) {
-  constexpr int kLights = 5;
-  constexpr double kRadius = 0.09;
-  const Eigen::Matrix3d rim = along(kLit - position);
-  for (int i = 0; i < kLights; ++i) {
-    const double angle = 2 * std::numbers::pi * i / kLights;
-    add_light(position + kRadius * (std::cos(angle) * rim.col(0) + std::sin(angle) * rim.col(1)),
-              brightness / kLights, true);
-  }
 }
 
 void SpecBuilder::add_light(const Eigen::Vector3d& position, float brightness, bool shadow) {
