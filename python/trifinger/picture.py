@@ -39,7 +39,7 @@ MARGIN = 1.06  # size of the picture, relative to that of robot and objects in i
 TABLE = ((0.1, 0.1, 0.0), (0.1, -0.1, 0.0), (-0.1, 0.1, 0.0), (-0.1, -0.1, 0.0))  # always seen [m]
 COARSE = 2  # pixels of a picture in one of its shadows, along each side
 FOG = np.array([1.5, 4.0])  # where the floor begins and ends to fade, in reaches of the lamp
-SAME = 2e-5  # a scene that moves less is not drawn again [m], [rad]
+SAME = 1e-4  # a scene that moves less is not drawn again [m], [rad]
 MOST_SHAPES = 10_000  # of a scene
 SMALLEST = 1.6  # how much farther away a camera may be that stands still
 FOLLOW = 15  # pictures before and after, which a camera that follows sees
@@ -348,12 +348,12 @@ def shadowed(
 ) -> NDArray[np.uint8]:
     """A picture with the soft shadows by which `dark` is darker than `bright`, two smaller ones."""
     before, after = (one.sum(axis=2, dtype=np.uint16) for one in (bright, dark))
-    share: Array = np.minimum(after / np.maximum(before, np.float32(1)), 1)
+    share: Array = np.minimum((after + np.float32(1)) / (before + np.float32(1)), 1)
     for _ in range(2):  # a mean of neighbours, down and then across
         padded = np.pad(share, ((1, 1), (0, 0)), mode="edge")
         share = ((padded[:-2] + padded[1:-1] + padded[2:]) / 3).T
-    factors = (255 * share).astype(np.uint16).repeat(COARSE, 0).repeat(COARSE, 1)
-    pixels = lit * factors[: lit.shape[0], : lit.shape[1], None] // 255
+    factors = (256 * share).astype(np.uint16).repeat(COARSE, 0).repeat(COARSE, 1)
+    pixels = lit * factors[: lit.shape[0], : lit.shape[1], None] >> 8
     return np.asarray(pixels, np.uint8)
 
 

@@ -10,7 +10,15 @@ from conftest import PROGRAM
 from trifinger import InvalidArgument
 from trifinger.foreign_models import model_of
 from trifinger.look import FLOOR, LAMP, look_of
-from trifinger.picture import CAMERAS, SURROUND_GROUP, TABLE, Painter, SceneCamera, View
+from trifinger.picture import (
+    CAMERAS,
+    SURROUND_GROUP,
+    TABLE,
+    Painter,
+    SceneCamera,
+    View,
+    shadowed,
+)
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # the default of Painter
 
@@ -120,13 +128,29 @@ def test_shadows_have_soft_edges():
     configuration = painter._model.key_qpos[0].copy()
     shaded = painter.draw(configuration).astype(int).sum(axis=2)
     painter._model.light(LAMP).castshadow = False
-    lit = painter.draw(configuration + 1e-4).astype(int).sum(axis=2)
+    lit = painter.draw(configuration + 1e-3).astype(int).sum(axis=2)
     painter.close()
     darkening = (lit - shaded)[lit - shaded > 3]
     assert len(darkening) > 0.05 * lit.size
     # Half shadows are a good part of all that is in shadow.
     deepest = np.percentile(darkening, 95)
     assert ((darkening > 0.15 * deepest) & (darkening < 0.85 * deepest)).mean() > 0.15
+
+
+def test_shadows_change_nothing_else():
+    random = np.random.default_rng(2)
+    bright = random.integers(0, 256, (24, 32, 3), np.uint8)
+    bright[:6] = 0  # something black throws no shadow on what is beside it
+    lit = random.integers(0, 256, (47, 63, 3), np.uint8)
+    assert (shadowed(lit, bright, bright) == lit).all()
+    dark = bright.copy()
+    dark[10:14, 12:16] //= 2
+    shaded = shadowed(lit, bright, dark)
+    assert (shaded <= lit).all()
+    is_darker = (shaded < lit).any(axis=2)
+    assert is_darker[20:28, 24:32].mean() > 0.9
+    is_darker[18:30, 22:34] = False  # as far as the edges are soft
+    assert not is_darker.any()
 
 
 def pixels_of(points, scene_camera, model, view):
