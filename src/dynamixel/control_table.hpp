@@ -8,7 +8,9 @@
 #include <limits>
 #include <numbers>
 #include <span>
+#include <string>
 #include <string_view>
+#include <vector>
 
 namespace trifinger::dynamixel {
 
@@ -24,6 +26,8 @@ enum class OperatingMode : std::uint8_t {
 
 /// The words of a mode, such as "current-based position"; "unknown" if there is none.
 [[nodiscard]] std::string_view name_of(OperatingMode mode) noexcept;
+/// True for a mode whose goal is a current, or is reached with no more than one.
+[[nodiscard]] bool needs_current(OperatingMode mode) noexcept;
 
 /// A number in the memory of a motor of the X series.
 struct Register {
@@ -188,59 +192,128 @@ inline constexpr std::array kControlTable{
     registers::kPresentTemperature,
 };
 
-/// Two blocks of addresses (2 bytes each) say what two blocks of data (1 byte each) show. With them
-/// one packet reads or writes registers that do not lie side by side.
+/// A block of addresses (2 bytes each) says what a block of data (1 byte each) shows. With it one
+/// packet reads or writes registers that do not lie side by side. The data begin where the
+/// addresses end.
 struct IndirectBlock {
   std::uint16_t first_address{0};
   std::uint16_t first_data{0};
-  std::uint16_t count{28};
+  std::uint8_t first_firmware{0};  ///< Motors with older firmware do not have this block.
+  std::uint8_t last_firmware{255};
+
+  [[nodiscard]] constexpr std::size_t count() const noexcept {
+    return (std::size_t{first_data} - first_address) / 2;
+  }
 };
 inline constexpr std::array kIndirectBlocks{IndirectBlock{168, 224}, IndirectBlock{578, 634}};
 /// Number of bytes in a motor's memory.
 inline constexpr std::size_t kTableSize = 662;
 
-/// The register of this name; null if there is none.
-[[nodiscard]] const Register* find_register(std::string_view name) noexcept;
 /// The register that has this byte; null if there is none.
-[[nodiscard]] const Register* register_at(std::size_t address) noexcept;
+[[nodiscard]] const Register* register_at(std::span<const Register> table,
+                                          std::size_t address) noexcept;
 
 /// The rates of the register "baud_rate" [bit/s].
 inline constexpr std::array kBaudRates{9'600,     57'600,    115'200,   1'000'000,
                                        2'000'000, 3'000'000, 4'000'000, 4'500'000};
 
+/// What models of the same build have in common.
+struct MotorSeries {
+  /// Registers that are not as in `kControlTable`. One of size 0 is not there.
+  std::span<const Register> registers{};
+  std::span<const IndirectBlock> indirect_blocks{kIndirectBlocks};
+};
+
+namespace detail {
+using registers::detail::kReadOnly;
+using registers::detail::kWritable;
+
+// clang-format off
+inline constexpr std::array kRegistersOfXl430{
+    Register{"temperature_limit", 31, 1, false, kWritable, 72, 0, 100, "degC", 1.0},
+    Register{"", 38, 0},
+    Register{"velocity_i_gain", 76, 2, false, kWritable, 1000, 0, 16383},
+    Register{"position_d_gain", 80, 2, false, kWritable, 4000, 0, 16383},
+    Register{"position_p_gain", 84, 2, false, kWritable, 640, 0, 16383},
+    Register{"", 102, 0},
+    // The part of the stall torque that the firmware takes the load to be.
+    Register{"present_load", 126, 2, true, kReadOnly, 0, 0, 0, "", 1e-3},
+};
+inline constexpr std::array kRegistersOfX330{
+    Register{"temperature_limit", 31, 1, false, kWritable, 70, 0, 100, "degC", 1.0},
+    Register{"velocity_limit", 44, 4, false, kWritable, 445, 0, 2047, "rad/s", kVelocityUnit},
+    Register{"pwm_slope", 62, 1, false, kWritable, 140, 1, 255},
+    Register{"shutdown", 63, 1, false, kWritable, 53, 0, 61},
+    Register{"velocity_i_gain", 76, 2, false, kWritable, 1600, 0, 16383},
+    Register{"velocity_p_gain", 78, 2, false, kWritable, 180, 0, 16383},
+    Register{"position_p_gain", 84, 2, false, kWritable, 400, 0, 16383},
+    Register{"goal_velocity", 104, 4, true, kWritable, 0, -2047, 2047, "rad/s", kVelocityUnit},
+};
+// clang-format on
+inline constexpr std::array kIndirectBlocksOfX330{
+    IndirectBlock{.first_address = 168, .first_data = 224, .last_firmware = 51},
+    IndirectBlock{.first_address = 168, .first_data = 208, .first_firmware = 52}};
+inline constexpr MotorSeries kX430;  // XM540, too
+inline constexpr MotorSeries kXl430{.registers = kRegistersOfXl430};
+inline constexpr MotorSeries kX330{kRegistersOfX330, kIndirectBlocksOfX330};
+
+inline constexpr double kRpm = 2.0 * std::numbers::pi / 60.0;  // [rad/s]
+inline constexpr double kNoCurrent = std::numeric_limits<double>::quiet_NaN();
+
+}  // namespace detail
+
 /// What one type of motor is.
 struct MotorModel {
   std::string_view name;
   std::uint16_t number{0};
-  double gear_ratio{1.0};
-  double current_unit{2.69e-3};   ///< What a step of a current is worth [A].
-  std::int32_t current_limit{0};  ///< The largest "current_limit", also that of a new motor.
-  double stall_torque{0.0};       ///< At 12 V [Nm].
-  double stall_current{0.0};      ///< At 12 V [A].
-  double no_load_speed{0.0};      ///< At 12 V [rad/s].
+  const MotorSeries* series{nullptr};
+  double current_unit{2.69e-3};  ///< What a step of a current is worth [A]; NaN: see `has_current`.
+  std::int32_t current_limit{0};   ///< The largest "current_limit", also that of a new motor.
+  std::int32_t velocity_limit{0};  ///< "velocity_limit" of a new motor.
+  std::array<std::int32_t, 2> supply_limits{};  ///< Lowest and highest supply of a new one [0.1 V].
+  double voltage{12.0};                         ///< Supply of the figures below [V].
+  double stall_torque{0.0};                     ///< [Nm]
+  double stall_current{0.0};                    ///< [A]
+  double no_load_speed{0.0};                    ///< [rad/s]
 
+  /// False for a motor that neither measures nor limits its current. It has no mode with currents.
+  [[nodiscard]] constexpr bool has_current() const noexcept { return current_unit > 0.0; }
+  /// True if the motor knows this mode.
+  [[nodiscard]] bool has(OperatingMode mode) const noexcept;
   /// Torque per ampere [Nm/A], from stall torque and stall current.
   [[nodiscard]] constexpr double torque_constant() const noexcept {
     return stall_torque / stall_current;
   }
 };
 
-namespace detail {
-inline constexpr double kRpm = 2.0 * std::numbers::pi / 60.0;  // [rad/s]
-}  // namespace detail
-
-inline constexpr MotorModel kXm430W210{"XM430-W210", 1030, 212.6, 2.69e-3,
-                                       1193,         3.0,  2.3,   77.0 * detail::kRpm};
-inline constexpr MotorModel kXm430W350{"XM430-W350", 1020, 353.5, 2.69e-3,
-                                       1193,         4.1,  2.3,   46.0 * detail::kRpm};
-inline constexpr MotorModel kXh430W210{"XH430-W210", 1010, 212.6, 1.34e-3,
-                                       648,          2.5,  1.3,   50.0 * detail::kRpm};
-inline constexpr MotorModel kXh430W350{"XH430-W350", 1000, 353.5, 1.34e-3,
-                                       648,          3.4,  1.3,   30.0 * detail::kRpm};
-inline constexpr std::array kMotorModels{kXm430W210, kXm430W350, kXh430W210, kXh430W350};
+/// All models that are known. Torques, currents and speeds are those of the maker's manual;
+/// docs/dynamixel.md says which of them are not certain.
+// clang-format off
+inline constexpr std::array kMotorModels{
+    MotorModel{"XM430-W210",   1030, &detail::kX430,  2.69e-3, 1193,            330,  {95, 160}, 12.0, 3.0,   2.3,  77.0 * detail::kRpm},
+    MotorModel{"XM430-W350",   1020, &detail::kX430,  2.69e-3, 1193,            200,  {95, 160}, 12.0, 4.1,   2.3,  46.0 * detail::kRpm},
+    MotorModel{"XH430-W210",   1010, &detail::kX430,  1.34e-3, 648,             330,  {95, 160}, 12.0, 2.5,   1.3,  50.0 * detail::kRpm},
+    MotorModel{"XH430-W350",   1000, &detail::kX430,  1.34e-3, 648,             330,  {95, 160}, 12.0, 3.4,   1.3,  30.0 * detail::kRpm},
+    MotorModel{"XL430-W250",   1060, &detail::kXl430, detail::kNoCurrent, 0,    265,  {60, 140}, 12.0, 1.5,   1.4,  61.0 * detail::kRpm},
+    MotorModel{"2XL430-W250",  1090, &detail::kXl430, detail::kNoCurrent, 0,    265,  {60, 140}, 11.1, 1.4,   1.3,  57.0 * detail::kRpm},
+    MotorModel{"XM540-W270",   1120, &detail::kX430,  2.69e-3, 2047,            128,  {95, 160}, 12.0, 10.6,  4.4,  30.0 * detail::kRpm},
+    MotorModel{"XM540-W150",   1130, &detail::kX430,  2.69e-3, 2047,            230,  {95, 160}, 12.0, 7.3,   4.4,  53.0 * detail::kRpm},
+    MotorModel{"XL330-M077",   1190, &detail::kX330,  1e-3,    1750,            1620, {35, 70},  5.0,  0.215, 1.47, 383.0 * detail::kRpm},
+    MotorModel{"XL330-M288",   1200, &detail::kX330,  1e-3,    1750,            445,  {35, 70},  5.0,  0.52,  1.47, 103.0 * detail::kRpm},
+    MotorModel{"XC330-T181",   1210, &detail::kX330,  1e-3,    910,             454,  {60, 140}, 11.1, 0.76,  0.8,  104.0 * detail::kRpm},
+    MotorModel{"XC330-T288",   1220, &detail::kX330,  1e-3,    910,             283,  {60, 140}, 11.1, 0.92,  0.8,  65.0 * detail::kRpm},
+    MotorModel{"XC330-M181",   1230, &detail::kX330,  1e-3,    2352,            563,  {35, 70},  5.0,  0.60,  1.8,  129.0 * detail::kRpm},
+    MotorModel{"XC330-M288",   1240, &detail::kX330,  1e-3,    2352,            353,  {35, 70},  5.0,  0.93,  1.8,  81.0 * detail::kRpm},
+};
+// clang-format on
+inline constexpr const MotorModel& kXm430W210 = kMotorModels[0];
 
 /// The model of this name, such as "XM430-W210", or with this number; null if it is not known.
 [[nodiscard]] const MotorModel* find_model(std::string_view name) noexcept;
 [[nodiscard]] const MotorModel* find_model(std::uint16_t number) noexcept;
+/// The names of all models, for sentences.
+[[nodiscard]] std::string names_of_models();
+/// The registers of a new motor of this model by address, without indirect ones.
+[[nodiscard]] std::vector<Register> control_table_of(const MotorModel& model);
 
 }  // namespace trifinger::dynamixel

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <string>
 
 #include "trifinger/base/error.hpp"
@@ -13,7 +15,6 @@ namespace {
 namespace regs = registers;
 
 constexpr std::int32_t kStopped = -1;  // what the watchdog reads as after it has stopped the motor
-constexpr double kRatedVoltage = 12.0;
 
 bool is_same(const Register& a, const Register& b) noexcept { return a.address == b.address; }
 
@@ -28,26 +29,10 @@ std::int64_t value_in(const Register& which, std::span<const std::uint8_t> bytes
   return number_in(bytes);
 }
 
-const IndirectBlock* block_of_data(std::size_t address) noexcept {
-  for (const IndirectBlock& block : kIndirectBlocks) {
-    if (address >= block.first_data && address < std::size_t{block.first_data} + block.count) {
-      return &block;
-    }
-  }
-  return nullptr;
-}
-
-bool is_indirect_address(std::size_t address) noexcept {
-  return std::ranges::any_of(kIndirectBlocks, [address](const IndirectBlock& block) {
-    return address >= block.first_address &&
-           address < block.first_address + std::size_t{2} * block.count;
-  });
-}
-
 }  // namespace
 
 EmulatedMotor::EmulatedMotor(const EmulatedMotorOptions& options)
-    : options_(options), supply_(options.supply), temperature_(options.temperature) {
+    : options_(options), temperature_(options.temperature) {
   using trifinger::detail::require;
   const std::string name = "emulated motor " + std::to_string(options.id);
   require(options.id <= kMaxId, name + " must have a number from 0 to 252");
@@ -59,12 +44,17 @@ EmulatedMotor::EmulatedMotor(const EmulatedMotorOptions& options)
   require(delay >= 0 && delay <= regs::kReturnDelay.highest,
           name + " has a return delay of " + duration_text(options.return_delay) +
               ", must be 0 to 508 µs");
-  for (const Register& which : kControlTable) {
+  supply_ = options.supply.value_or(options.model->voltage);
+  table_ = control_table_of(*options.model);
+  std::ranges::copy_if(options.model->series->indirect_blocks, std::back_inserter(indirect_blocks_),
+                       [&](const IndirectBlock& block) {
+                         return options.firmware >= block.first_firmware &&
+                                options.firmware <= block.last_firmware;
+                       });
+  for (const Register& which : table_) {
     set_value(which, static_cast<std::int32_t>(which.initial));
   }
-  set_value(regs::kModelNumber, options.model->number);
   set_value(regs::kFirmwareVersion, options.firmware);
-  set_value(regs::kCurrentLimit, options.model->current_limit);
   set_value(regs::kId, options.id);
   set_value(regs::kBaudRate, static_cast<std::int32_t>(rate - kBaudRates.begin()));
   set_value(regs::kReturnDelay, static_cast<std::int32_t>(delay));
@@ -104,11 +94,11 @@ void EmulatedMotor::forget_turns() noexcept {
 
 // What a motor does when its firmware starts.
 void EmulatedMotor::begin() noexcept {
-  for (const Register& which : kControlTable) {
+  for (const Register& which : table_) {
     if (!which.is_kept()) set_value(which, static_cast<std::int32_t>(which.initial));
   }
-  for (const IndirectBlock& block : kIndirectBlocks) {
-    for (std::size_t i = 0; i < block.count; ++i) {
+  for (const IndirectBlock& block : indirect_blocks_) {
+    for (std::size_t i = 0; i < block.count(); ++i) {
       put_number(std::span(memory_).subspan(block.first_address + 2 * i),
                  static_cast<std::uint32_t>(block.first_data + i), 2);
     }
@@ -135,12 +125,11 @@ void EmulatedMotor::reset_goals() noexcept {
 void EmulatedMotor::factory_reset(std::uint8_t what) noexcept {
   const std::int32_t id = value(regs::kId);
   const std::int32_t rate = value(regs::kBaudRate);
-  for (const Register& which : kControlTable) {
+  for (const Register& which : table_) {
     if (which.access == Register::Access::kReadWrite) {
       set_value(which, static_cast<std::int32_t>(which.initial));
     }
   }
-  set_value(regs::kCurrentLimit, model().current_limit);
   if (what != 0xFF) set_value(regs::kId, id);
   if (what == 0x02) set_value(regs::kBaudRate, rate);
   begin();
@@ -160,18 +149,22 @@ void EmulatedMotor::fail(HardwareError error) noexcept {
   set_value(regs::kTorqueEnable, 0);
 }
 
+bool EmulatedMotor::is_indirect_address(std::size_t address) const noexcept {
+  return std::ranges::any_of(indirect_blocks_, [address](const IndirectBlock& block) {
+    return address >= block.first_address &&
+           address < block.first_address + std::size_t{2} * block.count();
+  });
+}
+
 // The place of a byte: an indirect one is somewhere else.
 std::size_t EmulatedMotor::resolve(std::size_t address) const noexcept {
-  const IndirectBlock* const block = block_of_data(address);
-  if (block == nullptr) return address;
+  const auto block = std::ranges::find_if(indirect_blocks_, [address](const IndirectBlock& each) {
+    return address >= each.first_data && address < std::size_t{each.first_data} + each.count();
+  });
+  if (block == indirect_blocks_.end()) return address;
   const std::size_t entry = block->first_address + 2 * (address - block->first_data);
   const std::size_t target = number_in(std::span(memory_).subspan(entry, 2));
   return target < memory_.size() ? target : address;
-}
-
-std::int64_t EmulatedMotor::highest(const Register& which) const noexcept {
-  const bool is_current = is_same(which, regs::kCurrentLimit) || is_same(which, regs::kGoalCurrent);
-  return is_current ? model().current_limit : which.highest;
 }
 
 StatusError EmulatedMotor::check(const Register& which, std::int64_t value) const noexcept {
@@ -179,11 +172,8 @@ StatusError EmulatedMotor::check(const Register& which, std::int64_t value) cons
   const bool has_torque = this->value(regs::kTorqueEnable) != 0;
   if (which.is_kept() && has_torque) return StatusError::kAccess;
   if (is_goal(which) && this->value(regs::kBusWatchdog) == kStopped) return StatusError::kDataRange;
-  const std::int64_t most = highest(which);
-  const std::int64_t least = which.lowest < 0 ? std::max(which.lowest, -most) : which.lowest;
-  if (value < least || value > most) return StatusError::kDataRange;
-  if (is_same(which, regs::kOperatingMode) &&
-      name_of(static_cast<OperatingMode>(value)) == "unknown") {
+  if (value < which.lowest || value > which.highest) return StatusError::kDataRange;
+  if (is_same(which, regs::kOperatingMode) && !model().has(static_cast<OperatingMode>(value))) {
     return StatusError::kDataRange;
   }
   const auto is_beyond = [&](const Register& limit) {
@@ -231,7 +221,7 @@ StatusError EmulatedMotor::write_now(std::size_t address, std::span<const std::u
       i += 2;
       continue;
     }
-    const Register* const which = register_at(place);
+    const Register* const which = register_at(table_, place);
     if (which == nullptr) {  // a gap, or indirect data that shows itself
       ++i;
       continue;
@@ -453,12 +443,13 @@ double EmulatedMotor::drive(double velocity, double seconds) noexcept {
   // The current that full PWM would give now in each direction.
   const MotorModel& motor = model();
   const double emf = motor.stall_current * velocity / motor.no_load_speed;
-  const double full = motor.stall_current * supply_ / kRatedVoltage;
+  const double full = motor.stall_current * supply_ / motor.voltage;
   double pwm = 0.0;
   current_ = 0.0;
   if (value(regs::kTorqueEnable) != 0) {
     const double unit = motor.current_unit;
-    const double limit = unit * value(regs::kCurrentLimit);
+    const double limit = motor.has_current() ? unit * value(regs::kCurrentLimit)
+                                             : std::numeric_limits<double>::infinity();
     const double goal = unit * value(regs::kGoalCurrent);
     if (mode() == OperatingMode::kCurrent) {
       current_ = std::clamp(goal, -limit, limit);
@@ -483,7 +474,9 @@ void EmulatedMotor::show_state(double velocity, double pwm) noexcept {
   };
   const double steps_per_second = kVelocityUnit / kPositionUnit;
   set(regs::kPresentPwm, pwm);
-  set(regs::kPresentCurrent, current_ / model().current_unit);
+  const MotorModel& motor = model();
+  set(regs::kPresentCurrent,
+      current_ / (motor.has_current() ? motor.current_unit : 1e-3 * motor.stall_current));
   set(regs::kPresentVelocity, velocity / kVelocityUnit);
   set(regs::kPresentPosition, shaft_);
   set(regs::kVelocityTrajectory, trajectory_velocity_ / steps_per_second);

@@ -4,7 +4,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <vector>
 
 #include "dynamixel/control_table.hpp"
 #include "dynamixel/packet.hpp"
@@ -21,8 +23,8 @@ struct EmulatedMotorOptions {
   /// A multiple of 2 µs up to 508 µs.
   Nanoseconds return_delay{std::chrono::microseconds(500)};
   std::uint8_t firmware{kFastSyncReadFirmware};
-  double supply{12.0};       ///< [V]
-  double temperature{30.0};  ///< [°C]
+  std::optional<double> supply{};  ///< [V]; default: that of the model's figures.
+  double temperature{30.0};        ///< [°C]
 };
 
 /// The firmware of a Dynamixel of the X series as a class: instructions in, answers and torque out.
@@ -30,8 +32,9 @@ struct EmulatedMotorOptions {
 ///
 /// It has the whole control table with both indirect blocks, the lock of what is kept, limits, all
 /// operating modes, profiles, the watchdog, and shutdown by hardware errors. Its motor gets
-/// torque = constant × current, and current = stall current × (voltage / 12 V - speed / no-load
-/// speed). What it leaves out: backlash, cogging, warming, and the time a current takes to rise.
+/// torque = constant × current, and current = stall current × (voltage / voltage of the model's
+/// figures - speed / no-load speed). What it leaves out: backlash, cogging, warming, and the time a
+/// current takes to rise.
 ///
 /// It does not allocate. One thread uses it.
 class EmulatedMotor {
@@ -90,6 +93,7 @@ class EmulatedMotor {
     std::array<std::uint8_t, 64> data{};
   };
 
+  [[nodiscard]] bool is_indirect_address(std::size_t address) const noexcept;
   [[nodiscard]] std::size_t resolve(std::size_t address) const noexcept;
   [[nodiscard]] StatusError check(const Register& which, std::int64_t value) const noexcept;
   void commit(const Register& which, std::int64_t value) noexcept;
@@ -103,7 +107,6 @@ class EmulatedMotor {
   void forget_turns() noexcept;
   void reset_goals() noexcept;
   void factory_reset(std::uint8_t what) noexcept;
-  [[nodiscard]] std::int64_t highest(const Register& which) const noexcept;
   [[nodiscard]] OperatingMode mode() const noexcept;
   void watch(Nanoseconds duration) noexcept;
   void follow_profile(double seconds) noexcept;
@@ -112,10 +115,12 @@ class EmulatedMotor {
   [[nodiscard]] double wanted_pwm(double position, double velocity, double seconds) noexcept;
 
   EmulatedMotorOptions options_;
+  std::vector<Register> table_;                 // of its model
+  std::vector<IndirectBlock> indirect_blocks_;  // of its firmware
   std::array<std::uint8_t, kTableSize> memory_{};
   bool is_on_{true};
   bool is_shut_down_{false};
-  double supply_;
+  double supply_{0.0};
   double temperature_;
   double torque_{0.0};
   double current_{0.0};

@@ -166,7 +166,20 @@ void MotorGroup::identify(std::size_t motor) {
   const MotorModel* const model = find_model(identity.model_number);
   if (model == nullptr) {
     throw Error(text_of(motor_text(id), " is of model ", identity.model_number,
-                        ", but only XM430 and XH430 are known; use one of these"));
+                        ", which is not known; use one of these: ", names_of_models()));
+  }
+  const MotorModel* const expected =
+      motor < options_.models.size() ? options_.models[motor] : nullptr;
+  if (expected != nullptr && expected != model) {
+    throw Error(text_of(motor_text(id), " is of model ", model->name, ", but must be of model ",
+                        expected->name, "; correct the model, or exchange the motor"));
+  }
+  if (motor < num_driven() && !model->has(options_.mode)) {
+    throw Error(text_of(motor_text(id), " (", model->name,
+                        ") neither measures nor limits its "
+                        "current, so it has no mode \"",
+                        name_of(options_.mode),
+                        "\"; use the mode \"position\" without a largest current"));
   }
   models_[motor] = model;
   if (options_.is_fast && identity.firmware < kFastSyncReadFirmware) {
@@ -220,6 +233,11 @@ void MotorGroup::set_up(std::size_t motor) {
   set(motor, regs::kGoalPwm, get(motor, regs::kPwmLimit));
   set(motor, regs::kProfileVelocity, 0);
   set(motor, regs::kProfileAcceleration, 0);
+  if (options_.position_gains && is_position(options_.mode)) {
+    set(motor, regs::kPositionPGain, options_.position_gains->p);
+    set(motor, regs::kPositionIGain, options_.position_gains->i);
+    set(motor, regs::kPositionDGain, options_.position_gains->d);
+  }
   if (options_.mode == OperatingMode::kCurrentBasedPosition) {
     set(motor, regs::kGoalCurrent, read_largest_current(motor));
   }
@@ -427,7 +445,7 @@ std::optional<MotorId> MotorGroup::release() noexcept {
   const Instant end = bus_.port().now() + kReleaseLimit;
   do {
     // In modes with currents, a motor that hears only one of the two has no torque either.
-    write_zeros(regs::kGoalCurrent);
+    if (needs_current(options_.mode)) write_zeros(regs::kGoalCurrent);
     write_zeros(regs::kTorqueEnable);
     // An old answer must not pass for the confirmation.
     bus_.drop_late_answers();

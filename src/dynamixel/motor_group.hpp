@@ -20,15 +20,27 @@ namespace trifinger::dynamixel {
 /// The most motors of one group.
 inline constexpr std::size_t kMaxMotors = 32;
 
+/// How motors follow positions, in the units of their registers "position_p_gain" and so on.
+struct PositionGains {
+  std::int32_t p{0};
+  std::int32_t i{0};
+  std::int32_t d{0};
+};
+
 struct MotorGroupOptions {
   std::vector<MotorId> ids{};  ///< In the order of readings and goals.
   /// Motors that only measure angles: they get no torque. Their readings follow those of `ids`.
   std::vector<MotorId> sensors{};
+  /// What the motors of `ids` and then of `sensors` must be. Missing or null: any known model.
+  std::vector<const MotorModel*> models{};
   /// What goals are: currents [A], velocities [rad/s], or positions [rad]. `kPwm` is not possible.
   OperatingMode mode{OperatingMode::kCurrent};
   /// No goal asks for more [A]. In `kCurrentBasedPosition` it is the current that positions use.
   /// Infinite: as much as is stored in each motor; otherwise all motors must allow this much.
   double max_current{std::numeric_limits<double>::infinity()};
+  /// Written to the motors in modes with positions, because they keep none without supply. Nothing:
+  /// they stay as they are.
+  std::optional<PositionGains> position_gains{};
   /// Reads with "fast sync read"; needs `kFastSyncReadFirmware` or later in all motors.
   bool is_fast{true};
   Nanoseconds return_delay{0};  ///< Written to the motors. A multiple of 2 µs up to 508 µs.
@@ -48,7 +60,7 @@ struct MotorGroupOptions {
 struct MotorReading {
   double position{0.0};     ///< [rad]; 0 is the middle of its range.
   double velocity{0.0};     ///< [rad/s]
-  double current{0.0};      ///< [A]
+  double current{0.0};      ///< [A]; NaN of a motor without currents: `MotorModel::has_current`.
   double supply{0.0};       ///< [V]; 0 until the first look.
   double temperature{0.0};  ///< [°C]; 0 until the first look.
   /// No value above is older, except for supply and temperature: when the motor was asked.

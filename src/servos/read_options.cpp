@@ -42,12 +42,25 @@ Nanoseconds read_register(const Node& section, std::string_view key, Nanoseconds
   return time;
 }
 
-Servo read_servo(const Node& section) {
-  Servo servo;
+const dynamixel::MotorModel* read_model(const Node& section,
+                                        const dynamixel::MotorModel* fallback) {
+  const std::optional<Node> name = section.find("model");
+  if (!name) return fallback;
+  const dynamixel::MotorModel* const model = dynamixel::find_model(name->as<std::string>());
+  if (model == nullptr) {
+    name->fail(text_of("is '", name->as<std::string>(), "', which is no known model; there are ",
+                       dynamixel::names_of_models()));
+  }
+  return model;
+}
+
+// What is said of all motors is in `servo` already.
+Servo read_servo(const Node& section, Servo servo) {
   servo.id = section.required<std::uint8_t>("id", {.min = 0, .max = dynamixel::kMaxId});
   servo.zero = section.optional<double>("zero", 0.0, {.unit = "rad", .min = -100, .max = 100});
   servo.direction = section.optional_choice<double>("direction", 1.0, {{"1", 1.0}, {"-1", -1.0}});
   servo.ratio = section.optional<double>("ratio", 1.0, {.min = 0, .max = 1e6, .above_min = true});
+  servo.model = read_model(section, servo.model);
   return servo;
 }
 
@@ -111,13 +124,19 @@ ServoConfig read_servo_config(const Node& root, const std::vector<std::string>& 
   robot.names = joints;
   robot.mode = section.required_choice<ServoMode>(
       "mode", {{"torque", ServoMode::kTorque}, {"position", ServoMode::kPosition}});
-  robot.torque_constant = section.required<double>(
-      "torque_constant", {.unit = "Nm/A", .min = 0, .max = 1000, .above_min = true});
+  const Servo usual{.model = read_model(section, nullptr)};
   robot.max_current = section.required<double>(
-      "max_current", {.unit = "A", .min = 0, .max = 20, .above_min = true});
+      "max_current", {.unit = "A", .min = 0, .above_min = true, .allow_infinite = true});
   const Node motors = section.section("motors");
   for (const std::string& joint : joints) {
-    robot.motors.push_back(read_servo(motors.section(joint)));
+    Servo servo = read_servo(motors.section(joint), usual);
+    if (servo.model == nullptr || section.find("torque_constant")) {
+      servo.torque_constant = section.required<double>(
+          "torque_constant", {.unit = "Nm/A", .min = 0, .max = 1000, .above_min = true});
+    } else {
+      servo.torque_constant = servo.model->torque_constant();
+    }
+    robot.motors.push_back(servo);
   }
   if (const auto sensors = section.optional_section("sensors")) {
     for (const std::string& joint : others) {
@@ -126,7 +145,7 @@ ServoConfig read_servo_config(const Node& root, const std::vector<std::string>& 
       if (std::ranges::find(joints, joint) != joints.end()) {
         sensor->fail("is a joint with a motor of its own, which measures it");
       }
-      robot.sensors.push_back(read_servo(*sensor));
+      robot.sensors.push_back(read_servo(*sensor, usual));
       config.sensor_names.push_back(joint);
     }
   }
@@ -134,6 +153,12 @@ ServoConfig read_servo_config(const Node& root, const std::vector<std::string>& 
     robot.reset = read_reset(*reset, joints);
   }
   dynamixel::MotorGroupOptions& group = config.group;
+  if (const auto gains = section.optional_section("position_gains")) {
+    const auto gain = [&gains](std::string_view key) {
+      return gains->required<int>(key, {.min = 0, .max = 16383});
+    };
+    group.position_gains = {.p = gain("p"), .i = gain("i"), .d = gain("d")};
+  }
   group.is_fast = section.optional<bool>("fast_sync_read", group.is_fast);
   group.return_delay =
       read_register(section, "return_delay", group.return_delay, std::chrono::microseconds(2), 254);
@@ -153,7 +178,11 @@ std::filesystem::path emulated_port(const std::string& robot) {
 std::vector<dynamixel::EmulatedMotorOptions> emulated_motors(const ServoConfig& config) {
   std::vector<dynamixel::EmulatedMotorOptions> motors;
   for (const auto* const servos : {&config.robot.motors, &config.robot.sensors}) {
-    for (const Servo& servo : *servos) motors.push_back({.id = servo.id, .baud = config.baud});
+    for (const Servo& servo : *servos) {
+      motors.push_back({.id = servo.id,
+                        .model = servo.model == nullptr ? &dynamixel::kXm430W210 : servo.model,
+                        .baud = config.baud});
+    }
   }
   return motors;
 }

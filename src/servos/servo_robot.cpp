@@ -34,6 +34,9 @@ void check(const Servo& servo, const std::string& name) {
           text_of("ratio of ", name, " is ", servo.ratio, ", must be above 0"));
   require(std::abs(servo.zero) <= 1e3,
           text_of("zero of ", name, " is ", servo.zero, " rad, must be within 1000 rad"));
+  require(servo.torque_constant > 0.0 && servo.torque_constant <= 1e3,
+          text_of("torque_constant of ", name, " is ", servo.torque_constant,
+                  " Nm/A, must be above 0"));
 }
 
 // A motor that is switched on, or starts again, knows its angle within one turn only.
@@ -60,8 +63,8 @@ bool has_whole_turns(const Servo& servo) noexcept {
 std::vector<JointLimit> limits_of(const ServoRobotOptions& options) {
   std::vector<JointLimit> limits = options.limits;
   for (std::size_t i = 0; i < limits.size(); ++i) {
-    const double most =
-        std::abs(options.motors[i].joint_torque(options.max_current * options.torque_constant));
+    const Servo& servo = options.motors[i];
+    const double most = std::abs(servo.joint_torque(options.max_current * servo.torque_constant));
     limits[i].max_torque = std::min(limits[i].max_torque, most);
   }
   return limits;
@@ -122,10 +125,10 @@ void ServoRobotOptions::validate() const {
     require(!source || *source < count + sensors.size(),
             "a joint is measured by a motor that is not there");
   }
-  require(torque_constant > 0.0 && torque_constant <= 1e3,
-          text_of("torque_constant is ", torque_constant, " Nm/A, must be above 0"));
-  require(max_current > 0.0 && max_current <= 1e3,
-          text_of("max_current is ", max_current, " A, must be above 0"));
+  const bool may_be_infinite = mode == ServoMode::kPosition && std::isinf(max_current);
+  require(max_current > 0.0 && (max_current <= 20.0 || may_be_infinite),
+          text_of("max_current is ", max_current,
+                  " A, must be above 0 and at most 20, or infinite in the mode position"));
   check_reset(*this);
   stop.validate(limits_of(*this));
 }
@@ -134,10 +137,15 @@ dynamixel::MotorGroupOptions group_options(const ServoRobotOptions& options,
                                            dynamixel::MotorGroupOptions rest) {
   rest.ids.clear();
   rest.sensors.clear();
+  rest.models.clear();
   for (const Servo& motor : options.motors) rest.ids.push_back(motor.id);
   for (const Servo& sensor : options.sensors) rest.sensors.push_back(sensor.id);
+  for (const auto* const servos : {&options.motors, &options.sensors}) {
+    for (const Servo& servo : *servos) rest.models.push_back(servo.model);
+  }
   // A motor that follows positions must not be stronger than it is allowed to be.
   rest.mode = options.mode == ServoMode::kTorque ? dynamixel::OperatingMode::kCurrent
+              : std::isinf(options.max_current)  ? dynamixel::OperatingMode::kPosition
                                                  : dynamixel::OperatingMode::kCurrentBasedPosition;
   rest.max_current = options.max_current;
   return rest;
@@ -179,8 +187,9 @@ bool ServoRobot::refresh(std::int32_t& code) noexcept {
     const Servo& servo = options_.motors[i];
     observation_.position[i] = servo.joint_position(reading.position);
     observation_.velocity[i] = servo.joint_velocity(reading.velocity);
-    observation_.torque[i] = servo.joint_torque(reading.current * options_.torque_constant);
+    observation_.torque[i] = servo.joint_torque(reading.current * servo.torque_constant);
   }
+  set_unmeasured_torques(0.0);
   copy_to_all_joints();
   for (std::size_t i = 0; i < all_positions_.size(); ++i) {
     const auto& source = options_.all_joints[i];
@@ -191,6 +200,12 @@ bool ServoRobot::refresh(std::int32_t& code) noexcept {
     all_velocities_[i] = servo.joint_velocity(reading.velocity);
   }
   return true;
+}
+
+void ServoRobot::set_unmeasured_torques(double torque) noexcept {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    if (std::isnan(snapshot_.readings[i].current)) observation_.torque[i] = torque;
+  }
 }
 
 // How far a joint is from its initial position.
@@ -345,7 +360,10 @@ void ServoRobot::release() noexcept {
 DriverReport ServoRobot::get_latest_observation(void* observation) noexcept {
   std::int32_t code = 0;
   const bool is_fine = refresh(code);
+  // A user must not take it for a measurement; the safety chain takes no NaN.
+  set_unmeasured_torques(kNan);
   write_observation(observation);
+  set_unmeasured_torques(0.0);
   if (!is_fine) return DriverReport::fault(code);
   Instant oldest = link_->now();
   const Instant now = oldest;
@@ -424,7 +442,7 @@ void ServoRobot::send() noexcept {
   for (std::size_t i = 0; i < num_joints(); ++i) {
     const Servo& servo = options_.motors[i];
     if (options_.mode == ServoMode::kTorque) {
-      sent_[i] = servo.motor_torque(chain_.applied().torque[i]) / options_.torque_constant;
+      sent_[i] = servo.motor_torque(chain_.applied().torque[i]) / servo.torque_constant;
     } else {
       limit_goal(i);
       sent_[i] = servo.motor_position(goals_[i]);

@@ -25,7 +25,7 @@ enum class ServoMode : std::uint8_t {
   /// It gives the torque that the safety chain has found, by its current.
   kTorque,
   /// It goes to the desired position by itself, with at most `max_current`. Torques and gains are
-  /// refused.
+  /// refused. The observed torque of a motor without currents is NaN.
   kPosition,
 };
 
@@ -35,6 +35,8 @@ struct Servo {
   double direction{1.0};  ///< 1, or -1 for a motor that turns the other way.
   double ratio{1.0};      ///< Turn of the motor per turn [rad/rad] or way [rad/m] of the joint.
   double zero{0.0};       ///< Angle of the motor where its joint is at 0 [rad].
+  double torque_constant{1.3};  ///< Torque of its shaft per ampere, behind its gear [Nm/A].
+  const dynamixel::MotorModel* model{nullptr};  ///< What it must be; null: any known model.
 
   [[nodiscard]] constexpr double joint_position(double motor) const noexcept {
     return direction * (motor - zero) / ratio;
@@ -79,8 +81,9 @@ struct ServoRobotOptions : CountedDriverOptions {
   /// Where the stops of these joints are [rad], [m]; empty, or nothing: a joint has none.
   std::vector<std::optional<std::array<double, 2>>> sensor_ranges{};
   ServoMode mode{ServoMode::kTorque};
-  double torque_constant{1.3};  ///< Torque of a motor's shaft per ampere, behind its gear [Nm/A].
-  double max_current{1.0};      ///< No motor ever gets more [A].
+  /// No motor ever gets more [A]. Infinite, in `ServoMode::kPosition` only: as much as its supply
+  /// gives, which motors without currents need.
+  double max_current{1.0};
   ResetOptions reset{};
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
@@ -138,6 +141,8 @@ class ServoRobot final : public CountedDriver {
   // Takes what is new from the motors. False if they have failed; the text of the fault then says
   // why, and `code` is its code.
   [[nodiscard]] bool refresh(std::int32_t& code) noexcept;
+  // Sets the observed torques of motors without currents.
+  void set_unmeasured_torques(double torque) noexcept;
   [[nodiscard]] double distance(std::size_t joint) const noexcept;
   [[nodiscard]] std::optional<std::size_t> find_astray() const noexcept;
   void begin(Phase phase) noexcept;

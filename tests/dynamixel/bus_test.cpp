@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <numeric>
 #include <ostream>
 #include <string>
 #include <tuple>
@@ -25,23 +26,27 @@ constexpr std::size_t kPresentSize = 10;
 
 double seconds(Nanoseconds duration) { return std::chrono::duration<double>(duration).count(); }
 
-// A row of the table of rates of nine motors: sync read of ten bytes, sync write of positions.
+// A value of the tables of rates: sync read of ten bytes, sync write of positions.
 struct Rate {
   int baud;
   Nanoseconds return_delay;
   bool is_fast;
   double hertz;
+  std::size_t num_motors{9};
 };
 
-class RatesOfNineMotors : public ::testing::TestWithParam<Rate> {};
+class RatesOfABus : public ::testing::TestWithParam<Rate> {};
 
-TEST_P(RatesOfNineMotors, AreThoseOfTheArithmetic) {
+TEST_P(RatesOfABus, AreThoseOfTheArithmetic) {
   const Rate& rate = GetParam();
-  Rig rig({.baud = rate.baud, .return_delay = rate.return_delay});
+  std::vector<MotorId> ids(rate.num_motors);
+  std::iota(ids.begin(), ids.end(), MotorId{0});
+  Rig rig({.ids = ids, .baud = rate.baud, .return_delay = rate.return_delay});
   const std::vector<std::uint8_t> goals(4 * rig.ids.size());
   constexpr int kCycles = 100;
   for (int i = 0; i < kCycles; ++i) {
-    EXPECT_EQ(rig.bus.sync_read(rig.ids, kPresent, kPresentSize, rig.answers, rate.is_fast), 9U);
+    EXPECT_EQ(rig.bus.sync_read(rig.ids, kPresent, kPresentSize, rig.answers, rate.is_fast),
+              rate.num_motors);
     EXPECT_EQ(rig.bus.sync_write(rig.ids, registers::kGoalPosition.address, 4, goals),
               Outcome::kDone);
   }
@@ -53,7 +58,7 @@ TEST_P(RatesOfNineMotors, AreThoseOfTheArithmetic) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Dynamixel, RatesOfNineMotors,
+    Dynamixel, RatesOfABus,
     ::testing::Values(Rate{57'600, 500us, false, 19}, Rate{57'600, 0us, false, 21},
                       Rate{57'600, 0us, true, 27}, Rate{1'000'000, 500us, false, 139},
                       Rate{1'000'000, 0us, false, 369}, Rate{1'000'000, 0us, true, 463},
@@ -62,9 +67,12 @@ INSTANTIATE_TEST_SUITE_P(
                       Rate{3'000'000, 0us, false, 1107}, Rate{3'000'000, 0us, true, 1389},
                       Rate{4'000'000, 500us, false, 193}, Rate{4'000'000, 0us, false, 1476},
                       Rate{4'000'000, 0us, true, 1852}, Rate{4'500'000, 500us, false, 196},
-                      Rate{4'500'000, 0us, false, 1661}, Rate{4'500'000, 0us, true, 2083}),
+                      Rate{4'500'000, 0us, false, 1661}, Rate{4'500'000, 0us, true, 2083},
+                      Rate{1'000'000, 0us, false, 217, 16}, Rate{1'000'000, 0us, true, 281, 16},
+                      Rate{4'000'000, 0us, false, 870, 16}, Rate{4'000'000, 0us, true, 1124, 16}),
     [](const auto& test) {
-      return std::to_string(test.param.baud) + (test.param.is_fast ? "Fast" : "Classic") +
+      return std::to_string(test.param.num_motors) + "At" + std::to_string(test.param.baud) +
+             (test.param.is_fast ? "Fast" : "Classic") +
              std::to_string(test.param.return_delay / 1us) + "us";
     });
 

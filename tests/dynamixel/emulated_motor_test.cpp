@@ -21,6 +21,8 @@ namespace regs = registers;
 // Motor 1 with a shaft of its own, and a host that speaks to it.
 class OneMotor : public ::testing::Test {
  protected:
+  explicit OneMotor(const MotorModel& model = kXm430W210) : rig_({.ids = {1}, .model = &model}) {}
+
   StatusError set(const Register& which, std::int32_t value) {
     return rig_.bus.write(1, which, value).error;
   }
@@ -35,12 +37,19 @@ class OneMotor : public ::testing::Test {
   }
   void wait(Nanoseconds duration) const { rig_.port->sleep_until(rig_.port->now() + duration); }
 
-  Rig rig_{{.ids = {1}}};
+  Rig rig_;
   EmulatedMotor& motor_{rig_.line.motor(0)};
 };
 
-TEST_F(OneMotor, BeginsWithTheInitialValues) {
-  for (const Register& which : kControlTable) {
+class EveryMotor : public OneMotor, public testing::WithParamInterface<MotorModel> {
+ protected:
+  EveryMotor() : OneMotor(*find_model(GetParam().number)) {}
+};
+
+INSTANTIATE_TEST_SUITE_P(, EveryMotor, testing::ValuesIn(kMotorModels), word_of);
+
+TEST_P(EveryMotor, BeginsWithTheInitialValuesOfItsModel) {
+  for (const Register& which : control_table_of(GetParam())) {
     if (which.access == Register::Access::kRead || which.name == regs::kReturnDelay.name ||
         which.name == regs::kBaudRate.name) {
       continue;
@@ -48,6 +57,57 @@ TEST_F(OneMotor, BeginsWithTheInitialValues) {
     EXPECT_EQ(get(which), which.initial) << which.name;
   }
   EXPECT_EQ(get(regs::kPresentPosition), kPositionMiddle);
+  Identity identity;
+  ASSERT_TRUE(rig_.bus.ping(1, identity));
+  EXPECT_EQ(identity.model_number, GetParam().number);
+}
+
+TEST_P(EveryMotor, RefusesWhatItsModelDoesNotAllow) {
+  for (const Register& which : control_table_of(GetParam())) {
+    const bool has_larger = which.size > 1 || which.highest < 255;
+    if (!which.is_kept() || which.access == Register::Access::kRead || !has_larger) continue;
+    EXPECT_EQ(set(which, static_cast<int>(which.highest) + 1), StatusError::kDataRange)
+        << which.name;
+  }
+  for (int mode = 0; mode < 17; ++mode) {
+    const bool is_allowed = GetParam().has(static_cast<OperatingMode>(mode));
+    EXPECT_EQ(set(regs::kOperatingMode, mode),
+              is_allowed ? StatusError::kNone : StatusError::kDataRange)
+        << mode;
+  }
+}
+
+TEST_P(EveryMotor, HasItsStallTorqueAndItsSpeedAtTheSupplyOfItsFigures) {
+  begin(OperatingMode::kPwm);
+  motor_.tick(1ms, 0.0, 0.0);
+  EXPECT_DOUBLE_EQ(motor_.torque(), GetParam().stall_torque);
+  motor_.tick(1ms, 0.0, GetParam().no_load_speed);
+  EXPECT_NEAR(motor_.torque(), 0.0, 1e-12);
+  EXPECT_EQ(get(regs::kHardwareErrorStatus), 0);
+  for (const double beyond : {-0.1, 0.1}) {
+    motor_.set_supply(0.1 * GetParam().supply_limits[beyond < 0.0 ? 0 : 1] + beyond);
+    motor_.tick(1ms, 0.0, 0.0);
+    EXPECT_EQ(get(regs::kHardwareErrorStatus), bit_of(HardwareError::kInputVoltage));
+    motor_.set_supply(GetParam().voltage);
+    ASSERT_TRUE(rig_.bus.reboot(1));
+    EXPECT_EQ(get(regs::kHardwareErrorStatus), 0);
+  }
+}
+
+TEST_P(EveryMotor, GoesToAGoalPositionAndShowsItsEffort) {
+  begin(OperatingMode::kPosition);
+  ASSERT_EQ(set(regs::kGoalPosition, 2700), StatusError::kNone);
+  std::int32_t most = 0;
+  for (int i = 0; i < 4000; ++i) {
+    wait(1ms);
+    most = std::max(most, motor_.value(regs::kPresentCurrent));
+  }
+  EXPECT_NEAR(get(regs::kPresentPosition), 2700, 40);
+  // A step is a thousandth of the stall torque, if the motor has no currents.
+  const MotorModel& model = GetParam();
+  const double unit = model.has_current() ? model.current_unit : model.stall_current / 1000.0;
+  EXPECT_GT(most * unit, 0.2 * model.stall_current);
+  EXPECT_LE(most * unit, 1.01 * model.stall_current);
 }
 
 TEST_F(OneMotor, LocksWhatIsKeptWhileTorqueIsOn) {
@@ -269,15 +329,16 @@ TEST_F(OneMotor, ForgetsItsTurnsOnRequest) {
   EXPECT_EQ(get(regs::kPresentPosition), kPositionMiddle - kStepsPerTurn / 2);
 }
 
-TEST_F(OneMotor, ShowsOtherRegistersAsIndirectData) {
-  const std::uint16_t first = kIndirectBlocks[0].first_address;
+TEST_P(EveryMotor, ShowsOtherRegistersAsIndirectData) {
+  const IndirectBlock& block = GetParam().series->indirect_blocks[0];
+  const std::uint16_t first = block.first_address;
   const std::array<std::uint8_t, 2> led{static_cast<std::uint8_t>(regs::kLed.address), 0};
   ASSERT_TRUE(rig_.bus.write(1, first, led));
   const std::array<std::uint8_t, 1> on{1};
-  ASSERT_TRUE(rig_.bus.write(1, kIndirectBlocks[0].first_data, on));
+  ASSERT_TRUE(rig_.bus.write(1, block.first_data, on));
   EXPECT_EQ(get(regs::kLed), 1);
   const std::array<std::uint8_t, 1> wrong{2};
-  EXPECT_EQ(rig_.bus.write(1, kIndirectBlocks[0].first_data, wrong).error, StatusError::kDataRange);
+  EXPECT_EQ(rig_.bus.write(1, block.first_data, wrong).error, StatusError::kDataRange);
 }
 
 TEST_F(OneMotor, ChangesItsNumberAndItsRate) {

@@ -71,7 +71,7 @@ class GroupRig {
   explicit GroupRig(MotorGroupOptions options, const EmulatedBusOptions& bus = {},
                     const std::vector<EmulatedMotorOptions>& motors = motors_of(kClawIds, 4'000'000,
                                                                                 500us))
-      : plant(kClawIds.size()), line(motors, plant, kBegin, bus) {
+      : plant(motors.size()), line(motors, plant, kBegin, bus) {
     auto made = std::make_unique<EmulatedPort>(line, 4'000'000, kBegin);
     port = made.get();
     group = std::make_unique<MotorGroup>(std::make_unique<ToldPort>(std::move(made), before_packet),
@@ -79,7 +79,7 @@ class GroupRig {
   }
 
   void cycle(int count, double goal) const {
-    const std::vector<double> goals(kClawIds.size(), goal);
+    const std::vector<double> goals(group->size(), goal);
     for (int i = 0; i < count; ++i) group->cycle(goals);
   }
   // Cycles until there is a fault; fails if none comes.
@@ -117,6 +117,105 @@ TEST(MotorGroup, SetsUpMotorsThatAreNew) {
     EXPECT_EQ(motor.value(regs::kBusWatchdog), 5);
     EXPECT_EQ(rig.group->model(i).number, kXm430W210.number);
   }
+}
+
+// The numbers of these motors.
+std::vector<MotorId> ids_of(const std::vector<EmulatedMotorOptions>& motors) {
+  std::vector<MotorId> ids;
+  for (const EmulatedMotorOptions& motor : motors) ids.push_back(motor.id);
+  return ids;
+}
+
+TEST(MotorGroup, DrivesMotorsOfAllModelsTogetherToPositions) {
+  const auto motors = motors_of_all_models(4'000'000);
+  GroupRig rig({.ids = ids_of(motors), .mode = OperatingMode::kPosition}, {}, motors);
+  rig.group->start();
+  rig.cycle(4000, 0.7);
+  ASSERT_EQ(rig.group->fault().kind, MotorFault::kNone) << text_of(rig.group->fault());
+  for (std::size_t i = 0; i < motors.size(); ++i) {
+    const MotorModel& model = rig.group->model(i);
+    const MotorReading& reading = rig.group->readings()[i];
+    EXPECT_EQ(model.name, kMotorModels[i].name);
+    EXPECT_NEAR(reading.position, 0.7, 0.06) << model.name;
+    EXPECT_NEAR(reading.supply, model.voltage, 0.051) << model.name;
+    EXPECT_EQ(std::isnan(reading.current), !model.has_current()) << model.name;
+  }
+  EXPECT_EQ(rig.group->release(), std::nullopt);
+}
+
+TEST(MotorGroup, GivesMotorsGainsOnlyForPositions) {
+  for (const OperatingMode mode :
+       {OperatingMode::kCurrent, OperatingMode::kVelocity, OperatingMode::kPosition,
+        OperatingMode::kExtendedPosition, OperatingMode::kCurrentBasedPosition}) {
+    MotorGroupOptions options = claw(mode);
+    options.position_gains = {.p = 600, .i = 7, .d = 200};
+    GroupRig rig(options);
+    rig.group->start();
+    const bool has_positions = mode != OperatingMode::kCurrent && mode != OperatingMode::kVelocity;
+    for (std::size_t i = 0; i < 9; ++i) {
+      EXPECT_EQ(rig.line.motor(i).value(regs::kPositionPGain), has_positions ? 600 : 800);
+      EXPECT_EQ(rig.line.motor(i).value(regs::kPositionIGain), has_positions ? 7 : 0);
+      EXPECT_EQ(rig.line.motor(i).value(regs::kPositionDGain), has_positions ? 200 : 0);
+    }
+  }
+}
+
+TEST(MotorGroup, GivesMotorsOfAllModelsWithCurrentsTheSameCurrent) {
+  auto motors = motors_of_all_models(4'000'000);
+  std::erase_if(motors, [](const auto& motor) { return !motor.model->has_current(); });
+  for (const OperatingMode mode : {OperatingMode::kCurrent, OperatingMode::kCurrentBasedPosition}) {
+    GroupRig rig({.ids = ids_of(motors), .mode = mode, .max_current = 0.2}, {}, motors);
+    rig.group->start();
+    rig.cycle(3, 0.2);
+    for (std::size_t i = 0; i < motors.size(); ++i) {
+      const double unit = motors[i].model->current_unit;
+      const double given = unit * rig.line.motor(i).value(regs::kGoalCurrent);
+      EXPECT_LE(given, 0.2 + 1e-12) << motors[i].model->name;
+      EXPECT_GT(given, 0.2 - unit) << motors[i].model->name;
+    }
+  }
+}
+
+TEST(MotorGroup, RefusesModesWithCurrentsForMotorsWithoutThem) {
+  for (const MotorModel& model : kMotorModels) {
+    for (const OperatingMode mode :
+         {OperatingMode::kCurrent, OperatingMode::kCurrentBasedPosition, OperatingMode::kVelocity,
+          OperatingMode::kPosition, OperatingMode::kExtendedPosition}) {
+      GroupRig rig({.ids = {0}, .sensors = {1}, .mode = mode}, {},
+                   {{.id = 0, .model = &model, .baud = 4'000'000},
+                    {.id = 1, .model = find_model("XL430-W250"), .baud = 4'000'000}});
+      const std::string text =
+          trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+      const std::string refusal =
+          "motor 0 (" + std::string(model.name) +
+          ") neither measures nor limits its current, so it has no mode \"" +
+          std::string(name_of(mode)) + "\"; use the mode \"position\" without a largest current";
+      EXPECT_EQ(text, model.has(mode) ? "nothing" : refusal);
+    }
+  }
+}
+
+TEST(MotorGroup, NamesTheModelsThatItKnowsIfItFindsAnother) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.line.motor(4).set_value(regs::kModelNumber, 12);
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+  EXPECT_NE(text.find("motor 21 is of model 12, which is not known"), std::string::npos) << text;
+  for (const MotorModel& model : kMotorModels) {
+    EXPECT_NE(text.find(model.name), std::string::npos) << text;
+  }
+}
+
+TEST(MotorGroup, RefusesAMotorOfAnotherModelThanWasSaid) {
+  MotorGroupOptions options = claw(OperatingMode::kCurrent);
+  options.models = {nullptr, &kXm430W210, find_model("XL330-M288")};
+  GroupRig rig(options);
+  EXPECT_EQ(trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; }),
+            "motor 12 is of model XM430-W210, but must be of model XL330-M288; correct the model, "
+            "or exchange the motor");
+  options.models.pop_back();
+  GroupRig other(options);
+  other.group->start();
 }
 
 TEST(MotorGroup, SetsUpMotorsThatAnswerNothingButPings) {

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "dynamixel/control_table.hpp"
+#include "dynamixel/rig.hpp"
 
 namespace trifinger::dynamixel::test {
 namespace {
@@ -49,24 +51,31 @@ TEST(HardwareErrors, AreAllSaidBeforeTheRemedies) {
   EXPECT_LT(second, remedy);
 }
 
-TEST(ControlTable, HasRegistersInOrderThatDoNotOverlap) {
+class EveryControlTable : public testing::TestWithParam<MotorModel> {
+ protected:
+  const std::vector<Register> table = control_table_of(GetParam());
+};
+
+INSTANTIATE_TEST_SUITE_P(, EveryControlTable, testing::ValuesIn(kMotorModels), word_of);
+
+TEST_P(EveryControlTable, HasRegistersInOrderThatDoNotOverlap) {
   std::set<std::string_view> names;
   std::size_t end = 0;
-  for (const Register& which : kControlTable) {
+  for (const Register& which : table) {
     EXPECT_GE(which.address, end) << which.name;
     end = which.end();
     EXPECT_TRUE(which.size == 1 || which.size == 2 || which.size == 4) << which.name;
     EXPECT_TRUE(names.insert(which.name).second) << which.name;
-    EXPECT_EQ(find_register(which.name)->address, which.address);
-    for (std::size_t i = which.address; i < end; ++i) EXPECT_EQ(register_at(i)->name, which.name);
+    for (std::size_t i = which.address; i < end; ++i) {
+      EXPECT_EQ(register_at(table, i)->name, which.name);
+    }
   }
-  EXPECT_LE(end, kIndirectBlocks[0].first_address);
-  EXPECT_EQ(find_register("no_such_register"), nullptr);
-  EXPECT_EQ(register_at(end), nullptr);
+  EXPECT_LE(end, GetParam().series->indirect_blocks[0].first_address);
+  EXPECT_EQ(register_at(table, end), nullptr);
 }
 
-TEST(ControlTable, LetsInitialValuesBeWritten) {
-  for (const Register& which : kControlTable) {
+TEST_P(EveryControlTable, LetsInitialValuesBeWritten) {
+  for (const Register& which : table) {
     if (which.access == Register::Access::kRead) continue;
     EXPECT_LE(which.lowest, which.initial) << which.name;
     EXPECT_GE(which.highest, which.initial) << which.name;

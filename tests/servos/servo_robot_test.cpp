@@ -294,9 +294,18 @@ TEST(ServoRobotOptions, AreRefusedByName) {
   EXPECT_EQ(message([](auto& o) { o.motors[1].ratio = 2.2; }), "nothing");
   EXPECT_THAT(message([](auto& o) { o.initial_position[3] = 1.3; }),
               HasSubstr("J20 begins at 1.3, its soft limits are -1.2 and 1.2"));
-  EXPECT_THAT(message([](auto& o) { o.torque_constant = std::nan(""); }),
-              HasSubstr("torque_constant"));
+  EXPECT_THAT(message([](auto& o) { o.motors[3].torque_constant = std::nan(""); }),
+              HasSubstr("torque_constant of J20"));
   EXPECT_THAT(message([](auto& o) { o.max_current = 0.0; }), HasSubstr("max_current is 0 A"));
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  EXPECT_THAT(message([](auto& o) { o.max_current = kInfinity; }),
+              HasSubstr("max_current is inf A, must be above 0 and at most 20, or infinite in the "
+                        "mode position"));
+  EXPECT_EQ(message([](auto& o) {
+              o.mode = ServoMode::kPosition;
+              o.max_current = kInfinity;
+            }),
+            "nothing");
   EXPECT_THAT(message([](auto& o) { o.reset.untangle = {{0, 2.0}}; }),
               HasSubstr("reset.untangle of J10 is 2"));
   EXPECT_THAT(message([](auto& o) { o.all_joints = {12}; }), HasSubstr("not there"));
