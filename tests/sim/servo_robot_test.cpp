@@ -21,9 +21,8 @@
 #include <utility>
 #include <vector>
 
-#include "dynamixel/emulated_port.hpp"
 #include "dynamixel/emulator.hpp"
-#include "dynamixel/stepped_motors.hpp"
+#include "sim/robot_on_motors.hpp"
 #include "sim/servo_plant.hpp"
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
@@ -40,10 +39,8 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr std::size_t kJoints = 9;
-constexpr Instant kBegin{1000s};
 
 using Action = JointAction<kJoints>;
-using Applied = AppliedJointAction<kJoints>;
 
 struct Observation {
   JointVector<kJoints> position{};
@@ -53,48 +50,7 @@ struct Observation {
   JointVector<kJoints + 1> joint_velocity{};
 };
 
-RobotConfig load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return load_robot_config(std::string(TRIFINGER_CONFIG_DIR "/") + name + ".yml", overrides);
-}
-
-// D'Claw on emulated motors in simulated time.
-class Claw {
- public:
-  explicit Claw(RobotConfig config, const dynamixel::LineFaults& faults = {})
-      : plant(config.simulation, *config.servos),
-        line(servos::emulated_motors(*config.servos), plant, kBegin, {.faults = faults}) {
-    auto port = std::make_unique<dynamixel::EmulatedPort>(line, config.servos->baud, kBegin);
-    auto group = std::make_unique<dynamixel::MotorGroup>(
-        std::move(port), servos::group_options(config.servos->robot, config.servos->group));
-    robot = std::make_unique<servos::ServoRobot>(
-        config.servos->robot, std::make_unique<dynamixel::SteppedMotors>(std::move(group)));
-  }
-
-  void begin() {
-    report = DriverReport::busy();
-    for (TimeIndex step = 0; report.state == DriverReport::State::kBusy; ++step) {
-      ASSERT_LT(step, 60'000);
-      report = robot->prepare(step);
-    }
-    ASSERT_EQ(report.state, DriverReport::State::kReady) << robot->fault_text(report.fault_code);
-  }
-  [[nodiscard]] bool step(const Action& action) {
-    report = robot->get_latest_observation(&observation);
-    if (report.state != DriverReport::State::kReady) return false;
-    report = robot->apply_action(&action, &applied);
-    return report.state == DriverReport::State::kReady;
-  }
-  [[nodiscard]] std::string fault() const {
-    return std::string(robot->fault_text(report.fault_code));
-  }
-
-  ServoPlant plant;
-  dynamixel::EmulatedBus line;
-  std::unique_ptr<servos::ServoRobot> robot;
-  Observation observation{};
-  Applied applied{};
-  DriverReport report{};
-};
+using Claw = RobotOnMotors<kJoints, Observation>;
 
 Action to_finger(const std::array<double, 3>& angles) {
   JointVector<kJoints> all{};
@@ -346,7 +302,7 @@ TEST_F(DClawAtATerminal, MovesAndNoticesWhenItsMotorsHaveGone) {
   DriverReport report = wait([&](TimeIndex step) { return robot.prepare(step); });
   ASSERT_EQ(report.state, DriverReport::State::kReady) << robot.fault_text(report.fault_code);
   Observation observation;
-  Applied applied;
+  AppliedJointAction<kJoints> applied;
   const Action action = to_finger({0.2, -1.0, 1.0});
   report = wait([&](TimeIndex) {
     DriverReport step = robot.get_latest_observation(&observation);
