@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 
 from trifinger import _trifinger
 from trifinger.arrays import Array
@@ -53,6 +54,9 @@ class TaskEnvironment:
     environment with the same arguments, in which no episode has begun.
     """
 
+    spec: EnvSpec | None
+    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+
     def __new__(cls, *arguments: Any, **named: Any) -> Self:
         """Keeps the arguments for copies."""
         self = super().__new__(cls)
@@ -85,7 +89,7 @@ class TaskEnvironment:
         if own is not None:
             _ENVIRONMENTS[id(own)] = self
         self._scene = (config, overrides)
-        self.render_mode = render_mode
+        self.render_mode: str | None = render_mode
         self._view = view or View()
         self._drawing: Painter | Window | None = None
         # Memory that C++ writes: it stays the same as long as `core` lives.
