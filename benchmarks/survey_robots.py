@@ -5,7 +5,7 @@
 
 Each description with a joint in FOLDER, by default those that tools/fetch_robots.py has fetched,
 becomes a configuration. The answers that it asks for are those that it proposes itself: the torque
-of a motor that could do, and --repair-inertia. The robot then holds its pose for 10 s of simulated
+of a motor that could do, --repair-inertia and --angle radian. The robot then holds its pose for 10 s of simulated
 time, and moves all joints by 0.1 rad or 1 cm, there and back.
 """
 
@@ -106,22 +106,27 @@ def write_configuration(path: Path, folder: Path, root: Path) -> tuple[Path | No
     # Descriptions name their meshes from some folder above.
     places = [place for place in path.parents if root in (place, *place.parents)]
     meshes: list[str] = []
-    repairs: list[str] = []
+    answers: list[str] = []
     said = ""
-    for _ in range(len(places) + 2):
+    for _ in range(len(places) + 3):
         words = ["trifinger", "new", "robot", "surveyed", "--from", str(path), "--to", str(folder)]
         done = subprocess.run(
-            [*words, *meshes, *repairs],
+            [*words, *meshes, *answers],
             capture_output=True,
             text=True,
             timeout=TIMEOUT,
             check=False,
         )
+        written = folder / "surveyed.yml"
+        if "--angle radian" in done.stdout:
+            answers += ["--angle", "radian"]
+            written.unlink()
+            continue
         if done.returncode == 0:
-            return folder / "surveyed.yml", ""
+            return written, ""
         said = done.stderr
-        if "--repair-inertia" in said and not repairs:
-            repairs = ["--repair-inertia"]
+        if "--repair-inertia" in said and "--repair-inertia" not in answers:
+            answers.append("--repair-inertia")
         elif "--meshes" in said and places:
             meshes = ["--meshes", str(places.pop(0))]
         else:

@@ -34,7 +34,7 @@ int print_config(const ConfigOptions& options) {
     print_safely("{}  {}  {}\n", pad(key.path, key_width), pad(key.value, value_width),
                  key.allowed);
   }
-  for (const std::string& warning : detail::gain_warnings(config.simulation)) {
+  for (const auto& [joint, warning] : detail::gain_warnings(config.simulation)) {
     print_safely(stderr, "{}\n", warning);
   }
   return kDone;

@@ -40,6 +40,7 @@ struct NewRobotOptions {
   std::optional<fs::path> file;
   std::optional<fs::path> meshes;
   bool repair_inertia{false};
+  std::string angle;
   std::string collision;
   fs::path folder{"."};
 };
@@ -157,6 +158,7 @@ void write_configuration(const NewRobotOptions& options) {
                                   .meshes = options.meshes,
                                   .folder = options.folder,
                                   .repair_inertia = options.repair_inertia,
+                                  .angle_in_radians = options.angle == "radian",
                                   .collision = options.collision};
   const ModelFile model = model_of(files);
   const fs::path path = options.folder / (options.name + ".yml");
@@ -168,6 +170,9 @@ void write_configuration(const NewRobotOptions& options) {
   for (const std::string& sentence : model.repairs()) print_safely("repaired: {}\n", sentence);
   print_safely("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
                options.file->string());
+  if (text.find(kHowToTakeRadians) != std::string::npos) {
+    print_safely("Some joints can hardly move: {}.\n", kHowToTakeRadians);
+  }
   print_safely("{}'trifinger run {}' starts it.\n",
                is_whole ? "What the file does not say was proposed for the simulation. "
                         : "Replace each FILL_IN: nobody knows the motors. Then ",
@@ -179,8 +184,10 @@ int make_robot_files(const NewRobotOptions& options) {
   if (options.meshes && !options.file) {
     throw UsageError("--meshes is for --from: only a robot from a file has meshes");
   }
-  if ((options.repair_inertia || !options.collision.empty()) && !options.file) {
-    throw UsageError("--repair-inertia and --collision are for --from");
+  const bool has_more =
+      options.repair_inertia || !options.angle.empty() || !options.collision.empty();
+  if (has_more && !options.file) {
+    throw UsageError("--repair-inertia, --angle and --collision are for --from");
   }
   if (options.file) {
     write_configuration(options);
@@ -208,6 +215,12 @@ void add_new_robot(CLI::App& parent, Action& action) {
   command.add_flag("--repair-inertia", options.repair_inertia,
                    "With --from: give bodies with an inertia that no body can have the nearest "
                    "that is possible");
+  command
+      .add_option("--angle", options.angle,
+                  "With --from: the unit of angles in an MJCF that names none: radian or degree. "
+                  "Default: degree")
+      ->check(CLI::IsMember({"radian", "degree"}))
+      ->option_text("UNIT");
   command
       .add_option("--collision", options.collision,
                   "With --from: which shapes of a URDF touch: hull, its collision shapes as convex "

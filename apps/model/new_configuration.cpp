@@ -86,6 +86,7 @@ std::string head_of(const SimulatedRobotFiles& files, const ModelFile& model) {
     }
     text += "  repair_inertia: true\n";
   }
+  if (files.angle_in_radians) text += "  angle: radian\n";
   if (!files.collision.empty()) text += fmt::format("  collision: {}\n", files.collision);
   return text;
 }
@@ -99,6 +100,14 @@ std::string flow_of(const Entries& entries, const Write& write) {
 
 std::string places_of(const detail::RobotProposal& proposal) {
   std::string text;
+  if (!proposal.overlaps.empty()) {
+    text += fmt::format(
+        "  # Bodies that are inside each other where the robot begins would throw it. So they "
+        "pass\n"
+        "  # through each other: {}{}.\n  exclude_overlaps: true\n",
+        on_one_line(proposal.overlaps.front()),
+        proposal.overlaps.size() > 1 ? fmt::format(", {} more", proposal.overlaps.size() - 1) : "");
+  }
   if (proposal.initial_position.empty()) {
     text +=
         "  # Where joints begin, if not at zero or in the file's first key frame [rad], [m].\n"
@@ -167,7 +176,7 @@ std::string reason_of(const NamedJoint& joint, const JointProposal& proposal) {
   }
   constexpr double kSmallRange = 0.06;  // [rad]: 3.5, taken for degrees
   if (!slides && joint.known.hard_upper - joint.known.hard_lower < kSmallRange) {
-    text += "; so small a range: does the file lack <compiler angle=\"radian\"/>?";
+    text += fmt::format("; so small a range: {}", kHowToTakeRadians);
   }
   if (proposal.replaces_gains) {
     text += fmt::format("; the file's kp {:.3g} and kd {:.3g} are too weak or too strong here",
@@ -209,7 +218,8 @@ ModelFile model_of(const SimulatedRobotFiles& files) {
   return ModelFile({.path = files.file,
                     .mesh_folder = files.meshes,
                     .collision = collision,
-                    .repair_inertia = files.repair_inertia});
+                    .repair_inertia = files.repair_inertia,
+                    .angle_in_radians = files.angle_in_radians});
 }
 
 std::string configuration_of(const SimulatedRobotFiles& files, const ModelFile& model) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "trifinger/model/model_file.hpp"
 
@@ -16,8 +17,13 @@ struct SimulatedRobotFiles {
   std::optional<std::filesystem::path> meshes;
   std::filesystem::path folder;  // of the configuration
   bool repair_inertia{false};
+  bool angle_in_radians{false};
   std::string collision;  // hull, visual or none; empty: as usual
 };
+
+// For joints that can hardly move.
+inline constexpr std::string_view kHowToTakeRadians =
+    "if the file means radians, add angle: radian (--angle radian)";
 
 // Throws InvalidArgument.
 [[nodiscard]] ModelFile model_of(const SimulatedRobotFiles& files);

@@ -256,7 +256,11 @@ RunnableRobot make_robot(const RobotChoice& choice) {
   made.session = std::move(config.session);
   std::ranges::move(model_documents(config.simulation), std::back_inserter(made.session.documents));
   made.needs_real_time = config.boards || config.servos;
-  if (!made.needs_real_time) made.warnings = detail::gain_warnings(config.simulation);
+  if (!made.needs_real_time) {
+    for (const auto& [joint, warning] : detail::gain_warnings(config.simulation)) {
+      made.warnings.push_back(warning);
+    }
+  }
   if (state && made.needs_real_time) {
     throw UsageError(std::string("--state is for simulations; a robot on ") +
                      (config.boards ? "boards" : "motors") + " begins where it is");

@@ -156,6 +156,17 @@ void forget_settings(XmlElement& element) {
   for (XmlElement& child : element.children) forget_settings(child);
 }
 
+// Makes radians the unit of angles, if the model names none.
+void take_radians(XmlElement& root) {
+  const bool is_named = std::ranges::any_of(root.children, [](const XmlElement& element) {
+    return element.name == "compiler" && element.find("angle") != nullptr;
+  });
+  if (is_named) return;
+  root.children.insert(
+      root.children.begin(),
+      {.name = "compiler", .line = root.line, .attributes = {{"angle", "radian"}}});
+}
+
 // A file that MuJoCo may ask for.
 struct File {
   fs::path path;
@@ -205,9 +216,11 @@ double points_in(File& file) {
 // Which files there are, and the provider that hands them to MuJoCo.
 class ForeignModel::Files {
  public:
-  Files(const fs::path& main, const std::optional<fs::path>& mesh_folder, bool repairs)
+  Files(const fs::path& main, const std::optional<fs::path>& mesh_folder, bool repairs,
+        bool radians)
       : main_(virtual_name(main)),
         repairs_(repairs),
+        radians_(radians),
         mesh_folder_(mesh_folder ? std::optional(fs::absolute(*mesh_folder)) : std::nullopt) {
     const Amount amount = add_model(main);
     require_size(amount, main.string());
@@ -307,6 +320,8 @@ class ForeignModel::Files {
     const bool is_main = open_.size() == 1;
     if (is_main && root.name == "robot") {
       urdf_joints_ = prepare_urdf(root, path.string(), repairs_);
+    } else if (is_main && radians_) {
+      take_radians(root);
     }
     Folders folders{.model = folder};
     find_folders(root, folders);
@@ -476,6 +491,7 @@ class ForeignModel::Files {
 
   std::string main_;
   bool repairs_;
+  bool radians_;
   std::optional<fs::path> mesh_folder_;
   std::optional<std::map<std::string, UrdfJoint>> urdf_joints_;  // of a URDF
   std::map<std::string, std::array<float, 4>> colours_;          // of files of meshes
@@ -493,8 +509,8 @@ class ForeignModel::Files {
 };
 
 ForeignModel::ForeignModel(const fs::path& file, const std::optional<fs::path>& mesh_folder,
-                           bool repairs)
-    : files_(std::make_unique<Files>(file, mesh_folder, repairs)) {}
+                           bool repairs, bool radians)
+    : files_(std::make_unique<Files>(file, mesh_folder, repairs, radians)) {}
 
 ForeignModel::~ForeignModel() = default;
 

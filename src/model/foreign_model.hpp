@@ -24,10 +24,11 @@ namespace trifinger::detail {
 class ForeignModel {
  public:
   // Reads the file and what it includes. Meshes are looked for in `mesh_folder`, if there is one,
-  // by the longest end of their paths that is there. `repairs` is for `prepare_urdf`. Throws
-  // InvalidArgument that names the file, the line and the largest value allowed.
+  // by the longest end of their paths that is there. `repairs` is for `prepare_urdf`. `radians` is
+  // the unit of angles in an MJCF that names none. Throws InvalidArgument that names the file, the
+  // line and the largest value allowed.
   ForeignModel(const std::filesystem::path& file,
-               const std::optional<std::filesystem::path>& mesh_folder, bool repairs);
+               const std::optional<std::filesystem::path>& mesh_folder, bool repairs, bool radians);
   ForeignModel(const ForeignModel&) = delete;
   ForeignModel& operator=(const ForeignModel&) = delete;
   ~ForeignModel();

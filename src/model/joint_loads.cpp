@@ -6,6 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <set>
+#include <span>
+
+#include "base/text_of.hpp"
 
 namespace trifinger::detail {
 namespace {
@@ -85,6 +89,25 @@ std::vector<double> JointLoads::motor(std::size_t joint) const {
   mj_fwdVelocity(changed_.get(), moved);
   mj_fwdActuation(changed_.get(), moved);
   return {moved->qfrc_actuator, moved->qfrc_actuator + changed_->nv};
+}
+
+std::vector<std::string> JointLoads::overlaps() const {
+  constexpr double kDeep = 0.05;  // of the smaller one
+  const mjModel& model = *changed_;
+  std::set<std::string> pairs;
+  mj_fwdPosition(&model, data_.get());
+  for (const mjContact& contact :
+       std::span(data_->contact, static_cast<std::size_t>(data_->ncon))) {
+    const auto [first, second] = std::minmax(contact.geom[0], contact.geom[1]);
+    if (first < 0) continue;
+    const auto [one, other] = std::minmax(model.geom_bodyid[first], model.geom_bodyid[second]);
+    const double size = std::min(model.geom_rbound[first], model.geom_rbound[second]);
+    if (model.body_rootid[one] != model.body_rootid[other] || contact.dist > -kDeep * size)
+      continue;
+    pairs.insert(text_of("'", mj_id2name(&model, mjOBJ_BODY, one), "' and '",
+                         mj_id2name(&model, mjOBJ_BODY, other), "'"));
+  }
+  return {pairs.begin(), pairs.end()};
 }
 
 std::vector<double> JointLoads::inertias() const {

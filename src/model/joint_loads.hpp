@@ -40,6 +40,9 @@ class JointLoads {
   // `ranges` are where the joints may be; the poses that are tried lie in them.
   [[nodiscard]] std::vector<JointLoad> loads(
       const std::vector<std::pair<double, double>>& ranges) const;
+  // Pairs of bodies that are deep inside each other in this pose, as a sentence has them: "a and
+  // b". Only those of one robot count.
+  [[nodiscard]] std::vector<std::string> overlaps() const;
   // The inertia alone.
   [[nodiscard]] std::vector<double> inertias() const;
 

@@ -38,10 +38,12 @@ std::optional<Number> next_number(std::string_view& text) {
   if (text.starts_with('+')) text.remove_prefix(1);
   Number number{};
   const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const auto length = static_cast<std::size_t>(end - text.data());
+  const std::string_view word = text.substr(0, length);
   const bool is_tiny = problem == std::errc::result_out_of_range &&
-                       std::string_view(text.data(), end).find("e-") != kNowhere;
+                       (word.find("e-") != kNowhere || word.find("E-") != kNowhere);
   if (problem != std::errc() && !is_tiny) return std::nullopt;
-  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  text.remove_prefix(length);
   return number;
 }
 

@@ -265,11 +265,13 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   std::error_code ignored;
   require(std::filesystem::exists(options_.path, ignored), file + ": there is no such file");
   silence_mujoco();
-  const detail::ForeignModel source(options_.path, options_.mesh_folder, options_.repair_inertia);
+  const detail::ForeignModel source(options_.path, options_.mesh_folder, options_.repair_inertia,
+                                    options_.angle_in_radians);
   try {
     spec_.reset(source.parse().release());
   } catch (const InvalidArgument& error) {
-    throw InvalidArgument(file + ": MuJoCo cannot read it: " + error.what());
+    throw InvalidArgument(file + ": MuJoCo cannot read it: " + error.what() +
+                          "; correct it in the file");
   }
   std::vector<std::string> impossible =
       detail::find_impossible_inertias(spec_.get(), options_.repair_inertia);
@@ -549,7 +551,8 @@ void ModelFile::find_start() {
 // from what turns on it: many have a mesh around their first joint, and would throw it. Of a URDF,
 // these are all parts with a joint between them, and all that overlap where sessions begin. The
 // author of an MJCF has said what touches, so there it is a base with a name, and what turns on it,
-// that overlap. Returns true if there are some.
+// that overlap; if that is asked for, all parts with a name in a tree of bodies that do. Returns
+// true if there are some.
 bool ModelFile::exclude_overlaps(bool is_urdf) {
   const mjModel& model = *model_;
   const auto is_base_of = [&model](int parent, int body) {
@@ -569,10 +572,12 @@ bool ModelFile::exclude_overlaps(bool is_urdf) {
     if (contact.dist >= 0.0 || contact.geom[0] < 0 || contact.geom[1] < 0) continue;
     const auto [first, second] =
         std::minmax(model.geom_bodyid[contact.geom[0]], model.geom_bodyid[contact.geom[1]]);
-    const bool is_base = first != 0 && is_base_of(first, second) &&
-                         !name_of(model, mjOBJ_BODY, first).empty() &&
-                         !name_of(model, mjOBJ_BODY, second).empty();
-    if (is_urdf || is_base) pairs.emplace(first, second);
+    const bool is_part =
+        is_base_of(first, second) ||
+        (options_.exclude_overlaps && model.body_rootid[first] == model.body_rootid[second]);
+    const bool is_named = first != 0 && !name_of(model, mjOBJ_BODY, first).empty() &&
+                          !name_of(model, mjOBJ_BODY, second).empty();
+    if (is_urdf || (is_part && is_named)) pairs.emplace(first, second);
   }
   const auto is_object = [this](int body) {
     return std::ranges::find(objects_, body, &ObjectAddress::body) != objects_.end();

@@ -48,7 +48,7 @@ void set_inertia(mjsBody& body, const Eigen::Matrix3d& inertia) {
     const std::array full{n(0, 0), n(1, 1), n(2, 2), n(0, 1), n(0, 2), n(1, 2)};
     std::ranges::copy(full, body.fullinertia);
   }
-  body.explicitinertial = 1;
+  body.explicitinertial = true;
 }
 
 bool has_joint(mjsBody* body) { return mjs_firstChild(body, mjOBJ_JOINT, 0) != nullptr; }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "gain_warnings.hpp"
 
-#include <cstddef>
+#include <vector>
 
 #include "base/text_of.hpp"
 #include "in_seconds.hpp"
@@ -9,8 +9,8 @@
 
 namespace trifinger::detail {
 
-std::vector<std::string> gain_warnings(const SimulationOptions& options) {
-  std::vector<std::string> warnings;
+std::map<std::size_t, std::string> gain_warnings(const SimulationOptions& options) {
+  std::map<std::size_t, std::string> warnings;
   if (options.file == nullptr || !options.limits) return warnings;
   const double step = in_seconds(options.period);
   const std::vector<double> inertias = JointLoads(*options.file).inertias();
@@ -19,11 +19,11 @@ std::vector<std::string> gain_warnings(const SimulationOptions& options) {
     const double damping = limit.safety_kd + limit.default_kd;
     if (damping * step <= inertias[i]) continue;
     const DrivenJoint& joint = options.file->joints()[i];
-    warnings.push_back(text_of(
+    warnings[i] = text_of(
         "joint '", joint.name, "' has an inertia of ", inertias[i],
         joint.is_slide ? " kg" : " kgm^2", ", too little for safety_kd + default_kd = ", damping,
         joint.is_slide ? " Ns/m" : " Nms/rad", " in steps of ", step,
-        " s: it will shake. Give it the inertia of its rotor (robot.armature), or smaller gains"));
+        " s: it will shake. Give it the inertia of its rotor (robot.armature), or smaller gains");
   }
   return warnings;
 }

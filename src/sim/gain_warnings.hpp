@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
+#include <map>
 #include <string>
-#include <vector>
 
 #include "trifinger/sim/simulation_options.hpp"
 
@@ -10,6 +11,6 @@ namespace trifinger::detail {
 
 // A sentence for each joint of a robot from a file whose damping is too strong for its inertia: in
 // one step it would turn the joint's velocity around.
-[[nodiscard]] std::vector<std::string> gain_warnings(const SimulationOptions& options);
+[[nodiscard]] std::map<std::size_t, std::string> gain_warnings(const SimulationOptions& options);
 
 }  // namespace trifinger::detail

@@ -94,6 +94,7 @@ class Proposer {
       set_places(i);
       set_start(i);
     }
+    proposal_.overlaps = loads_.overlaps();
     std::vector<JointLoad> loads = loads_.loads(ranges());
     for (std::size_t i = 0; i < loads.size(); ++i) {
       proposal_.joints[i].load = loads[i];

@@ -26,6 +26,8 @@ struct RobotProposal {
   // Joints that begin elsewhere than the file says, driven or following.
   std::vector<std::pair<std::string, double>> initial_position;
   std::vector<RotorPlace> rotors;
+  // Bodies of an MJCF that are deep inside each other where it begins, as `JointLoads` has them.
+  std::vector<std::string> overlaps{};
 };
 
 [[nodiscard]] RobotProposal propose_limits(const ModelFile& model);

@@ -53,6 +53,9 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
     options.mesh_folder = options.path.parent_path() / meshes->as<std::string>();
   }
   options.repair_inertia = robot.optional("repair_inertia", false);
+  options.angle_in_radians =
+      robot.optional_choice("angle", false, {{"degree", false}, {"radian", true}});
+  options.exclude_overlaps = robot.optional("exclude_overlaps", false);
   options.collision = robot.optional_choice("collision", UrdfCollision::kHull,
                                             {{"hull", UrdfCollision::kHull},
                                              {"visual", UrdfCollision::kVisual},

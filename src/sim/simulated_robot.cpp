@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/text_of.hpp"
+#include "gain_warnings.hpp"
 #include "possible_pose.hpp"
 #include "puller.hpp"
 #include "sim/scene_observation.hpp"
@@ -66,6 +67,7 @@ void for_each_part(Memory& memory, Use use) {
 SimulatedRobot::SimulatedRobot(SimulationOptions options)
     : simulator_(std::move(options)),
       chain_(robot_types_of(this->options()), model().joint_names(), simulator_.limits()),
+      shakes_(num_joints(), false),
       data_(model().make_data()),
       state_(simulator_.make_state()),
       desired_(num_joints()),
@@ -83,6 +85,7 @@ SimulatedRobot::SimulatedRobot(SimulationOptions options)
   }
   if (this->options().scene_period > 0) companions_.push_back(scene_companion(model()));
   if (this->options().has_hand) companions_.push_back(hand_companion());
+  for (const auto& [joint, warning] : detail::gain_warnings(this->options())) shakes_[joint] = true;
   puller_ = std::make_unique<detail::Puller>(model());
   begin_state_.resize(state_size());
   spare_state_.resize(state_size());
@@ -116,12 +119,22 @@ DriverReport SimulatedRobot::apply_action(const void* desired, void* applied) no
   const DriverReport report = chain_.apply(desired_, state_.observation, options().period);
   write_element(chain_.applied(), applied);
   has_safety_fault_ = report.fault_code != 0;
+  if (has_safety_fault_) explain_fault(report.fault_code);
   if (report.state != DriverReport::State::kReady) return report;
   const bool is_finite = simulator_.move(chain_.applied().torque, mujoco(), *data_, state_, puller);
   if (puller != nullptr) acting_.force = puller->force();
   if (is_finite) return report;
   keep_state_before_divergence();
   return DriverReport::fault(kDiverged);
+}
+
+// The joint stands above the fault, counted from 1.
+void SimulatedRobot::explain_fault(std::int32_t fault_code) noexcept {
+  const auto joint = static_cast<std::size_t>(fault_code >> 8);
+  if (joint == 0 || joint > shakes_.size() || !shakes_[joint - 1]) return;
+  FixedText text(chain_.fault_text());
+  chain_.set_fault_text(text.append(
+      "; its gains are too strong for its inertia in such steps, as 'trifinger config' says"));
 }
 
 DriverReport SimulatedRobot::hold(const void* observation, void* action) noexcept {

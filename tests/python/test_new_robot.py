@@ -135,6 +135,36 @@ def test_a_robot_of_a_file_that_says_enough_moves_at_once(tmp_path: Path) -> Non
     path.write_text(path.read_text().replace("armature: {hinge: 0.15}", "armature: {hinge: 0}"))
     warned = output_of(PROGRAM, "config", path)
     assert "joint 'hinge' has an inertia of 1e-06 kgm^2, too little for safety_kd + " in warned
+    with pytest.raises(trifinger.errors.RobotStopped, match="too strong for its inertia in such"):
+        move(path, [1.3])
+
+
+def test_bodies_inside_each_other_and_angles_without_a_unit_stop_no_robot(tmp_path: Path) -> None:
+    file = tmp_path / "finger.xml"
+    file.write_text(
+        """<mujoco><worldbody><body name="palm"><geom size="0.03"/>
+          <body pos="0 0 0.03"><joint name="turn" axis="0 1 0" range="-1 1"/><geom size="0.01"/>
+            <body name="tip" pos="0.02 0 0.02">
+              <joint name="bend" axis="0 1 0" range="-1 1"/><geom size="0.04"/>
+        </body></body></body></worldbody>
+        <actuator><motor joint="turn" ctrlrange="-1 1"/><motor joint="bend" ctrlrange="-1 1"/>
+        </actuator></mujoco>"""
+    )
+    words = ["finger", "--from", file, "--to", tmp_path]
+    assert "Some joints can hardly move: if the file means radians" in new_robot(*words)
+    path = tmp_path / "finger.yml"
+    assert "add angle: radian (--angle radian)" in path.read_text()
+    path.unlink()
+    assert "hardly" not in new_robot(*words, "--angle", "radian")
+    text = path.read_text()
+    assert "\n  angle: radian\n" in text
+    assert "its stops: -1 to 1 rad" in text
+    assert "pass\n  # through each other: 'palm' and 'tip'.\n  exclude_overlaps: true\n" in text
+    assert move(path, [0.1, -0.1]).position == pytest.approx([0.1, -0.1], abs=0.02)
+    # Where they touch, one throws the other.
+    path.write_text(text.replace("exclude_overlaps: true", "exclude_overlaps: false"))
+    with pytest.raises(trifinger.errors.RobotStopped, match="hard limit"):
+        move(path, [0.1, -0.1])
 
 
 def test_says_that_a_motor_cannot_carry_the_robot(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from packaging.requirements import Requirement
 ROOT = Path(__file__).parents[2]
 PROJECTS = [ROOT / "pyproject.toml", *ROOT.glob("packages/*/pyproject.toml")]
 OWN = {tomllib.loads(path.read_text())["project"]["name"].replace("_", "-") for path in PROJECTS}
+ELSEWHERE = {"lerobot", "setuptools"}  # in environments of their own
 # What tells people, or pip itself, to install something.
 TEXTS = [
     *(ROOT / name for name in ("README.md", "apps/shared/external_command.cpp")),
@@ -50,6 +51,25 @@ def test_no_package_requires_another_one_of_the_project(path: Path) -> None:
     # An extra may have other extras of the same package, which pip has by then.
     names = {Requirement(each).name for each in required} - {project["name"]}
     assert [name for name in names if is_own(name)] == []
+
+
+def locked() -> dict[str, str]:
+    lines = (ROOT / "requirements.lock").read_text().splitlines()
+    pairs = (line.split("==") for line in lines if not line.startswith("#"))
+    return {name.lower().replace("_", "-"): version for name, version in pairs}
+
+
+@pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
+def test_the_locked_versions_are_in_the_ranges_that_others_may_use(path: Path) -> None:
+    pyproject = tomllib.loads(path.read_text())
+    required = [*pyproject["project"]["dependencies"], *pyproject["build-system"]["requires"]]
+    for extra in pyproject["project"].get("optional-dependencies", {}).values():
+        required += extra
+    versions = locked()
+    for requirement in map(Requirement, required):
+        if is_own(requirement.name) or requirement.name in ELSEWHERE:
+            continue
+        assert requirement.specifier.contains(versions[requirement.name]), str(requirement)
 
 
 @pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)

@@ -3,6 +3,7 @@
 
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ OF_DEVELOPERS = ("test", "wheel", "lint")  # extras of Python packages
 VENV = ROOT / ".venv"
 PROGRAMS = f"{VENV}/bin"
 PYTHON = f"{PROGRAMS}/python"
+LOCK = ROOT / "requirements.lock"
 PINS = VENV / "pins"  # what has been installed there
 
 # Needed besides git and python3.
@@ -87,16 +89,24 @@ def install_debian_packages(steps: Steps, packages: Iterable[str]) -> None:
     steps.run(f"{len(missing)} system packages", [*as_root, *install])
 
 
+def locked_versions() -> dict[str, str]:
+    """Returns the version of each package in requirements.lock, by its name in lower case."""
+    lines = (line.partition("==") for line in LOCK.read_text().splitlines() if "==" in line)
+    return {name.lower().replace("_", "-"): version for name, _, version in lines}
+
+
 def python_packages(without: Collection[str] = ()) -> list[str]:
-    """Returns all packages of others with one version in any pyproject.toml, as pip takes them.
+    """Returns what any pyproject.toml requires of others, in the versions of requirements.lock.
 
     Args:
         without: extras whose packages are left out, unless others need them
     """
     groups: list[list[str]] = []
+    own = set()
     for path in PROJECTS:
         pyproject = tomllib.loads(path.read_text())
         project = pyproject["project"]
+        own.add(project["name"])
         groups += [
             pyproject["build-system"]["requires"],
             project["dependencies"],
@@ -106,7 +116,10 @@ def python_packages(without: Collection[str] = ()) -> list[str]:
                 if extra not in without
             ),
         ]
-    return sorted({package for group in groups for package in group if "==" in package})
+    names = {re.split(r"[\[<>=~!; ]", package)[0] for group in groups for package in group}
+    versions = locked_versions()
+    # LeRobot gets an environment of its own.
+    return sorted(f"{name}=={versions[name]}" for name in names - own if name in versions)
 
 
 def _make_virtual_environment(steps: Steps, packages: Collection[str]) -> None:
@@ -119,7 +132,7 @@ def _make_virtual_environment(steps: Steps, packages: Collection[str]) -> None:
     if not set(packages) <= set(installed[1:]):
         # Python compiles a module when it is first imported, so pip need not compile all of them.
         pip = [PYTHON, "-m", "pip", "install", "--disable-pip-version-check", "--no-compile"]
-        steps.run("Python packages", [*pip, *packages])
+        steps.run("Python packages", [*pip, "--constraint", str(LOCK), *packages])
         PINS.unlink(missing_ok=True)  # hard links to the old file keep the old content
         PINS.write_text("\n".join([place, *packages, ""]))
 

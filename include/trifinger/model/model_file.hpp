@@ -37,6 +37,11 @@ struct ModelFileOptions {
   /// Gives bodies with a mass or an inertia that no body can have the nearest that is possible.
   /// Otherwise they are errors: many files have such inertias, from rounding or from guessing.
   bool repair_inertia{false};
+  /// Takes the angles of an MJCF that names no unit for radians. MuJoCo takes them for degrees.
+  bool angle_in_radians{false};
+  /// Lets bodies that overlap where sessions begin pass through each other, as those of a URDF
+  /// always do. The author of an MJCF has usually said what touches.
+  bool exclude_overlaps{false};
   /// Names of the joints that motors drive, in this order: hinges, slides, and fixed tendons, which
   /// couple some of these. Default: what the actuators of the file drive; if it has none, every
   /// hinge and slide that does not follow another one (<mimic> of a URDF, <equality> of MJCF).

@@ -171,6 +171,7 @@ class SimulatedRobot final : public UntypedDriver {
   [[nodiscard]] bool get_scene(TimeIndex time_index, void* element) noexcept;
   [[nodiscard]] bool get_hand(TimeIndex time_index, void* element) noexcept;
   [[nodiscard]] detail::Puller* next_pull() noexcept;
+  void explain_fault(std::int32_t fault_code) noexcept;
 
   // Saved states.
   [[nodiscard]] std::uint64_t fingerprint() const;
@@ -187,6 +188,7 @@ class SimulatedRobot final : public UntypedDriver {
 
   Simulator simulator_;
   CountedChain chain_;
+  std::vector<bool> shakes_;  // joints whose gains are too strong for their inertia
   SceneModel::Data data_;
   SceneModel::Compiled varied_;  // null as long as nothing differs from the model
   Simulator::State state_;
