@@ -64,6 +64,8 @@ class Joints {
     const Position velocity = read(observation + *velocity_);
     return distance(velocity, Position(count_));
   }
+  // Of positions: "rad", "m", or both.
+  [[nodiscard]] const std::string& unit() const { return unit_; }
   [[nodiscard]] Position position_in(const std::byte* observation) const {
     return read(observation + measured_);
   }
@@ -84,7 +86,8 @@ class Joints {
  private:
   Joints(const RobotTypes& types, const FieldDescription& measured, const FieldDescription& desired,
          std::optional<std::size_t> velocity)
-      : count_(measured.count()),
+      : unit_(measured.unit),
+        count_(measured.count()),
         measured_(measured.offset),
         velocity_(velocity),
         desired_(desired.offset),
@@ -96,6 +99,7 @@ class Joints {
     return position;
   }
 
+  std::string unit_;
   std::size_t count_;
   std::size_t measured_;
   std::optional<std::size_t> velocity_;
@@ -103,8 +107,9 @@ class Joints {
   std::vector<std::byte> default_action_;
 };
 
-std::string table(const Position& recorded, const Position& found, double tolerance) {
-  std::string text = "  joint   recorded        now  difference [rad]\n";
+std::string table(const Position& recorded, const Position& found, double tolerance,
+                  const std::string& unit) {
+  std::string text = fmt::format("  joint   recorded        now  difference [{}]\n", unit);
   for (std::size_t i = 0; i < recorded.size(); ++i) {
     const double difference = found[i] - recorded[i];
     text += fmt::format("  {:5} {:10.4f} {:10.4f} {:11.4f}{}\n", i, recorded[i], found[i],
@@ -178,8 +183,8 @@ Position blend(Player& player, const Joints& joints, const Position& here, const
   const auto time = std::max(*options.blend,
                              std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(needed)));
   const TimeIndex steps = steps_in(time, period);
-  tell(fmt::format("moves to the start pose, {:.2f} rad away, in {}", distance(here, there),
-                   duration_text(steps * period)));
+  tell(fmt::format("moves to the start pose, {:.2f} {} away, in {}", distance(here, there),
+                   joints.unit(), duration_text(steps * period)));
   Position position = here;
   for (TimeIndex k = 1; k <= steps; ++k) {
     const double part = smooth(static_cast<double>(k) / static_cast<double>(steps));
@@ -229,15 +234,16 @@ void go_to_start(Motion& motion, const Joints& joints, Nanoseconds period, Untyp
   if (!(distance(found, recorded) <= options.tolerance)) {
     // The robot rests where it was brought to, until the session has ended.
     if (player.next() > 0) robot.finish(kForever);
-    throw WrongStartPose(fmt::format(
-        "the robot is not within {} rad of where step {} of the motion began; {}\n{}",
-        options.tolerance, motion.first, hint, table(recorded, found, options.tolerance)));
+    throw WrongStartPose(
+        fmt::format("the robot is not within {} {} of where step {} of the motion began; {}\n{}",
+                    options.tolerance, joints.unit(), motion.first, hint,
+                    table(recorded, found, options.tolerance, joints.unit())));
   }
   constexpr double kAtRest = 0.1;  // [rad/s]
   if (const double speed = joints.speed_in(motion.observation(0)); speed > kAtRest) {
-    tell(fmt::format(
-        "step {} of the log was in motion, up to {:.2g} rad/s; the robot begins at rest",
-        motion.first, speed));
+    tell(
+        fmt::format("step {} of the log was in motion, up to {:.2g} {}/s; the robot begins at rest",
+                    motion.first, speed, joints.unit()));
   }
   if (options.blend) fade_in(motion, joints, recorded, period, options.max_velocity);
 }
@@ -264,8 +270,8 @@ std::string play(const Motion& motion, const std::optional<Joints>& joints, Play
     }
   }
   if (!joints) return "done";
-  std::string result =
-      fmt::format("done; it was at most {:.4g} rad from the recorded positions", largest);
+  std::string result = fmt::format("done; it was at most {:.4g} {} from the recorded positions",
+                                   largest, joints->unit());
   if (largest > 0.0) result += fmt::format(", at step {} of the log", motion.first + farthest);
   return result;
 }

@@ -85,28 +85,28 @@ FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
   const JointCommand& command = rejected.command;
 
   FixedText text;
-  const auto write = [&](std::string_view field, double value, std::string_view unit) {
+  const auto write = [&](std::string_view field, double value) {
     text.append(field).append(" of joint ").append(rejected.joint);
     if (!joint_name.empty()) text.append(" (").append(joint_name).append(")");
     if (rejected.is_own_check) {
       text.append(" was made invalid by a safety check that was added");
     } else {
-      text.append(" is ").append(value).append(" ").append(unit);
+      text.append(" is ").append(value);
     }
     text.append(", allowed are ");
   };
   if (is_torque) {
-    write("torque", command.torque, "Nm");
+    write("torque", command.torque);
     text.append("finite numbers");
   } else if (is_position) {
-    write("position", command.position, "rad");
+    write("position", command.position);
     text.append("finite numbers, and NaN for no target");
   } else if (is_kp) {
-    write("position_kp", command.position_kp, "Nm/rad");
-    text.append("0 to ").append(limit.max_kp).append(" (safety.max_kp)");
+    write("position_kp", command.position_kp);
+    text.append("0 to ").append(limit.max_kp).append(" (max_kp)");
   } else {
-    write("position_kd", command.position_kd, "Nms/rad");
-    text.append("0 to ").append(limit.max_kd).append(" (safety.max_kd)");
+    write("position_kd", command.position_kd);
+    text.append("0 to ").append(limit.max_kd).append(" (max_kd)");
   }
   if (rejected.num_values > 1) {
     text.append("; of the same action ")

@@ -756,13 +756,13 @@ TEST(RejectedCommand, fault_06_NamesFieldJointValueAndWhatIsAllowed) {
     return action;
   };
   EXPECT_EQ(rejection_of(with(&Action::position_kd, 1, 1.0), chain),
-            "position_kd of joint 1 (middle) is 1 Nms/rad, allowed are 0 to 0.5 (safety.max_kd)");
+            "position_kd of joint 1 (middle) is 1, allowed are 0 to 0.5 (max_kd)");
   EXPECT_EQ(rejection_of(with(&Action::position_kp, 2, -3.5), chain),
-            "position_kp of joint 2 (middle) is -3.5 Nm/rad, allowed are 0 to 50 (safety.max_kp)");
+            "position_kp of joint 2 (middle) is -3.5, allowed are 0 to 50 (max_kp)");
   EXPECT_EQ(rejection_of(with(&Action::torque, 0, kNotGiven), chain),
-            "torque of joint 0 (middle) is nan Nm, allowed are finite numbers");
+            "torque of joint 0 (middle) is nan, allowed are finite numbers");
   EXPECT_EQ(rejection_of(with(&Action::position, 0, -kInfinity), chain),
-            "position of joint 0 (middle) is -inf rad, allowed are finite numbers, and NaN for no "
+            "position of joint 0 (middle) is -inf, allowed are finite numbers, and NaN for no "
             "target");
 }
 
@@ -771,11 +771,11 @@ TEST(RejectedCommand, fault_06_SaysHowMuchElseWasNotFit) {
   Action action = Action::of_position({});
   action.position_kd = {0.1, 1.0, 1.0};
   EXPECT_EQ(rejection_of(action, chain),
-            "position_kd of joint 1 (middle) is 1 Nms/rad, allowed are 0 to 0.5 (safety.max_kd); "
+            "position_kd of joint 1 (middle) is 1, allowed are 0 to 0.5 (max_kd); "
             "of the same action 1 more value was not fit");
   action.position_kp.fill(kInfinity);
   EXPECT_EQ(rejection_of(action, chain),
-            "position_kp of joint 0 (middle) is inf Nm/rad, allowed are 0 to 50 (safety.max_kp); "
+            "position_kp of joint 0 (middle) is inf, allowed are 0 to 50 (max_kp); "
             "of the same action 4 more values were not fit");
 }
 

@@ -236,8 +236,8 @@ def test_fault_06_a_rejected_action_says_what_was_not_fit_and_what_is_allowed() 
         robot.get_status(t + 1)
     assert str(raised.value) == (
         "robot 'trifinger-pro' has stopped: 11 actions in a row up to step 11 were not fit to "
-        "apply; the last: position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1 Nms/rad, "
-        "allowed are 0 to 0.5 (safety.max_kd); of the same action 1 more value was not fit"
+        "apply; the last: position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1, "
+        "allowed are 0 to 0.5 (max_kd); of the same action 1 more value was not fit"
     )
     # The first of these actions was already marked.
     reasons = trifinger.Reason(int(robot.get_applied_action(0).reasons[1]))
