@@ -303,7 +303,8 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
     throw InvalidArgument(file + ": MuJoCo refuses the model: " + problem);
   };
   compile();
-  if (name_joints()) compile();
+  const bool names_joints = name_elements(mjOBJ_JOINT, "joint");
+  if (name_elements(mjOBJ_BODY, "body") || names_joints) compile();
   find_joints();
   for (DrivenJoint& joint : joints_) add_urdf(source.urdf_joint(joint.name), joint);
   add_motors();
@@ -326,18 +327,18 @@ ModelFile::ModelFile(ModelFile&&) noexcept = default;
 ModelFile& ModelFile::operator=(ModelFile&&) noexcept = default;
 ModelFile::~ModelFile() = default;
 
-// Gives a name to each hinge and slide without one, because configurations and motors find joints
-// by their names. Returns true if there were some.
-bool ModelFile::name_joints() {
+// Gives a name to each body, or to each hinge and slide, without one, because configurations,
+// motors and exclusions find them by their names. Returns true if there were some.
+bool ModelFile::name_elements(int type, const std::string& word) {
   bool is_renamed = false;
-  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
-       element = mjs_nextElement(spec_.get(), element)) {
-    if (!is_scalar(mjs_asJoint(element)->type)) continue;
+  for (mjsElement* element = mjs_firstElement(spec_.get(), static_cast<mjtObj>(type));
+       element != nullptr; element = mjs_nextElement(spec_.get(), element)) {
+    if (type == mjOBJ_JOINT && !is_scalar(mjs_asJoint(element)->type)) continue;
     if (*mjs_getString(mjs_getName(element)) != '\0') continue;
-    const std::string name = "joint" + std::to_string(mjs_getId(element));
+    const std::string name = word + std::to_string(mjs_getId(element));
     require(mjs_setName(element, name.c_str()) == 0,
-            options_.path.string() + ": a joint without a name would be called '" + name +
-                "', as another one is; give it a name");
+            text_of(options_.path.string(), ": a ", word, " without a name would be called '", name,
+                    "', as another one is; give it a name"));
     is_renamed = true;
   }
   return is_renamed;
@@ -511,7 +512,6 @@ void ModelFile::find_objects() {
     if (model_->jnt_type[joint] != mjJNT_FREE) continue;
     const int body = model_->jnt_bodyid[joint];
     std::string body_name = name_of(*model_, mjOBJ_BODY, body);
-    if (body_name.empty()) body_name = "body" + std::to_string(body);
     // Names of fields begin with it.
     std::ranges::replace_if(
         body_name, [](char letter) { return letter == ' ' || letter == '\n'; }, '_');
@@ -550,9 +550,8 @@ void ModelFile::find_start() {
 // Lets parts of the robot pass through each other. MuJoCo itself keeps a base that is fixed apart
 // from what turns on it: many have a mesh around their first joint, and would throw it. Of a URDF,
 // these are all parts with a joint between them, and all that overlap where sessions begin. The
-// author of an MJCF has said what touches, so there it is a base with a name, and what turns on it,
-// that overlap; if that is asked for, all parts with a name in a tree of bodies that do. Returns
-// true if there are some.
+// author of an MJCF has said what touches, so there it is a base and what turns on it that overlap;
+// if that is asked for, all parts in a tree of bodies that do. Returns true if there are some.
 bool ModelFile::exclude_overlaps(bool is_urdf) {
   const mjModel& model = *model_;
   const auto is_base_of = [&model](int parent, int body) {
@@ -575,9 +574,7 @@ bool ModelFile::exclude_overlaps(bool is_urdf) {
     const bool is_part =
         is_base_of(first, second) ||
         (options_.exclude_overlaps && model.body_rootid[first] == model.body_rootid[second]);
-    const bool is_named = first != 0 && !name_of(model, mjOBJ_BODY, first).empty() &&
-                          !name_of(model, mjOBJ_BODY, second).empty();
-    if (is_urdf || (is_part && is_named)) pairs.emplace(first, second);
+    if (is_urdf || (is_part && first != 0)) pairs.emplace(first, second);
   }
   const auto is_object = [this](int body) {
     return std::ranges::find(objects_, body, &ObjectAddress::body) != objects_.end();

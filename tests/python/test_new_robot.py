@@ -150,16 +150,16 @@ def test_bodies_inside_each_other_and_angles_without_a_unit_stop_no_robot(tmp_pa
         <actuator><motor joint="turn" ctrlrange="-1 1"/><motor joint="bend" ctrlrange="-1 1"/>
         </actuator></mujoco>"""
     )
-    words = ["finger", "--from", file, "--to", tmp_path]
+    words = ["digit", "--from", file, "--to", tmp_path]
     assert "Some joints can hardly move: if the file means radians" in new_robot(*words)
-    path = tmp_path / "finger.yml"
+    path = tmp_path / "digit.yml"
     assert "add angle: radian (--angle radian)" in path.read_text()
     path.unlink()
     assert "hardly" not in new_robot(*words, "--angle", "radian")
     text = path.read_text()
     assert "\n  angle: radian\n" in text
     assert "its stops: -1 to 1 rad" in text
-    assert "pass\n  # through each other: 'palm' and 'tip'.\n  exclude_overlaps: true\n" in text
+    assert "through each other: 'palm' and 'tip'.\n  exclude_overlaps: true\n" in text
     assert move(path, [0.1, -0.1]).position == pytest.approx([0.1, -0.1], abs=0.02)
     # Where they touch, one throws the other.
     path.write_text(text.replace("exclude_overlaps: true", "exclude_overlaps: false"))

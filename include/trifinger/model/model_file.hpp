@@ -100,7 +100,7 @@ class ModelFile final : public SceneModel {
   struct DeleteSpec {
     void operator()(mjSpec_* spec) const noexcept;
   };
-  bool name_joints();
+  bool name_elements(int type, const std::string& word);
   void find_joints();
   void describe_joint(int id, DrivenJoint& joint, Motor& motor) const;
   void describe_tendon(int id, DrivenJoint& joint, Motor& motor) const;
