@@ -141,18 +141,25 @@ std::string lower(std::string text) {
   return text;
 }
 
-// Takes out of a text where its files are, because their paths become whole, and how much memory a
-// simulation gets, because MuJoCo knows it better.
+// Takes out of a text where its files are, because their paths become whole, how much memory a
+// simulation gets, because MuJoCo knows it better, and what only old versions of MuJoCo had.
 void forget_settings(XmlElement& element) {
-  constexpr std::array<std::string_view, 4> kOfCompiler{"assetdir", "meshdir", "texturedir",
-                                                        "strippath"};
-  constexpr std::array<std::string_view, 4> kOfSize{"memory", "njmax", "nconmax", "nstack"};
-  if (element.name == "compiler" || element.name == "size") {
-    const auto& forgotten = element.name == "size" ? kOfSize : kOfCompiler;
-    std::erase_if(element.attributes, [&](const auto& attribute) {
-      return std::ranges::find(forgotten, attribute.first) != forgotten.end();
-    });
-  }
+  using Setting = std::pair<std::string_view, std::string_view>;
+  constexpr std::array<Setting, 11> kForgotten{{{"compiler", "assetdir"},
+                                                {"compiler", "meshdir"},
+                                                {"compiler", "texturedir"},
+                                                {"compiler", "strippath"},
+                                                {"size", "memory"},
+                                                {"size", "njmax"},
+                                                {"size", "nconmax"},
+                                                {"size", "nstack"},
+                                                {"option", "apirate"},
+                                                {"option", "mpr_iterations"},
+                                                {"option", "mpr_tolerance"}}};
+  std::erase_if(element.attributes, [&](const auto& attribute) {
+    const Setting setting(element.name, attribute.first);
+    return std::ranges::find(kForgotten, setting) != kForgotten.end();
+  });
   for (XmlElement& child : element.children) forget_settings(child);
 }
 

@@ -55,7 +55,8 @@ bool is_fixed_tendon(const mjModel& model, int tendon) {
   return model.wrap_type[model.tendon_adr[tendon]] == mjWRAP_JOINT;
 }
 
-// What an actuator drives. `problem` says why a motor cannot take its place; empty if it can.
+// What an actuator drives: nothing if it lets bodies stick to each other. `problem` says why a
+// motor cannot take its place; empty if it can.
 struct Drive {
   Target target;
   std::string problem;
@@ -71,8 +72,10 @@ Drive drive_of(const mjModel& model, int actuator) {
     case mjTRN_TENDON:
       if (!is_fixed_tendon(model, id)) return {{}, "it pulls a tendon that runs along bodies"};
       break;
+    case mjTRN_BODY:
+      return {};
     default:
-      return {{}, "it acts on a site, a body or a crank"};
+      return {{}, "it acts on a site or a crank"};
   }
   if (model.actuator_dyntype[actuator] == mjDYN_MUSCLE) return {{}, "it is a muscle"};
   const bool is_tendon = model.actuator_trntype[actuator] == mjTRN_TENDON;
@@ -140,10 +143,12 @@ std::vector<Target> driven_targets(const mjModel& model, const std::vector<Drive
             text_of(file, "no motor can take the place of actuator '",
                     name_of(model, mjOBJ_ACTUATOR, static_cast<int>(i)), "', because ", problem,
                     "; name the joints to be driven (robot.joints), without it"));
-    if (std::ranges::find(targets, target) == targets.end()) targets.push_back(target);
+    const bool is_new = std::ranges::find(targets, target) == targets.end();
+    if (target.id >= 0 && is_new) targets.push_back(target);
   }
+  if (!targets.empty()) return targets;
   const std::vector<bool> follows = followers_of(model);
-  for (int joint = 0; drives.empty() && joint < static_cast<int>(model.njnt); ++joint) {
+  for (int joint = 0; joint < static_cast<int>(model.njnt); ++joint) {
     if (is_scalar(model, joint) && !follows[static_cast<std::size_t>(joint)])
       targets.push_back({.type = mjOBJ_JOINT, .id = joint});
   }

@@ -278,8 +278,21 @@ TEST_F(ModelFileTest, NamesWhatCannotBeUsed) {
   EXPECT_EQ(message(file(R"(<mujoco><worldbody><body><joint name="a"/><geom size="0.1"/>
                             <site name="s"/></body></worldbody>
                             <actuator><general name="jet" site="s"/></actuator></mujoco>)")),
-            "arm.xml: no motor can take the place of actuator 'jet', because it acts on a site, a "
-            "body or a crank; name the joints to be driven (robot.joints), without it");
+            "arm.xml: no motor can take the place of actuator 'jet', because it acts on a site or "
+            "a crank; name the joints to be driven (robot.joints), without it");
+}
+
+TEST_F(ModelFileTest, DrivesNothingByActuatorsThatLetBodiesStick) {
+  const std::string actuator = R"(<actuator><adhesion body="foot" ctrlrange="0 1"/>)";
+  const std::string world = R"(<mujoco><worldbody><body><joint name="a"/><geom size="0.1"/>
+                               <body name="foot" pos="0 0 1"><joint name="b"/><geom size="0.1"/>
+                               </body></body></worldbody>)";
+  EXPECT_THAT(names(ModelFile(file(world + actuator + "</actuator></mujoco>")).joints()),
+              ElementsAre("a", "b"));
+  EXPECT_THAT(
+      names(
+          ModelFile(file(world + actuator + R"(<motor joint="b"/></actuator></mujoco>)")).joints()),
+      ElementsAre("b"));
 }
 
 TEST_F(ModelFileTest, HasTheMemoryItNeedsAndNeverSleeps) {

@@ -163,8 +163,7 @@ def test_bodies_inside_each_other_and_angles_without_a_unit_stop_no_robot(tmp_pa
     assert move(path, [0.1, -0.1]).position == pytest.approx([0.1, -0.1], abs=0.02)
     # Where they touch, one throws the other.
     path.write_text(text.replace("exclude_overlaps: true", "exclude_overlaps: false"))
-    with pytest.raises(trifinger.errors.RobotStopped, match="hard limit"):
-        move(path, [0.1, -0.1])
+    assert move(path, [0.1, -0.1]).position[0] < -0.5
 
 
 def test_says_that_a_motor_cannot_carry_the_robot(tmp_path: Path) -> None:
