@@ -1167,6 +1167,11 @@ const char* const rotation_from_vector = R"(The rotation about the direction of 
 quaternion w, x, y, z.)";
 const char* const rotation_vector = R"(The shortest vector [rad] that `rotation_from_vector` turns into `rotation`: the logarithm.
 Its length is at most pi.)";
+const char* const running_robot = R"(Which robot a command is for: `name`, or the only robot that runs on this machine if `name`
+is empty. Looks once and never waits.
+
+Raises SessionNotFound with the names of running robots and how to start one,
+InvalidArgument with these names if several run and `name` is empty.)";
 const char* const simulate = R"(Starts a simulated robot in this process and controls it strictly: an action that would be
 late on a real robot raises. For a robot that runs elsewhere, use `connect`.)";
 const char* const task_names = R"(Names of all tasks, for example "reach".)";

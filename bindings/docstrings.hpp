@@ -748,6 +748,7 @@ extern const char* const rigid_body;
 extern const char* const rotation_error;
 extern const char* const rotation_from_vector;
 extern const char* const rotation_vector;
+extern const char* const running_robot;
 extern const char* const simulate;
 extern const char* const task_names;
 extern const char* const tip_impedance;

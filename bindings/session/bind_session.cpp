@@ -68,6 +68,8 @@ void bind_session(nb::module_& m) {
       nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
       docs::list_sessions);
 
+  m.def("running_robot", &running_robot, "name"_a = "", docs::running_robot);
+
   m.def(
       "recover",
       [](const std::string& name, nb::handle timeout) {

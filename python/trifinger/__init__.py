@@ -51,6 +51,7 @@ from trifinger._trifinger import (
     recover as recover,
     replay as replay,
     run_fake as run_fake,
+    running_robot as running_robot,
     simulate as simulate,
     version as _version,
 )

@@ -99,6 +99,15 @@ def list_sessions() -> list[trifinger.session_info.SessionInfo]:
     back-end died are included; sessions that cannot be opened are left out.
     """
 
+def running_robot(name: str = ...) -> str:
+    """
+    Which robot a command is for: `name`, or the only robot that runs on this machine if `name`
+    is empty. Looks once and never waits.
+
+    Raises SessionNotFound with the names of running robots and how to start one,
+    InvalidArgument with these names if several run and `name` is empty.
+    """
+
 def recover(name: str, timeout: float | None = 5.0) -> None:
     """
     Clears the fault of the robot `name`, so that the next session begins. This is for an

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/moved.hpp"
+#include "base/suggestion.hpp"
 #include "core/refused_sessions.hpp"
 #include "frontend_state.hpp"
 #include "ipc/file_lock.hpp"
@@ -44,6 +45,22 @@ std::string remedy_for(const std::string& robot) {
          "' brings the robot to rest and ends it";
 }
 
+std::vector<std::string> names_of_running(bool with_companions) {
+  std::vector<std::string> names;
+  for (const SessionInfo& info : list_sessions()) {
+    if (info.backend_is_alive && (with_companions || !info.is_companion)) {
+      names.push_back(info.name);
+    }
+  }
+  return names;
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
 std::string not_found_text(const std::string& name) {
   if (name.find('.') == std::string::npos) {
     if (const std::string remedy = remedy_for(name); !remedy.empty()) {
@@ -57,11 +74,10 @@ std::string not_found_text(const std::string& name) {
   } catch (const SystemError& error) {
     if (error.error_number() != ENOENT) return text + " for this user: " + error.what();
   }
-  std::string others;
-  for (const SessionInfo& other : list_sessions()) {
-    if (other.backend_is_alive) others += (others.empty() ? "" : ", ") + other.name;
-  }
-  if (!others.empty()) text += "; running: " + others;
+  const std::vector<std::string> others = names_of_running(/*with_companions=*/true);
+  const std::string_view similar = closest(name, {others.begin(), others.end()});
+  if (!others.empty()) text += "; running: " + joined(others);
+  if (!similar.empty()) text += "; perhaps '" + std::string(similar) + "' is meant";
   return text + "; 'trifinger run sim --name " + name + "' starts a simulated one";
 }
 
@@ -196,6 +212,20 @@ std::vector<SessionInfo> list_sessions() {
     }
   }
   return sessions;
+}
+
+std::string running_robot(const std::string& name) {
+  if (!name.empty()) {
+    static_cast<void>(Session::open(name));
+    return name;
+  }
+  const std::vector<std::string> names = names_of_running(/*with_companions=*/false);
+  if (names.size() == 1) return names.front();
+  if (names.empty()) {
+    throw SessionNotFound(
+        "no robot runs on this machine; 'trifinger run sim' starts a simulated one");
+  }
+  throw InvalidArgument("several robots run on this machine, name one of them: " + joined(names));
 }
 
 std::vector<std::string> refused_sessions() {

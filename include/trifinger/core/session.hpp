@@ -117,6 +117,12 @@ class Session {
 /// back-end died are included; sessions that cannot be opened are left out.
 [[nodiscard]] std::vector<SessionInfo> list_sessions();
 
+/// Which robot a command is for: `name`, or the only robot that runs on this machine if `name` is
+/// empty. Looks once and never waits.
+/// @throws SessionNotFound with the names of running robots and how to start one, InvalidArgument
+/// with these names if several run and `name` is empty
+[[nodiscard]] std::string running_robot(const std::string& name = {});
+
 /// Clears the fault of the robot `name`, so that the next session begins. This is for an operator
 /// who has looked at the robot.
 /// @throws SessionNotFound, TimedOut, RobotStopped if the back-end is gone
