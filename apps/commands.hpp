@@ -55,6 +55,10 @@ void add_log_recover(CLI::App& log, Action& action);
 void add_log_cut(CLI::App& log, Action& action);
 void add_log_rescue(CLI::App& log, Action& action);
 void add_log_replay(CLI::App& log, Action& action);
+// shared/
+void add_completion(CLI::App& program, Action& action);
+// Prints the words that may follow `words`, of which the last one is still being typed.
+int complete(std::vector<std::string> words);
 // model/
 void add_config(CLI::App& program, Action& action);
 void add_model(CLI::App& program, Action& action);

@@ -7,12 +7,14 @@
 #include <algorithm>
 #include <cstdio>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/suggestion.hpp"
 #include "commands.hpp"
+#include "shared/command_line.hpp"
 #include "shared/external_command.hpp"
 
 namespace trifinger::apps {
@@ -24,26 +26,6 @@ Commands commands_of(const CLI::App& program) {
   Commands names;
   for (const CLI::App* command : program.get_subcommands({})) names.push_back(command->get_name());
   return names;
-}
-
-// Returns the command called `verb`; nullptr if there is none.
-const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
-  for (const CLI::App* command : program.get_subcommands({})) {
-    if (command->get_name() == verb) return command;
-  }
-  return nullptr;
-}
-
-// Returns the command that `words` begin with: "trifinger log info".
-std::string full_name(const CLI::App& program, const Commands& words) {
-  std::string name = program.get_name();
-  const CLI::App* command = &program;
-  for (const std::string& word : words) {
-    command = find_command(*command, word);
-    if (command == nullptr) break;
-    name += " " + word;
-  }
-  return name;
 }
 
 std::string footer(const CLI::App& program) {
@@ -85,11 +67,11 @@ void require_known_verb(const CLI::App& command, const std::vector<std::string>&
                                             : fmt::format("did you mean '{}'?", near)));
 }
 
-int run_program(const std::vector<std::string>& words) {
+int run_program(const std::vector<std::string>& words, std::string& name) {
   CLI::App program("Starts the back-ends of robots, looks after them, and works with their logs.",
                    "trifinger");
+  set_up_help(program);
   program.set_version_flag("--version", "trifinger " TRIFINGER_VERSION, "Print the version");
-  program.set_help_flag("-h,--help", "Print this help");
   program.require_subcommand(1);
   program.footer([&program] { return footer(program); });
 
@@ -113,12 +95,15 @@ int run_program(const std::vector<std::string>& words) {
   add_model(program, action);
   add_new(program, action);
   add_doctor(program, action);
+  add_completion(program, action);
   declare_external(program);
 
   if (words.empty()) {
     fmt::print(stderr, "{}", program.help());
     return kWrongUsage;
   }
+  if (words.front() == "__complete") return complete({words.begin() + 1, words.end()});
+  name = full_name(program, words);
   run_declared_external(program, words);
   const std::string& verb = words.front();
   if (const CLI::App* const command = find_command(program, verb)) {
@@ -130,14 +115,7 @@ int run_program(const std::vector<std::string>& words) {
     throw UsageError(fmt::format("'{}' is not an option; 'trifinger --help' tells more", verb));
   }
 
-  try {
-    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
-  } catch (const CLI::Success& success) {                                   // help or version
-    return program.exit(success);
-  } catch (const CLI::ParseError& error) {
-    throw UsageError(
-        fmt::format("{}; '{} --help' tells more", error.what(), full_name(program, words)));
-  }
+  if (const std::optional<int> done = parse(program, words)) return *done;
   return action();
 }
 
@@ -145,7 +123,8 @@ int run_program(const std::vector<std::string>& words) {
 }  // namespace trifinger::apps
 
 int main(int argument_count, char** arguments) {
-  return trifinger::apps::run_and_report("trifinger", [&] {
-    return trifinger::apps::run_program({arguments + 1, arguments + argument_count});
+  std::string name = "trifinger";  // and the command, once it is known
+  return trifinger::apps::run_and_report(name, [&] {
+    return trifinger::apps::run_program({arguments + 1, arguments + argument_count}, name);
   });
 }

@@ -112,7 +112,7 @@ def recorder(name: str, folder: str, *options: str) -> contextlib.AbstractContex
     def has_begun() -> bool:
         return set(Path(folder).glob("*.mcap")) != before
 
-    return started(has_begun, "record", name, "--to", folder, *options)
+    return started(has_begun, "record", name, "-o", folder, *options)
 
 
 def beside_cpp(measure: str, samples: list[float], unit: str, cpp: Row, **more: Any) -> Row:

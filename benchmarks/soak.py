@@ -248,7 +248,7 @@ def endurance_in_real_time(minutes: float) -> bool:
         start("trifinger", "emulate", robot, "--name", name, *patient)
         run_words = ("trifinger", "run", robot, "--name", name, *patient)
         drive_words = (
-            *("trifinger-endurance", "--robot", name, "--output", str(folder)),
+            *("trifinger-endurance", name, "--output", str(folder)),
             *("--max-failures", "1000"),
         )
         back_end_process = start(*run_words)

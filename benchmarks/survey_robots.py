@@ -109,7 +109,7 @@ def write_configuration(path: Path, folder: Path, root: Path) -> tuple[Path | No
     answers: list[str] = []
     said = ""
     for _ in range(len(places) + 3):
-        words = ["trifinger", "new", "robot", "surveyed", "--from", str(path), "--to", str(folder)]
+        words = ["trifinger", "new", "robot", "surveyed", "--from", str(path), "-o", str(folder)]
         done = subprocess.run(
             [*words, *meshes, *answers],
             capture_output=True,

@@ -100,7 +100,7 @@ def train(kind: Kind, seed: int) -> Run:
     folder = RUNS / f"{kind.name}_{seed}"
     shutil.rmtree(folder, ignore_errors=True)
     program = "import sys; from trifinger.commands.train import main; sys.exit(main())"
-    words = ("reach", *kind.words, "--seed", str(seed), "--out", str(folder))
+    words = ("reach", *kind.words, "--seed", str(seed), "-o", str(folder))
     begin = time.monotonic()
     folder.parent.mkdir(parents=True, exist_ok=True)
     path = RUNS / f"{folder.name}.log"

@@ -44,9 +44,9 @@ using learning::Policy;
 
 struct RunPolicyOptions {
   std::string policy;
-  std::string robot{"sim"};
+  std::string robot;
   learning::PolicyRunOptions run;
-  std::string json;
+  std::string output;
   std::string marks;
   std::string sentence;
   Demand scheduling{Demand::kTry};
@@ -229,10 +229,10 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
   const auto successes =
       std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });
   print_safely("{} of {} episodes ended at their goal.\n", successes, reports.size());
-  if (!options.json.empty()) {
+  if (!options.output.empty()) {
     nlohmann::ordered_json json = nlohmann::ordered_json::array();
     for (const EpisodeReport& report : reports) json.push_back(json_of(report));
-    write_output_file(options.json, json.dump(2) + "\n");
+    write_output_file(options.output, json.dump(2) + "\n");
   }
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }
@@ -261,22 +261,21 @@ int run_policy_command(const std::vector<std::string>& words) {
   CLI::App program(
       "Runs a trained policy on a robot, in the same way as the environment that trained it.",
       "trifinger run-policy");
-  program.set_help_flag("-h,--help", "Print this help");
+  set_up_help(program);
   program.footer(
-      "Examples:\n"
+      "Example:\n"
       "  trifinger run trifinger_edu --name sim         in one terminal\n"
       "  trifinger run-policy reach.policy              in another\n"
       "  trifinger run trifinger_edu --name sim --record logs\n"
       "  trifinger run-policy reach.policy --marks logs/reach.episodes.jsonl");
   program.add_option("POLICY", options.policy, "File of the policy")->required();
-  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  add_robot_option(program, options.robot);
   program.add_option("--episodes", options.run.episodes, "Number of episodes")
       ->capture_default_str();
   program.add_option("--seed", options.run.seed, "Seed of starts and goals")->capture_default_str();
   program.add_option("--first", options.run.first_episode, "Number of the first episode")
       ->capture_default_str();
-  program.add_option("--json", options.json, "Also write the episodes to FILE")
-      ->option_text("FILE");
+  add_output(program, options.output, "Also write the episodes to this file, in JSON");
   program
       .add_option("--marks", options.marks,
                   "Also mark the episodes for `trifinger export --episodes marks`, in the file "

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "controller/user_program.hpp"
 
-#include <fmt/core.h>
-
-#include <CLI/CLI.hpp>
 #include <csignal>
-#include <cstdio>
+#include <optional>
 
+#include "shared/command_line.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/options.hpp"
 
@@ -43,16 +41,9 @@ const std::atomic<bool>& stop_on_signals() {
 
 int run_user_program(CLI::App& program, const std::vector<std::string>& words,
                      const std::function<int()>& work) {
-  return run_and_report(program.get_name(), [&] {
-    try {
-      program.parse(
-          std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
-    } catch (const CLI::Success& success) {                         // help
-      return program.exit(success);
-    } catch (const CLI::ParseError& error) {
-      throw UsageError(fmt::format("{}; --help tells more", error.what()));
-    }
-    return work();
+  return run_and_report(full_name(program, words), [&] {
+    const std::optional<int> done = parse(program, words);
+    return done ? *done : work();
   });
 }
 

@@ -58,9 +58,7 @@ void add_log_cut(CLI::App& log, Action& action) {
   const auto& [command, options] =
       add_command(log, action, "cut", "Write a part of a log to a new file", cut);
   add_log_file(command, options.log);
-  command.add_option("-o,--output", options.output, "The new file")
-      ->required()
-      ->option_text("FILE");
+  add_output(command, options.output, "The new file")->required();
   command
       .add_option("--robot", options.robot,
                   "Robot whose newest session is cut; needed if the log has several robots")

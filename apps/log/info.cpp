@@ -48,7 +48,7 @@ void add_log_info(CLI::App& log, Action& action) {
       add_command(log, action, "info",
                   "Tell what is in a log: sessions, duration, rates, faults, gaps, damage", info);
   add_log_file(command, options.log);
-  command.add_flag("--json", options.json, "Print JSON for programs, with times in seconds");
+  add_json(command, options.json);
   command.add_flag("--events", options.events, "Show all events, not only warnings and errors");
   command.footer(
       "The command reads the whole log. For other MCAP files it lists the topics.\n"

@@ -35,7 +35,7 @@ using log::Level;
 
 struct RecordOptions {
   std::vector<std::string> names;
-  std::optional<std::filesystem::path> folder;
+  std::filesystem::path folder;
   log::RecorderOptions recorder;
 };
 
@@ -60,7 +60,7 @@ void require_room(const char* option, std::uint64_t size, std::uint64_t smallest
 
 log::RecorderOptions recorder_options(const RecordOptions& options) {
   log::RecorderOptions recorder = options.recorder;
-  recorder.folder = options.folder ? *options.folder : log_folder();
+  recorder.folder = options.folder.empty() ? log_folder() : options.folder;
   // Every file describes its sessions again: their fields and their documents.
   constexpr std::uint64_t kSmallestFile = 1'000'000;
   require_room("--rotate-size", recorder.rotate_size, kSmallestFile);
@@ -204,7 +204,9 @@ int record(const RecordOptions& options) {
   const Signals signals;
   for (const int signal : {SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
   const bool is_child = options.recorder.until_process_ends.has_value();
-  RunningRecorder thread(options.names, recorder_options(options));
+  std::vector<std::string> names = options.names;
+  if (names.empty()) names.push_back(running_robot());
+  RunningRecorder thread(names, recorder_options(options));
   const auto robot_has_stopped = is_child ? watch_standard_input() : nullptr;
   RecordReporter reporter;
 
@@ -240,16 +242,12 @@ void add_record(CLI::App& program, Action& action) {
       add_command(program, action, "record",
                   "Write everything that robots do into a log, without disturbing them", record);
   log::RecorderOptions& recorder = options.recorder;
-  command
-      .add_option("NAME", options.names,
-                  "Robots to record into one log, with all that belongs to them")
-      ->required()
-      ->option_text("...");
-  command
-      .add_option("--to", options.folder,
-                  "Folder for the files; default: $TRIFINGER_LOG_DIR or "
-                  "~/.local/state/trifinger")
-      ->option_text("DIR");
+  command.add_option("NAME", options.names,
+                     "Robots to record into one log, with all that belongs to them; "
+                     "default: the only one that runs");
+  add_output(command, options.folder,
+             "Folder for the files; default: $TRIFINGER_LOG_DIR or ~/.local/state/trifinger",
+             "FOLDER");
   add_precision(command, recorder.precision);
   add_images(command, recorder.images);
   command.add_option("--jpeg-quality", recorder.jpeg_quality, "1 to 100; default: 90")
@@ -282,8 +280,8 @@ void add_record(CLI::App& program, Action& action) {
       "off, and nothing is lost. What could not be recorded is noted as a gap. A robot without\n"
       "deadlines may be too fast to record; 'trifinger run --record' makes it wait.\n"
       "Example:\n"
-      "  trifinger record sim --to logs\n"
-      "  trifinger record left right --to /data --rotate-time 1h --max-total 200GB");
+      "  trifinger record sim -o logs\n"
+      "  trifinger record left right -o /data --rotate-time 1h --max-total 200GB");
 }
 
 }  // namespace trifinger::apps

@@ -43,10 +43,8 @@ void add_log_recover(CLI::App& log, Action& action) {
       log, action, "recover", "Write a new, whole file with all that can be read of a damaged one",
       recover_log);
   command.add_option("FILE", options.file, "The damaged file; it stays as it is")->required();
-  command
-      .add_option("-o,--output", options.output,
-                  "The new file; default: FILE with the ending .recovered.mcap")
-      ->option_text("FILE");
+  add_output(command, options.output,
+             "The new file; default: FILE with the ending .recovered.mcap");
   command.footer(
       "The command works for every MCAP file. A recovered log notes what is lost as gaps.\n"
       "Exit code 0 if nothing is lost, 3 if something is, 1 if no file could be written.\n"

@@ -79,9 +79,7 @@ void add_log_replay(CLI::App& log, Action& action) {
   const auto& [command, options] =
       add_command(log, action, "replay", "Let a robot do again what it did in a log", replay);
   add_log_file(command, options.log);
-  command.add_option("--on", options.on, "The running robot that repeats the actions")
-      ->required()
-      ->option_text("NAME");
+  add_robot_option(command, options.on, "--on");
   command
       .add_option("--robot", options.robot,
                   "Robot whose actions are repeated; needed if the log has several robots")

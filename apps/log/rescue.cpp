@@ -46,11 +46,9 @@ void add_log_rescue(CLI::App& log, Action& action) {
   const auto& [command, options] = add_command(
       log, action, "rescue", "Write a log of what a killed back-end has left in memory", rescue);
   command.add_option("NAME", options.name, "The robot whose back-end is gone")->required();
-  command
-      .add_option("-o,--output", options.output,
-                  "The new file; default: NAME_TIME_fault.mcap in $TRIFINGER_LOG_DIR or "
-                  "~/.local/state/trifinger")
-      ->option_text("FILE");
+  add_output(command, options.output,
+             "The new file; default: NAME_TIME_fault.mcap in $TRIFINGER_LOG_DIR or "
+             "~/.local/state/trifinger");
   add_seconds(command, "--length", options.length, 1e9,
               "Length of the log, up to the end of the session; default: 10");
   command.footer(

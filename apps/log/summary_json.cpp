@@ -1,54 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/core.h>
-
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "log/summary.hpp"
+#include "shared/json.hpp"
 
 namespace trifinger::apps {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-double seconds(Nanoseconds time) { return static_cast<double>(time.count()) / 1e9; }
-
-// Returns a list with `make` of each value.
-template <class Values, class Make>
-Json list_of(const Values& values, const Make& make) {
-  Json list = Json::array();
-  for (const auto& value : values) list.push_back(make(value));
-  return list;
-}
 
 Json json_of(const std::vector<log::Gap>& gaps) {
   return list_of(gaps, [](const log::Gap& gap) {
     return Json::object({{"first", gap.first}, {"last", gap.last}, {"reason", gap.reason}});
   });
-}
-
-Json json_of(const LoopSummary& loop) {
-  const TimingRecord& timing = loop.timing;
-  Json late = Json::object();
-  for (const LateCause cause : {LateCause::kUser, LateCause::kScheduler, LateCause::kDriver}) {
-    late[std::string(name_of(cause))] = timing.late_steps(cause);
-  }
-  const Json worst = list_of(timing.worst(), [](const LateStep& step) {
-    return Json::object({{"time_index", step.time_index},
-                         {"lateness", seconds(step.lateness)},
-                         {"cause", name_of(step.cause)}});
-  });
-  return Json::object({{"lateness_p50", seconds(timing.lateness().quantile(0.5))},
-                       {"lateness_p99", seconds(timing.lateness().quantile(0.99))},
-                       {"lateness_max", seconds(timing.lateness().max())},
-                       {"late", late},
-                       {"worst", worst},
-                       {"repeats", loop.counts.repeats},
-                       {"skipped", loop.counts.skipped},
-                       {"rejected", loop.counts.rejected},
-                       {"acausal", loop.counts.acausal}});
 }
 
 // Returns why the session ended; null if it went on.
@@ -96,7 +60,7 @@ Json json_of(const SessionSummary& summary) {
        {"end", end},
        {"duration", summary.steps.duration()},
        {"rate", summary.steps.rate()},
-       {"loop", summary.loop ? json_of(*summary.loop) : Json()},
+       {"loop", summary.loop ? json_of(summary.loop->timing, summary.loop->counts) : Json()},
        {"fault", fault_of(session)},
        {"gaps", json_of(summary.steps.gaps)},
        {"companions",
@@ -104,11 +68,6 @@ Json json_of(const SessionSummary& summary) {
        {"images", list_of(summary.images, [](const ImageSummary& one) { return json_of(one); })},
        {"documents",
         list_of(header.documents, [](const Document& document) { return document.name; })}});
-}
-
-void print(const Json& json) {
-  // Paths and texts from others need not be UTF-8, but JSON must be.
-  fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
 }
 
 }  // namespace
@@ -127,7 +86,7 @@ void print_json(const LogSummary& summary) {
                          {"source", one.source},
                          {"text", one.text}});
   };
-  print(
+  print_json(
       Json::object({{"files", list_of(log.files(), [](const auto& file) { return file.string(); })},
                     {"size", log.size()},
                     {"is_log", true},
@@ -144,15 +103,15 @@ void print_json(const McapSummary& summary) {
   const auto topic = [](const McapSummary::Topic& one) {
     return Json::object({{"topic", one.name}, {"type", one.type}, {"messages", one.messages}});
   };
-  print(Json::object({{"files", Json::array({summary.file})},
-                      {"size", summary.size},
-                      {"is_log", false},
-                      {"is_finished", summary.is_finished},
-                      {"profile", summary.profile},
-                      {"library", summary.library},
-                      {"messages", summary.messages},
-                      {"duration", summary.duration},
-                      {"topics", list_of(summary.topics, topic)}}));
+  print_json(Json::object({{"files", Json::array({summary.file})},
+                           {"size", summary.size},
+                           {"is_log", false},
+                           {"is_finished", summary.is_finished},
+                           {"profile", summary.profile},
+                           {"library", summary.library},
+                           {"messages", summary.messages},
+                           {"duration", summary.duration},
+                           {"topics", list_of(summary.topics, topic)}}));
 }
 
 }  // namespace trifinger::apps

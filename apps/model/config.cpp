@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "shared/json.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "sim/gain_warnings.hpp"
@@ -17,13 +19,10 @@ namespace {
 struct ConfigOptions {
   std::string robot;
   std::vector<std::string> overrides;
+  bool json{false};
 };
 
-int print_config(const ConfigOptions& options) {
-  const config::File file = load_config_file(options.robot, options.overrides);
-  // Who reads it knows what is allowed.
-  const RobotConfig config = read_robot_config(file);
-  const std::vector<config::File::Key> keys = file.keys();
+void print_table(const std::vector<config::File::Key>& keys) {
   std::size_t key_width = 0;
   std::size_t value_width = 0;
   for (const config::File::Key& key : keys) {
@@ -33,6 +32,22 @@ int print_config(const ConfigOptions& options) {
   for (const config::File::Key& key : keys) {
     print_safely("{}  {}  {}\n", pad(key.path, key_width), pad(key.value, value_width),
                  key.allowed);
+  }
+}
+
+int print_config(const ConfigOptions& options) {
+  const config::File file = load_config_file(options.robot, options.overrides);
+  // Who reads it knows what is allowed.
+  const RobotConfig config = read_robot_config(file);
+  const std::vector<config::File::Key> keys = file.keys();
+  if (options.json) {
+    print_json(Json::object({{"keys", list_of(keys, [](const config::File::Key& key) {
+                                return Json::object({{"path", key.path},
+                                                     {"value", key.value},
+                                                     {"allowed", key.allowed}});
+                              })}}));
+  } else {
+    print_table(keys);
   }
   for (const auto& [joint, warning] : detail::gain_warnings(config.simulation)) {
     print_safely(stderr, "{}\n", warning);
@@ -47,10 +62,8 @@ void add_config(CLI::App& program, Action& action) {
       program, action, "config",
       "Print every key of a robot's configuration: its value and what is allowed", print_config);
   command.add_option("ROBOT", options.robot, "A configuration by name, or a file")->required();
-  command
-      .add_option("--set", options.overrides,
-                  "Change a value for this once, as in --set fingers.height=0.3")
-      ->option_text("KEY=VALUE ...");
+  add_overrides(command, options.overrides, "fingers.height=0.3");
+  add_json(command, options.json);
   command.footer(
       "Example:\n"
       "  trifinger config sim\n"

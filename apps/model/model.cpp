@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "model/export.hpp"
+#include "shared/json.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/output_file.hpp"
@@ -33,6 +34,7 @@ struct ModelOptions {
   Format format{Format::kMjcf};
   std::string file{"-"};
   Detail detail{Detail::kPictures};
+  bool json{false};  // of `info`
 };
 
 RobotDescription description_of(const ModelOptions& options) {
@@ -76,6 +78,34 @@ int print_info(const ModelOptions& options) {
     for (const CameraFigures& camera : camera_figures()) cameras.emplace_back(camera.name);
   }
 
+  if (options.json) {
+    print_json(Json::object({{"variant", known.name},
+                             {"is_flipped", robot.flipped},
+                             {"fingers", num_fingers(robot)},
+                             {"finger_height", finger_height(robot)},
+                             {"joints", joint_names(robot)},
+                             {"tips", tip_names(robot)},
+                             {"has_soft_tips", robot.soft_tips},
+                             {"tip_radius", known.tip_radius},
+                             {"objects", list_of(robot.objects,
+                                                 [](const ObjectDescription& object) {
+                                                   return Json{{"name", object.name},
+                                                               {"mass", object.mass}};
+                                                 })},
+                             {"has_boundary", robot.boundary},
+                             {"cameras", cameras},
+                             {"torque_limit", motor.torque_limit},
+                             {"no_load_speed", motor.no_load_speed},
+                             {"initial_position", known.initial_position},
+                             {"soft_lower", known.soft_lower},
+                             {"soft_upper", known.soft_upper},
+                             {"hard_lower", known.hard_lower},
+                             {"hard_upper", known.hard_upper},
+                             {"kp", known.kp},
+                             {"kd", known.kd},
+                             {"safety_kd", known.safety_kd}}));
+    return kDone;
+  }
   const auto line = [](const std::string& label, const std::string& text) {
     print_safely("{}{}\n", pad(label, 20), text);
   };
@@ -128,8 +158,7 @@ void add_model_export(CLI::App& model, Action& action) {
   add_choice(command, "--format", options.format,
              {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}, "What to write")
       ->required();
-  command.add_option("-o,--output", options.file, "The file; default: standard output")
-      ->option_text("FILE");
+  add_output(command, options.file, "The file; default: standard output");
   command.add_flag_callback(
       "--physics-only", [&detail = options.detail] { detail = Detail::kPhysics; },
       "MJCF without what is only seen: frame, shells, lights, cameras");
@@ -144,6 +173,7 @@ void add_model_info(CLI::App& model, Action& action) {
   const auto& [command, options] = add_command(
       model, action, "info", "Print the figures of a robot: joints, limits, gains", print_info);
   add_description(command, options);
+  add_json(command, options.json);
   command.footer(
       "Example:\n"
       "  trifinger model info --variant one --single-finger");

@@ -227,8 +227,7 @@ void add_new_robot(CLI::App& parent, Action& action) {
                   "hulls; visual; none. Default: hull")
       ->check(CLI::IsMember({"hull", "visual", "none"}))
       ->option_text("SHAPES");
-  command.add_option("--to", options.folder, "Where to write; default: the working directory")
-      ->option_text("FOLDER");
+  add_output(command, options.folder, "Where to write; default: the working directory", "FOLDER");
   command.footer(
       "Without --from it makes the folder NAME: a driver in one C++ file, its configuration, a "
       "test,\n"

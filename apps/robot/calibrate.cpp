@@ -21,7 +21,7 @@ namespace {
 struct CalibrateOptions : MaintenanceOptions {
   std::vector<double> pose{0.0};  // [rad]
   std::optional<std::string> serial;
-  std::optional<std::filesystem::path> to;
+  std::filesystem::path output;
 };
 
 // Repeats the angles that were given, for one joint or for one finger, for all `count` joints.
@@ -58,7 +58,8 @@ int calibrate(const CalibrateOptions& options) {
       options.serial.value_or(""), [](unsigned char c) { return std::iscntrl(c) != 0; });
   if (!is_one_line) throw UsageError("--serial must be one line of text");
   ServicedRobot robot(options, /*is_calibrated=*/false);
-  const std::filesystem::path path = options.to.value_or(boards::calibration_file(robot.name()));
+  const std::filesystem::path path =
+      options.output.empty() ? boards::calibration_file(robot.name()) : options.output;
   boards::BoardRobot& driver = robot.boards();
   const std::vector<double> pose = repeated(options.pose, driver.options().motors.size());
   require_reference(driver.options(), pose);
@@ -90,10 +91,8 @@ void add_calibrate(CLI::App& program, Action& action) {
       .add_option("--serial", options.serial,
                   "What is written on the robot; default: boards.serial")
       ->option_text("TEXT");
-  command
-      .add_option("--to", options.to,
-                  "File of the calibration; default: the one that 'trifinger run' reads")
-      ->option_text("FILE");
+  add_output(command, options.output,
+             "File of the calibration; default: the one that 'trifinger run' reads");
   command.footer(
       "The motors let go. Put all joints at a reference whose angles are known, such as straight\n"
       "down with a gauge, hold them there, and press Enter. Take your hands away and press Enter\n"

@@ -17,6 +17,7 @@
 #include "log/image_source.hpp"
 #include "rendering/simulated_cameras.hpp"
 #include "shared/child_program.hpp"
+#include "shared/json.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/signals.hpp"
@@ -41,6 +42,7 @@ struct CamerasOptions {
   std::vector<std::string> overrides;
   std::optional<std::filesystem::path> log;
   bool list{false};
+  bool json{false};
   Nanoseconds length{0};  // 0: until a signal
   pid_t parent{0};        // ends with it, unless 0
   // For GenICam cameras alone. Images come before the user's programs, but after the robot's loop
@@ -161,19 +163,28 @@ void print(const std::string& robot, const camera::FeedStatistics& statistics) {
                   duration_text(statistics.largest_skew)));
 }
 
-int list_devices() {
+int list_devices(bool json) {
   std::vector<std::string> warnings;
   const std::vector<camera::DeviceInfo> devices = camera::list_devices(warnings);
-  for (const camera::DeviceInfo& device : devices) {
-    print_safely("{:7} {:24} {}  {}\n", device.kind, device.id, device.name, device.detail);
+  if (json) {
+    print_json(Json::object({{"devices", list_of(devices, [](const camera::DeviceInfo& device) {
+                                return Json::object({{"kind", device.kind},
+                                                     {"id", device.id},
+                                                     {"name", device.name},
+                                                     {"detail", device.detail}});
+                              })}}));
+  } else {
+    for (const camera::DeviceInfo& device : devices) {
+      print_safely("{:7} {:24} {}  {}\n", device.kind, device.id, device.name, device.detail);
+    }
+    if (devices.empty()) print_safely("There is no camera.\n");
   }
-  if (devices.empty()) print_safely("There is no camera.\n");
   for (const std::string& warning : warnings) print_safely(stderr, "{}\n", warning);
   return kDone;
 }
 
 int cameras(const CamerasOptions& options) {
-  if (options.list) return list_devices();
+  if (options.list) return list_devices(options.json);
   if (!options.robot) {
     throw UsageError("'trifinger cameras' needs the name of a robot, or --list");
   }
@@ -212,20 +223,16 @@ int cameras(const CamerasOptions& options) {
 void add_cameras(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "cameras", "Deliver the images of a robot's cameras", cameras);
-  command.add_option("ROBOT", options.robot,
-                     "A robot that runs, or a configuration with cameras, by name or file");
-  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
-      ->option_text("NAME");
-  command
-      .add_option("--set", options.overrides,
-                  "Change a value of the configuration, as in cameras.source=folder")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
+  add_configured_robot(command, options,
+                       "A robot that runs, or a configuration with cameras, by name or file",
+                       "cameras.source=folder");
   add_seconds(command, "--seconds", options.length, 1e9, "End after this time; default: at Ctrl-C");
   command.add_option("--with-process", options.parent)->group("");
   command.add_option("--log", options.log, "Show the images of this log again and again")
       ->option_text("LOG");
-  command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
+  CLI::Option* const list =
+      command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
+  add_json(command, options.json)->needs(list);
   add_scheduling(
       command, options.realtime.demand,
       "Whether real-time priority is required to take images from GenICam cameras; default: try. "

@@ -20,6 +20,8 @@
 #include "realtime/limit_remedy.hpp"
 #include "robot/doctor_can.hpp"
 #include "robot/finding.hpp"
+#include "shared/json.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "sim/boards_config.hpp"
@@ -33,6 +35,7 @@ struct DoctorOptions {
   std::optional<std::string> name;
   std::vector<std::string> overrides;
   std::optional<std::string> root;
+  bool json{false};
 };
 
 // The machine, as the kernel shows it in /proc and /sys.
@@ -296,6 +299,18 @@ Finding check_steal(const Machine& machine) {
   return {"stolen time", Verdict::kGood, found, ""};
 }
 
+const char* word_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kGood:
+      return "ok";
+    case Verdict::kNote:
+      return "note";
+    case Verdict::kFails:
+      break;
+  }
+  return "fails";
+}
+
 std::vector<Finding> examine(const DoctorOptions& options) {
   const Machine machine(options.root.value_or("/"));
   std::vector<Finding> findings{
@@ -317,8 +332,22 @@ std::vector<Finding> examine(const DoctorOptions& options) {
   return findings;
 }
 
+int print_findings(const std::vector<Finding>& findings) {
+  const auto fails = [](const Finding& one) { return one.verdict == Verdict::kFails; };
+  const bool is_ready = std::ranges::none_of(findings, fails);
+  print_json(
+      Json::object({{"is_ready", is_ready}, {"findings", list_of(findings, [](const Finding& one) {
+                                               return Json{{"what", one.what},
+                                                           {"verdict", word_of(one.verdict)},
+                                                           {"found", one.found},
+                                                           {"remedy", one.remedy}};
+                                             })}}));
+  return is_ready ? kDone : kFailed;
+}
+
 int doctor(const DoctorOptions& options) {
   const std::vector<Finding> findings = examine(options);
+  if (options.json) return print_findings(findings);
   const Terminal terminal;
   const std::size_t width = terminal.width();
   constexpr std::size_t kIndent = 29;
@@ -326,18 +355,10 @@ int doctor(const DoctorOptions& options) {
   std::size_t failing = 0;
   for (const Finding& finding : findings) {
     failing += finding.verdict == Verdict::kFails ? 1 : 0;
-    const auto [word, style] = [&]() -> std::pair<const char*, Style> {
-      switch (finding.verdict) {
-        case Verdict::kGood:
-          return {"ok", Style::kGood};
-        case Verdict::kNote:
-          return {"note", Style::kWarning};
-        case Verdict::kFails:
-          break;
-      }
-      return {"fails", Style::kBad};
-    }();
-    fmt::print("{}  {}\n", terminal.paint(pad(word, 5), style),
+    const Style style = finding.verdict == Verdict::kGood   ? Style::kGood
+                        : finding.verdict == Verdict::kNote ? Style::kWarning
+                                                            : Style::kBad;
+    fmt::print("{}  {}\n", terminal.paint(pad(word_of(finding.verdict), 5), style),
                terminal.paint(pad(finding.what, kIndent - 7) + finding.found, Style::kPlain));
     if (finding.remedy.empty()) continue;
     const std::string indent(kIndent, ' ');
@@ -362,21 +383,13 @@ void add_doctor(CLI::App& program, Action& action) {
       program, action, "doctor",
       "Check whether this machine is ready for real time and for a robot, with the remedies",
       doctor);
-  CLI::Option* const robot =
-      command
-          .add_option("ROBOT", options.robot,
-                      "A configuration, by name or file: judge its CAN interfaces, too, and listen "
-                      "whether its motor boards answer")
-          ->option_text(" ");
-  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
-      ->option_text("NAME")
-      ->needs(robot);
-  command
-      .add_option("--set", options.overrides,
-                  "Change a value of the configuration, as in boards.bus=socketcan")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...")
-      ->needs(robot);
+  CLI::Option* const robot = add_configured_robot(
+      command, options,
+      "A configuration, by name or file: judge its CAN interfaces, too, and listen whether its "
+      "motor boards answer",
+      "boards.bus=socketcan");
+  for (const char* const name : {"--name", "--set"}) command.get_option(name)->needs(robot);
+  add_json(command, options.json);
   command
       .add_option("--root", options.root,
                   "Look at the copy of another machine's /proc, /sys and /dev in this folder")

@@ -181,17 +181,11 @@ void add_emulate(CLI::App& program, Action& action) {
   const auto& [command, options] = add_command(
       program, action, "emulate",
       "Be the motor boards or Dynamixel motors of a robot, with a simulation behind them", emulate);
-  command
-      .add_option("ROBOT", options.robot,
-                  "A configuration of a robot on motor boards or Dynamixel motors, by name or file")
+  add_configured_robot(
+      command, options,
+      "A configuration of a robot on motor boards or Dynamixel motors, by name or file",
+      "boards.bus=socketcan")
       ->required();
-  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
-      ->option_text("NAME");
-  command
-      .add_option("--set", options.overrides,
-                  "Change a value of the configuration, as in boards.bus=socketcan")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
   command
       .add_option("--fault", options.faults,
                   "Let something go wrong, as in 'board 3 silent at 5 s for 0.2 s'; see below")

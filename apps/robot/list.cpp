@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,8 @@
 #include "core/refused_sessions.hpp"
 #include "robot/loop_figures.hpp"
 #include "robot/session_state.hpp"
+#include "shared/json.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
@@ -24,32 +27,48 @@ using Row = std::array<std::string, kNumColumns>;
 
 constexpr std::size_t kStateColumn = 1;
 
-std::string rate_of(const SessionInfo& info) {
-  if (health_of(info) != Health::kGood || info.phase != SessionInfo::Phase::kRunning) return "-";
+struct ListOptions {
+  bool json{false};
+};
+
+std::optional<double> rate_of(const SessionInfo& info) {
+  if (health_of(info) != Health::kGood || info.phase != SessionInfo::Phase::kRunning) return {};
   try {
     const UntypedFrontend session(info.name, {.control = false});
-    if (info.is_companion) return rate_text(arrival_rate(session));
+    if (info.is_companion) return arrival_rate(session);
     LoopFigures figures;
     figures.update(session);
-    return rate_text(figures.rate());
+    return figures.rate();
   } catch (const Error&) {
-    return "-";  // it disappeared since it was listed
+    return {};  // it disappeared since it was listed
   }
 }
 
+Json with_rate(const SessionInfo& info) {
+  Json json = json_of(info);
+  const std::optional<double> rate = rate_of(info);
+  json["rate"] = rate ? Json(*rate) : Json();
+  return json;
+}
+
 Row row_of(const SessionInfo& info) {
+  const std::optional<double> rate = rate_of(info);
   return {info.name,
           state_text(info),
-          rate_of(info),
+          rate ? rate_text(*rate) : "-",
           std::to_string(info.steps),
           info.type,
           info.backend_is_alive ? ipc::describe(info.backend) : "-",
           info.is_companion || !info.backend_is_alive ? "-" : controller_text(info)};
 }
 
-int list() {
+int list(const ListOptions& options) {
   const std::vector<SessionInfo> sessions = list_sessions();
   for (const std::string& reason : refused_sessions()) print_safely(stderr, "{}\n", reason);
+  if (options.json) {
+    print_json(Json::object({{"sessions", list_of(sessions, with_rate)}}));
+    return kDone;
+  }
   if (sessions.empty()) {
     fmt::print("There is no session in {}; 'trifinger run sim' starts one.\n",
                session_folder().string());
@@ -84,13 +103,13 @@ int list() {
 }  // namespace
 
 void add_list(CLI::App& program, Action& action) {
-  CLI::App* const command =
-      program.add_subcommand("list", "List the sessions on this machine, with their companions");
-  command->footer(
+  const auto& [command, options] = add_command(
+      program, action, "list", "List the sessions on this machine, with their companions", list);
+  add_json(command, options.json);
+  command.footer(
       "The session of a dead back-end stays readable until another back-end takes its name.\n"
       "Example:\n"
       "  trifinger list");
-  command->callback([&action] { action = list; });
 }
 
 }  // namespace trifinger::apps

@@ -74,7 +74,7 @@ camera::Picture joined(const std::vector<std::optional<camera::Picture>>& pictur
     if (!raw || camera.format.pixels == cameras[0].format.pixels) continue;
     throw InvalidArgument(fmt::format(
         "raw images of {} are in {}, those of {} in {}, so they do not fit into one file; name a "
-        "folder after --to, or leave out --raw",
+        "folder after -o, or leave out --raw",
         cameras[0].name, name_of(cameras[0].format.pixels), camera.name,
         name_of(camera.format.pixels)));
   }
@@ -172,13 +172,11 @@ int look(const LookOptions& options) {
 void add_look(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "look", "Save the newest images of a robot's cameras", look);
-  command.add_option("ROBOT", options.robot, "Name of a robot that runs")->required();
-  command
-      .add_option(
-          "-o,--to", options.target,
-          "A folder, for one image per camera, or a file .png or .jpg, for all of them side "
-          "by side; default: this folder")
-      ->option_text("PATH");
+  add_robot(command, options.robot);
+  add_output(command, options.target,
+             "A folder, for one image per camera, or a file .png or .jpg, for all of them side by "
+             "side; default: this folder",
+             "PATH");
   command.add_flag("--raw", options.raw, "Save what the camera delivers, such as a Bayer mosaic");
   add_seconds(command, "--timeout", options.timeout, 3600.0,
               "How long to wait for images; default: 5");

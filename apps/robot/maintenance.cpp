@@ -53,17 +53,10 @@ std::string_view phase_text(const boards::BoardRobot& boards) {
 }  // namespace
 
 void add_maintenance(CLI::App& command, MaintenanceOptions& options) {
-  command
-      .add_option("ROBOT", options.robot,
-                  "A configuration of a robot on motor boards, by name or file")
+  add_configured_robot(command, options,
+                       "A configuration of a robot on motor boards, by name or file",
+                       "boards.max_current=0.5")
       ->required();
-  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
-      ->option_text("NAME");
-  command
-      .add_option("--set", options.overrides,
-                  "Change a value of the configuration, as in boards.max_current=0.5")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
   add_scheduling(command, options.realtime.demand,
                  "Whether real-time priority and locked memory are required; default: try");
 }

@@ -177,12 +177,10 @@ int read(const ReadOptions& options) {
 void add_read(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "read", "Print elements of a session, of any robot", read);
-  command.add_option("NAME", options.name, "Name of the session, as in sim or sim.object")
-      ->required();
+  add_robot(command, options.name, "Name of the session, as in sim or sim.object");
   CLI::Option* const step =
       command.add_option("STEP", options.time_index, "The step to print; default: the newest")
-          ->check(CLI::Range(TimeIndex{0}, std::numeric_limits<TimeIndex>::max()))
-          ->option_text(" ");
+          ->check(CLI::Range(TimeIndex{0}, std::numeric_limits<TimeIndex>::max()));
   Choices<Series> choices;
   for (const Series series : {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation,
                               Series::kStatus, Series::kHolding, Series::kStopping}) {

@@ -24,7 +24,7 @@ constexpr int kMaxEndings = 2;
 
 // Beginnings of the lines that a recorder prints.
 constexpr std::string_view kMessage = "recorder: ";
-constexpr std::string_view kFailure = "trifinger: ";
+constexpr std::string_view kFailure = "trifinger record: ";
 
 }  // namespace
 
@@ -69,7 +69,7 @@ void RecorderProcess::look_after() {
 
 void RecorderProcess::spawn() {
   const auto self = ipc::ProcessIdentity::of_this_process();
-  child_.emplace(ChildProgram({"record", robot_, "--to", folder_.string(), "--images",
+  child_.emplace(ChildProgram({"record", robot_, "-o", folder_.string(), "--images",
                                std::string(log::name_of(images_)), "--with-process",
                                fmt::format("{}:{}", self.pid, self.start_time)}));
   begin_watch();

@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "robot/session_state.hpp"
+#include "shared/command_line.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "trifinger/core/errors.hpp"
@@ -38,7 +39,7 @@ void add_recover(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "recover",
                   "Clear the fault of a robot, so that its next session begins", recover_session);
-  command.add_option("NAME", options.name, "Name of the robot")->required();
+  add_robot(command, options.name);
   add_seconds(command, "--timeout", options.timeout, 3600.0,
               "How long to wait for the next session; default: 5");
   command.footer(

@@ -251,7 +251,7 @@ class Run {
     reporter_.print(
         "recorder",
         fmt::format("{}. The log in {} lacks the end; it is still in memory: 'trifinger record {} "
-                    "--until-end --to {}' writes it, here or in another folder, until a back-end "
+                    "--until-end -o {}' writes it, here or in another folder, until a back-end "
                     "of this name is started",
                     recorder_->failure(), folder, robot_.name, folder),
         Style::kBad);
@@ -308,17 +308,11 @@ void add_realtime(CLI::App& command, RealtimeOptions& realtime) {
 void add_run(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "run", "Start the back-end of a robot and keep it running", run);
-  command
-      .add_option("ROBOT", options.robot,
-                  "sim, fake, another configuration by name, the file of one, or a log to play")
+  add_configured_robot(
+      command, options,
+      "'sim', 'fake', another configuration by name, the file of one, or a log to play",
+      "fingers.height=0.3")
       ->required();
-  command.add_option("--name", options.name, "Name of the session; default: the configuration's")
-      ->option_text("NAME");
-  command
-      .add_option("--set", options.overrides,
-                  "Change a value of the configuration, as in fingers.height=0.3")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
   command
       .add_option("--state", options.state,
                   "Begin every session of a simulation in this saved state, such as the one from "
@@ -338,7 +332,7 @@ void add_run(CLI::App& program, Action& action) {
   command
       .add_option("--record", options.record,
                   "Record everything into this folder, as 'trifinger record' does")
-      ->option_text("DIR");
+      ->option_text("FOLDER");
   add_images(command, options.images);
   command.add_flag_callback(
       "--no-sensors", [&options = options] { options.has_sensors = false; },

@@ -17,6 +17,9 @@
 #include "robot/loop_figures.hpp"
 #include "robot/session_state.hpp"
 #include "robot/wear_table.hpp"
+#include "shared/command_line.hpp"
+#include "shared/json.hpp"
+#include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
@@ -30,6 +33,7 @@ constexpr std::size_t kLabelWidth = 12;
 struct StatusOptions {
   std::string name;
   bool once{false};
+  bool json{false};
 };
 
 // Lines with a label and a text, fitted to the width of the window.
@@ -200,7 +204,27 @@ class Observer {
   LoopFigures figures_;
 };
 
+int print_status(const std::string& name) {
+  const UntypedFrontend session(name, {.control = false});
+  const SessionInfo info = session.session().info();
+  Json json = json_of(info);
+  if (info.is_companion) {
+    json["rate"] = arrival_rate(session);
+  } else {
+    LoopFigures figures;
+    figures.update(session);
+    json["rate"] = figures.rate();
+    const auto timing = session.session().timing();
+    json["loop"] = timing ? json_of(*timing, figures.total()) : Json();
+    const auto log = health_of(info) == Health::kFault ? fault_log(info) : std::nullopt;
+    json["fault_log"] = log ? Json(log->string()) : Json();
+  }
+  print_json(json);
+  return kDone;
+}
+
 int status(const StatusOptions& options) {
+  if (options.json) return print_status(options.name);
   const Terminal terminal;
   Observer observer(options.name);
   if (options.once || !terminal.is_live()) {
@@ -236,9 +260,9 @@ void add_status(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "status",
                   "Show how a session is doing: live on a terminal, otherwise once", status);
-  command.add_option("NAME", options.name, "Name of the session, as in sim or sim.object")
-      ->required();
+  add_robot(command, options.name, "Name of the session, as in sim or sim.object");
   command.add_flag("--once", options.once, "Look once, also on a terminal");
+  add_json(command, options.json);
   command.footer(
       "This command only reads. It never slows the robot.\n"
       "  realtime   whether the loop got what it asked for: priority, locked memory, ...\n"

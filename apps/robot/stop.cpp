@@ -85,7 +85,7 @@ int stop(const StopOptions& options) {
 void add_stop(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "stop", "Bring a robot to rest and end its back-end", stop);
-  command.add_option("NAME", options.name, "Name of the robot")->required();
+  add_robot(command, options.name);
   add_seconds(command, "--timeout", options.timeout, 3600.0,
               "How long to wait for the end; default: 15");
   command.footer(

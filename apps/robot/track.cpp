@@ -225,8 +225,7 @@ int track(const TrackOptions& options) {
 void add_track(CLI::App& program, Action& action) {
   const auto& [command, options] = add_command(
       program, action, "track", "Find a robot's objects in the images of its cameras", track);
-  command.add_option("ROBOT", options.robot, "Name of a robot that runs and has cameras")
-      ->required();
+  add_robot(command, options.robot, "Name of a running robot that has cameras");
   command
       .add_option("--colours", options.colours,
                   "A colour model; default: the competition's colours in any light")

@@ -14,7 +14,7 @@
 
 namespace trifinger::apps {
 
-int run_and_report(std::string_view program, const std::function<int()>& work) {
+int run_and_report(const std::string& program, const std::function<int()>& work) {
   // A file that reaches the size limit (ulimit -f) should make its write fail, like a full disk.
   // The signal would end the robot's program.
   std::signal(SIGXFSZ, SIG_IGN);

@@ -3,7 +3,7 @@
 
 #include <functional>
 #include <stdexcept>
-#include <string_view>
+#include <string>
 
 namespace trifinger::apps {
 
@@ -19,7 +19,7 @@ class UsageError : public std::runtime_error {
 };
 
 // Does `work` and returns its exit code. Exceptions are reported on stderr in the name of
-// `program`.
-[[nodiscard]] int run_and_report(std::string_view program, const std::function<int()>& work);
+// `program`, which `work` may still set.
+[[nodiscard]] int run_and_report(const std::string& program, const std::function<int()>& work);
 
 }  // namespace trifinger::apps

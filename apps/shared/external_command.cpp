@@ -82,7 +82,9 @@ std::string how_to_install(const Command& command) {
 std::string heading(const Command& command, bool is_there) {
   if (*command.package == '\0') return "Programs of their own";
   const std::string package = std::string("Python package ") + command.package;
-  return is_there ? package : package + ", not installed: " + how_to_install(command);
+  if (is_there) return package;
+  return std::string("Not installed, 'pip install ") + command.folder +
+         "' in the sources of TriFinger adds them";
 }
 
 [[noreturn]] void refuse_missing(const std::string& path, const Command& command) {

@@ -83,6 +83,17 @@ CLI::Option* add_size(CLI::App& command, const std::string& name, std::uint64_t&
   return command.add_option_function<std::string>(name, set, description)->option_text("SIZE");
 }
 
+CLI::Option* add_json(CLI::App& command, bool& value) {
+  return command.add_flag("--json", value, "Print one JSON object, for programs; SI units");
+}
+
+CLI::Option* add_overrides(CLI::App& command, std::vector<std::string>& value,
+                           const std::string& example, const std::string& what) {
+  return command.add_option("--set", value, what + ", as in " + example)
+      ->allow_extra_args(false)
+      ->option_text("KEY=VALUE ...");
+}
+
 CLI::Option* add_duration(CLI::App& command, const std::string& name, Nanoseconds& value,
                           const std::string& description) {
   const auto set = [name, &value](const std::string& text) {

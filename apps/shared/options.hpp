@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/suggestion.hpp"
+#include "shared/command_line.hpp"
 #include "shared/exit_code.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/realtime/thread.hpp"
@@ -73,6 +74,31 @@ CLI::Option* add_seconds(CLI::App& command, const std::string& name, Time& value
 // A number of bytes: "500MB", "2GiB", "1e6".
 CLI::Option* add_size(CLI::App& command, const std::string& name, std::uint64_t& value,
                       const std::string& description);
+
+// -o,--output: a file or a folder that is written.
+template <class Path>
+CLI::Option* add_output(CLI::App& command, Path& value, const std::string& description,
+                        const std::string& what = "FILE") {
+  return command.add_option("-o,--output", value, description)->option_text(what);
+}
+
+// --json, of a command that reports: standard output is one JSON object.
+CLI::Option* add_json(CLI::App& command, bool& value);
+
+// --set, of a command with a configuration; may be given several times.
+CLI::Option* add_overrides(CLI::App& command, std::vector<std::string>& value,
+                           const std::string& example,
+                           const std::string& what = "Change a value of the configuration");
+
+// ROBOT, --name and --set: a robot that a command makes from its configuration. Returns ROBOT.
+template <class Options>
+CLI::Option* add_configured_robot(CLI::App& command, Options& options,
+                                  const std::string& description, const std::string& example) {
+  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
+      ->option_text("NAME");
+  add_overrides(command, options.overrides, example);
+  return command.add_option("ROBOT", options.robot, description);
+}
 
 // A duration with its unit: "30s", "10min", "1h", "2d", "500ms".
 CLI::Option* add_duration(CLI::App& command, const std::string& name, Nanoseconds& value,

@@ -42,7 +42,8 @@ wait "$robot"
 
 # Services, rights, documents.
 for file in /usr/lib/systemd/system/trifinger{,-endurance}@.service /usr/lib/udev/rules.d/99-trifinger.rules \
-  /etc/security/limits.d/99-trifinger.conf /usr/share/man/man1/trifinger-job.1.gz; do
+  /etc/security/limits.d/99-trifinger.conf /usr/share/man/man1/trifinger-job.1.gz \
+  /usr/share/bash-completion/completions/trifinger; do
   [[ -s $file ]] || fail "$file is missing"
 done
 id trifinger | grep -q realtime || fail "the user of the services may not use real-time priorities"

@@ -26,7 +26,6 @@ SKILL = re.compile(r"^  (\w+) +.*\(trifinger run (\w+)\)$", re.MULTILINE)
 GOES_ON = {
     "demo": "shall lift the cube",
     "view": "Open http://",
-    "bridge foxglove": "waits for it",
     "pybullet_backend": "The robot is ready.",
     "trifinger_data_backend": "The robot is ready.",
 }

@@ -131,8 +131,8 @@ def test_the_help_tells_what_is_installed_from_what_is_not(
     program = tmp_path / "trifinger-compat-check"
     program.write_text("")
     monkeypatch.setenv("PATH", str(tmp_path))
-    missing = "Python package trifinger-compat, not installed: 'pip install ./packages/trifinger_"
-    assert f"\n{missing}compat' in the sources of TriFinger:\n  compat-check " in run("--help")
+    missing = "Not installed, 'pip install ./packages/trifinger_compat' in the sources of TriFinger"
+    assert f"\n{missing} adds them:\n  compat-check " in run("--help")
     program.chmod(0o755)
     assert "\nPython package trifinger-compat:\n  compat-check " in run("--help")
 

@@ -124,7 +124,7 @@ def test_says_before_it_draws_what_is_missing(
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
     assert film.main([str(tmp_path)]) == 1
-    assert capsys.readouterr().err == "trifinger: av is missing: ./run setup\n"
+    assert capsys.readouterr().err == "trifinger film: av is missing: ./run setup\n"
 
 
 def test_says_what_drawing_lacks(tmp_path: Path) -> None:
@@ -142,7 +142,9 @@ def test_says_what_drawing_lacks(tmp_path: Path) -> None:
     )
     assert done.returncode == 1
     remedy = "apt-get install libegl1 libgl1-mesa-dri libopengl0"
-    assert done.stderr.startswith(f"trifinger: MuJoCo cannot draw with MUJOCO_GL=egl: {remedy} (")
+    assert done.stderr.startswith(
+        f"trifinger film: MuJoCo cannot draw with MUJOCO_GL=egl: {remedy} ("
+    )
     assert done.stderr.count("\n") == 1
 
 

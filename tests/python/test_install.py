@@ -170,7 +170,7 @@ def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
     prefix: Path, tmp_path: Path, start_program: StartProgram
 ) -> None:
     trifinger_program = prefix / "bin" / "trifinger"
-    said = run(trifinger_program, "new", "robot", "two_axes", "--to", tmp_path)
+    said = run(trifinger_program, "new", "robot", "two_axes", "-o", tmp_path)
     assert f"{tmp_path}/two_axes/ has a robot with a driver in one file, two_axes.hpp" in said
     project = tmp_path / "two_axes"
     assert {path.name for path in project.iterdir()} == {
@@ -195,7 +195,7 @@ def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
     configuration.write_text(re.sub(r"(max_\w+s): \d+", r"\1: 1000000", configuration.read_text()))
     robot = start_program(str(configuration), program=[str(build / "two_axes")])
     robot.wait_for("two_axes runs")
-    words = ["record", "two_axes", "--to", str(tmp_path / "logs"), "--until-end"]
+    words = ["record", "two_axes", "-o", str(tmp_path / "logs"), "--until-end"]
     recorder = start_program(*words, program=[str(trifinger_program)])
     recorder.wait_for("records into")
     assert "two_axes" in output_of(trifinger_program, "status", "two_axes", "--once")

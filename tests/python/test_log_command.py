@@ -367,7 +367,7 @@ def test_a_page_says_what_it_needs(written: Written, tmp_path: Path) -> None:
         [sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     assert done.returncode == 1
-    assert done.stderr == "trifinger: plotly is missing: ./run setup\n"
+    assert done.stderr == "trifinger log plot: plotly is missing: ./run setup\n"
     assert not (tmp_path / "a.html").exists()
 
 

@@ -63,18 +63,18 @@ def new_robot(*words: str | Path, succeeds: bool = True) -> str:
     ],
 )
 def test_refuses_names_that_cannot_work(name: str, reason: str, tmp_path: Path) -> None:
-    assert reason in new_robot(name, "--to", tmp_path, succeeds=False)
+    assert reason in new_robot(name, "-o", tmp_path, succeeds=False)
     assert list(tmp_path.iterdir()) in ([], [tmp_path / "sessions"])
 
 
 def test_leaves_what_is_there_alone(tmp_path: Path) -> None:
     (tmp_path / "cart").mkdir()
-    said = new_robot("cart", "--to", tmp_path, succeeds=False)
+    said = new_robot("cart", "-o", tmp_path, succeeds=False)
     assert f"{tmp_path}/cart exists already; nothing was written" in said
     assert list((tmp_path / "cart").iterdir()) == []
     (tmp_path / "gantry.xml").write_text(MJCF)
     (tmp_path / "cart.yml").write_text("mine")
-    words = ["cart", "--from", tmp_path / "gantry.xml", "--to", tmp_path]
+    words = ["cart", "--from", tmp_path / "gantry.xml", "-o", tmp_path]
     assert "cart.yml exists already" in new_robot(*words, succeeds=False)
     assert (tmp_path / "cart.yml").read_text() == "mine"
 
@@ -94,7 +94,7 @@ def test_asks_for_what_the_file_of_a_robot_does_not_say(
     models = tmp_path / "models"
     models.mkdir()
     (models / "gantry.xml").write_text(MJCF)
-    said = new_robot("gantry", "--from", models / "gantry.xml", "--to", tmp_path)
+    said = new_robot("gantry", "--from", models / "gantry.xml", "-o", tmp_path)
     assert "gantry.yml has the 2 joints of" in said
     assert "Replace each FILL_IN" in said
     path = tmp_path / "gantry.yml"
@@ -124,7 +124,7 @@ def test_a_robot_of_a_file_that_says_enough_moves_at_once(tmp_path: Path) -> Non
     # A light link, a motor that would throw it, and a zero at a stop.
     urdf = URDF.replace('lower="-1" upper="1" effort="2"', 'lower="0" upper="2" effort="90"')
     (tmp_path / "lever.urdf").write_text(urdf.replace("1e-3", "1e-6"))
-    said = new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
+    said = new_robot("lever", "--from", tmp_path / "lever.urdf", "-o", tmp_path)
     assert "What the file does not say was proposed for the simulation." in said
     path = tmp_path / "lever.yml"
     assert "initial_position: {hinge: 1}" in path.read_text()
@@ -150,7 +150,7 @@ def test_bodies_inside_each_other_and_angles_without_a_unit_stop_no_robot(tmp_pa
         <actuator><motor joint="turn" ctrlrange="-1 1"/><motor joint="bend" ctrlrange="-1 1"/>
         </actuator></mujoco>"""
     )
-    words = ["digit", "--from", file, "--to", tmp_path]
+    words = ["digit", "--from", file, "-o", tmp_path]
     assert "Some joints can hardly move: if the file means radians" in new_robot(*words)
     path = tmp_path / "digit.yml"
     assert "add angle: radian (--angle radian)" in path.read_text()
@@ -169,14 +169,14 @@ def test_bodies_inside_each_other_and_angles_without_a_unit_stop_no_robot(tmp_pa
 def test_says_that_a_motor_cannot_carry_the_robot(tmp_path: Path) -> None:
     urdf = URDF.replace("<inertial>", '<inertial><origin xyz="1 0 0"/>')
     (tmp_path / "lever.urdf").write_text(urdf.replace('effort="2"', 'effort="0.1"'))
-    new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
+    new_robot("lever", "--from", tmp_path / "lever.urdf", "-o", tmp_path)
     text = (tmp_path / "lever.yml").read_text()
     assert "CANNOT HOLD where it begins: the weight is 1.96 Nm, the motor has 0.1" in text
 
 
 def test_repairs_inertias_and_chooses_shapes_if_told_to(tmp_path: Path) -> None:
     (tmp_path / "lever.urdf").write_text(URDF.replace('izz="1e-3"', 'izz="9e-3"'))
-    words = ["lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path]
+    words = ["lever", "--from", tmp_path / "lever.urdf", "-o", tmp_path]
     assert "--repair-inertia, takes the nearest" in new_robot(*words, succeeds=False)
     said = new_robot(*words, "--repair-inertia", "--collision", "none")
     assert "repaired: body 'lever' has the moments of inertia 0.001, 0.001 and 0.009" in said
@@ -197,7 +197,7 @@ def test_fault_77_takes_any_names_and_stops_and_leaves_no_log_of_mujoco(
     # A camera whose number is none is a warning of MuJoCo.
     ball = '<body name="my ball"><freejoint/><geom size="0.1"/></body><camera fovy="nan"/>'
     Path("gantry.xml").write_text(model.replace("</worldbody>", ball + "</worldbody>"))
-    new_robot("gantry", "--from", "gantry.xml", "--to", "new/folder")
+    new_robot("gantry", "--from", "gantry.xml", "-o", "new/folder")
     assert not list(tmp_path.rglob("MUJOCO_LOG.TXT"))
     path = tmp_path / "new/folder/gantry.yml"
     text = path.read_text()
@@ -215,7 +215,7 @@ def test_fault_77_takes_any_names_and_stops_and_leaves_no_log_of_mujoco(
 
 def test_reads_urdf(tmp_path: Path) -> None:
     (tmp_path / "lever.urdf").write_text(URDF)
-    new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
+    new_robot("lever", "--from", tmp_path / "lever.urdf", "-o", tmp_path)
     text = (tmp_path / "lever.yml").read_text()
     assert "urdf: 'lever.urdf'" in text
     assert "hinge: {safety_kd: " in text
@@ -234,7 +234,7 @@ def test_finds_the_meshes_of_a_package(tmp_path: Path) -> None:
     (package / "urdf").mkdir()
     urdf = package / "urdf" / "lever.urdf"
     urdf.write_text(URDF.replace("</inertial>", f"</inertial>{collision}", 1))
-    words = ["lever", "--from", urdf, "--to", tmp_path]
+    words = ["lever", "--from", urdf, "-o", tmp_path]
     assert "(robot.mesh_folder, --meshes)" in new_robot(*words, succeeds=False)
     new_robot(*words, "--meshes", package)
     path = tmp_path / "lever.yml"
@@ -247,7 +247,7 @@ def test_finds_the_meshes_of_a_package(tmp_path: Path) -> None:
 
 
 def test_says_what_is_wrong_with_the_file_of_a_robot(tmp_path: Path) -> None:
-    words = ["cart", "--from", tmp_path / "cart.xml", "--to", tmp_path]
+    words = ["cart", "--from", tmp_path / "cart.xml", "-o", tmp_path]
     assert "cart.xml" in new_robot(*words, succeeds=False)
     (tmp_path / "cart.xml").write_text("<mujoco><worldbody/></mujoco>")
     assert "cart.xml" in new_robot(*words, succeeds=False)

@@ -125,7 +125,7 @@ def test_the_official_readers_decode_a_robot_that_nobody_has_heard_of(
     compression: str, tmp_path: Path, start_foreign: StartChild, start_program: StartProgram
 ) -> None:
     start_foreign("odd", "odd")
-    options = ("--to", str(tmp_path / "out"), "--compression", compression)
+    options = ("-o", str(tmp_path / "out"), "--compression", compression)
     recorder = start_program("record", "odd", *options)
     recorder.wait_for("records into")
     with trifinger.connect("odd") as robot:
@@ -156,9 +156,7 @@ def test_the_official_readers_decode_a_simulation(
 ) -> None:
     simulation = start_program("run", "sim", "--non-real-time")
     simulation.wait_for("holds its pose")
-    recorder = start_program(
-        "record", "sim", "--to", str(tmp_path / "out"), "--precision", precision
-    )
+    recorder = start_program("record", "sim", "-o", str(tmp_path / "out"), "--precision", precision)
     recorder.wait_for("records into")
     random = np.random.default_rng(1)
     with trifinger.connect("sim") as robot:
@@ -254,9 +252,9 @@ def test_a_killed_recorder_of_run_is_replaced_and_nothing_is_missing(
 def test_a_folder_where_the_robot_is_recorded_already_is_refused(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
-    first = start_program("record", "fake", "--to", str(tmp_path / "out"))
+    first = start_program("record", "fake", "-o", str(tmp_path / "out"))
     first.wait_for("waits for fake")
-    message = run("record", "fake", "--to", str(tmp_path / "out"), expect=1)
+    message = run("record", "fake", "-o", str(tmp_path / "out"), expect=1)
     assert re.search(
         rf"'fake' is recorded into .* by trifinger \(process {first.process.pid}\)", message
     )
@@ -273,7 +271,7 @@ def test_a_signal_finishes_the_log(
     number: signal.Signals, tmp_path: Path, start_fake: StartChild, start_program: StartProgram
 ) -> None:
     start_fake("robot")
-    recorder = start_program("record", "robot", "--to", str(tmp_path / "out"))
+    recorder = start_program("record", "robot", "-o", str(tmp_path / "out"))
     recorder.wait_for("records into")
     with trifinger.connect("robot") as robot:
         robot.append_desired_actions(np.repeat(robot.new_action(), 10))
@@ -289,7 +287,7 @@ def test_a_signal_finishes_the_log(
 def test_a_recorder_ends_with_its_robot_if_that_is_wanted(
     tmp_path: Path, start_fake: StartChild, start_program: StartProgram
 ) -> None:
-    recorder = start_program("record", "robot", "--until-end", "--to", str(tmp_path / "out"))
+    recorder = start_program("record", "robot", "--until-end", "-o", str(tmp_path / "out"))
     recorder.wait_for("waits for robot")
     child = start_fake("robot")
     recorder.wait_for("records into")
@@ -309,7 +307,7 @@ def test_logs_go_to_the_usual_place(
 def test_a_terminal_shows_how_the_recorder_is_doing(tmp_path: Path, start_fake: StartChild) -> None:
     start_fake("robot")
     with trifinger.connect("robot") as robot:
-        screen = Screen(100, "record", "robot", "--to", str(tmp_path / "out"))
+        screen = Screen(100, "record", "robot", "-o", str(tmp_path / "out"))
         screen.wait_for("robot  recording")
         robot.append_desired_actions(np.repeat(robot.new_action(), 123))
         robot.wait_until_time_index(122)
@@ -322,7 +320,6 @@ def test_a_terminal_shows_how_the_recorder_is_doing(tmp_path: Path, start_fake: 
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ("", "NAME is required"),
         ("robot.sensor", "companions are recorded with their robot"),
         ("robot robot", "'robot' is named twice"),
         ("robot --rotate-size 5apples", "--rotate-size is '5apples', must be a size such as"),

@@ -86,7 +86,7 @@ def test_does_what_the_environment_does_to_the_last_bit(
     environment.close()
 
     words = ["--episodes", 1, "--first", 5, "--seed", 2, "--precision", precision]
-    done = run(tmp_path / "p.policy", *words, "--json", tmp_path / "j")
+    done = run(tmp_path / "p.policy", *words, "-o", tmp_path / "j")
     assert done.returncode == 0, done.stdout + done.stderr
     (report,) = json.loads((tmp_path / "j").read_text())
     assert report["total_reward"] == total

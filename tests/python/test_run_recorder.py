@@ -122,7 +122,7 @@ def test_fault_74_an_end_that_cannot_be_written_stays_in_memory(
     status, output = program.end(signal.SIGTERM)
     assert status == INCOMPLETE
     assert "stopped" not in output.splitlines()[-1]
-    remedy = ["record", "fake", "--until-end", "--to", str(tmp_path / "out")]
+    remedy = ["record", "fake", "--until-end", "-o", str(tmp_path / "out")]
     assert f"trifinger {' '.join(remedy)}" in output
     subprocess.run([PROGRAM, *remedy], check=True, capture_output=True)
     assert_complete(tmp_path / "out", robot)

@@ -746,14 +746,14 @@ def test_a_policy_that_fingers_share_runs_and_what_it_did_is_kept(
         "waits for a user"
     )
     name = policy("Fingers")
-    words = ["Fingers.policy", "--robot", "p", "--task", name, "--episodes", "2", "--json", "j"]
+    words = ["Fingers.policy", "--robot", "p", "--task", name, "--episodes", "2", "-o", "j"]
     assert run_policy_of_python.main(words) == 0
     assert [one["actions"] for one in json.loads(Path("j").read_text())] == [10, 10]
     assert run_policy_of_python.main([*words, "--scheduling", "require"]) == 2
     assert "keeps no real-time promise" in capsys.readouterr().err
     # SIGTERM in the second episode ends it like Ctrl-C.
     name = policy("Ended")
-    words = ["Ended.policy", "--robot", "p", "--task", name, "--episodes", "3", "--json", "k"]
+    words = ["Ended.policy", "--robot", "p", "--task", name, "--episodes", "3", "-o", "k"]
     assert run_policy_of_python.main(words) == 130
     assert [one["episode"] for one in json.loads(Path("k").read_text())] == [0]
     assert "1 of 1" in (said := capsys.readouterr().out) or "0 of 1" in said

@@ -130,7 +130,7 @@ def test_the_command_learns_colours_from_saved_images(
     (tmp_path / "sim.cameras.yml").write_text(renderer.calibration)
     folders = saved_images(renderer, tmp_path)
     target = tmp_path / "colours.yml"
-    assert calibrate_colours.main(["sim", "--images", *folders, "--to", str(target)]) == 0
+    assert calibrate_colours.main(["sim", "--images", *folders, "-o", str(target)]) == 0
     assert "left out" not in capsys.readouterr().out
     tracker = Tracker(renderer.calibration, tracked_object("sim"), target.read_text())
     images = [np.asarray(PIL.Image.open(Path(folders[-1], f"{n}.png"))) for n in renderer.names]
@@ -140,9 +140,9 @@ def test_the_command_learns_colours_from_saved_images(
         for path in Path(folder).glob("*.png"):
             raw = np.asarray(PIL.Image.open(path))
             PIL.Image.fromarray(to_rgb(raw, "bayer_rggb8")).save(path)
-    assert calibrate_colours.main(["sim", "--images", *folders, "--to", str(target)]) == 0
+    assert calibrate_colours.main(["sim", "--images", *folders, "-o", str(target)]) == 0
     assert "left out" not in capsys.readouterr().out
-    assert calibrate_colours.main(["sim", "--images", str(tmp_path), "--to", str(target)]) == 1
+    assert calibrate_colours.main(["sim", "--images", str(tmp_path), "-o", str(target)]) == 1
     assert "camera60.png is missing" in capsys.readouterr().err
 
 
@@ -161,5 +161,5 @@ def test_colours_of_a_laboratory_are_learned_and_used(
     output_of(PROGRAM, "look", "sim", "--raw", "-o", seen, "--timeout", "60")
     folders = [seen, *saved_images(renderer, tmp_path)]
     colours = str(tmp_path / "colours.yml")
-    assert calibrate_colours.main(["sim", "--images", *folders, "--to", colours]) == 0
+    assert calibrate_colours.main(["sim", "--images", *folders, "-o", colours]) == 0
     start_program("track", "sim", "--colours", colours).wait_for("cube is found")

@@ -525,7 +525,7 @@ def test_an_interrupted_training_goes_on_from_the_command_line(tmp_path, capsys,
 
     with monkeypatch.context() as patched:
         patched.setattr(Training, "save_curve", interrupt)
-        words = ["reach", "--shared", "--episodes", "100", "--out", str(folder), *settings]
+        words = ["reach", "--shared", "--episodes", "100", "-o", str(folder), *settings]
         assert train.main(words) == 130
     assert f"--resume {folder} goes on" in capsys.readouterr().err
     assert train.main(["--resume", str(folder)]) == 0
@@ -545,7 +545,7 @@ def test_tensorboard_has_every_evaluation(undisturbed):
 def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     folder = tmp_path / "run"
     settings = [f"--set={name}={value}" for name, value in SHORT.items()]
-    words = ["reach", "--shared", "--episodes", "4", "--out", str(folder), *settings]
+    words = ["reach", "--shared", "--episodes", "4", "-o", str(folder), *settings]
     assert train.main(words) == 0
     done = capsys.readouterr()
     assert "episode 4 of 4: " in done.err
@@ -569,7 +569,7 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
 @pytest.mark.parametrize("task", ["push", "dclaw_turn_fixed"])
 def test_the_recipes_of_the_pages_train(task, tmp_path):
     settings = SHORT | {"num_envs": 2, "rollout": 10}
-    words = [task, "--algorithm", "ppo", "--episodes", "2", "--out", str(tmp_path / "run")]
+    words = [task, "--algorithm", "ppo", "--episodes", "2", "-o", str(tmp_path / "run")]
     assert train.main([*words, *(f"--set={name}={value}" for name, value in settings.items())]) == 0
     assert trifinger.Policy(tmp_path / f"run/{task}.policy").metadata["task"] == task
 
@@ -620,7 +620,7 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
         "waits for a user"
     )
     program = Path(PROGRAM).parent / "trifinger-run-policy"
-    words = [program, policy, "--robot", "p", "--episodes", "2", "--seed", "3", "--json", "j"]
+    words = [program, policy, "--robot", "p", "--episodes", "2", "--seed", "3", "-o", "j"]
 
     def run(path, *more):
         return subprocess.run(
@@ -650,7 +650,7 @@ def test_a_task_of_ones_own_is_trained_evaluated_and_run(
 @pytest.mark.slow
 def test_a_robot_of_ones_own_is_trained_and_evaluated(arm, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words = ["reach", "--robot-config", arm, "--episodes", "2", "--out", "out"]
+    words = ["reach", "--robot-config", arm, "--episodes", "2", "-o", "out"]
     settings = SHORT | {"frames": ("hand",)}
     assert train.main([*words, *(f"--set={name}={value}" for name, value in settings.items())]) == 0
     policy = trifinger.Policy("out/reach.policy")
@@ -663,7 +663,7 @@ def test_a_robot_of_ones_own_is_trained_and_evaluated(arm, tmp_path, monkeypatch
 
 
 def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):
-    assert train.main(["reach", "--out", str(undisturbed)]) == 2
+    assert train.main(["reach", "-o", str(undisturbed)]) == 2
     assert "--resume" in capsys.readouterr().err
     with pytest.raises(InvalidArgument, match="another plan"):
         Training(short_plan(seed=9), undisturbed)
@@ -690,7 +690,7 @@ sys.exit(train.main(["reach"]))
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    assert done.stderr == f"trifinger: {missing} is missing: ./run setup\n"
+    assert done.stderr == f"trifinger train: {missing} is missing: ./run setup\n"
 
 
 def test_evaluate_says_how_near_a_policy_comes(undisturbed, capsys):

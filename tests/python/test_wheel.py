@@ -175,7 +175,7 @@ def test_program_finds_the_commands_of_the_package(
     installation: Installation, command: str
 ) -> None:
     usage = installation.run("trifinger", *command.split(), "--help")
-    assert usage.startswith(f"usage: trifinger {command}")
+    assert usage.startswith(f"Usage: trifinger {command}")
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_commands_say_what_they_lack(
     refusal = installation.run("trifinger", *command.split(), succeeds=False)
     packages = " ".join(PROJECT["optional-dependencies"][extra])
     verb = "is" if missing.isidentifier() else "are"
-    assert refusal == f"trifinger: {missing} {verb} missing: pip install {packages}\n"
+    assert refusal.endswith(f": {missing} {verb} missing: pip install {packages}\n")
 
 
 def test_demo_runs_without_what_draws_it(installation: Installation) -> None:
@@ -245,7 +245,7 @@ def test_each_package_has_a_wheel_with_its_modules_alone(packages: Installation)
 )
 def test_program_finds_the_commands_of_packages(packages: Installation, command: str) -> None:
     usage = packages.run("trifinger", *command.split(), "--help")
-    assert usage.startswith(f"usage: trifinger {command}")
+    assert usage.startswith(f"Usage: trifinger {command}")
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ def test_commands_of_packages_say_what_they_lack(
     names = required["optional-dependencies"][extra] if extra else required["dependencies"]
     verb = "is" if missing.isidentifier() else "are"
     refusal = packages.run("trifinger", *command.split(), succeeds=False)
-    assert refusal == f"trifinger: {missing} {verb} missing: pip install {' '.join(names)}\n"
+    assert refusal.endswith(f": {missing} {verb} missing: pip install {' '.join(names)}\n")
 
 
 @pytest.mark.parametrize(
@@ -312,4 +312,4 @@ def test_the_check_and_what_stands_in_for_other_packages_come_with_compat(
     )
     packages.run("python", "-c", f"import {modules}")
     for name in ("trifinger_backend", "trifinger_data_backend", "trifinger_robot_backend"):
-        assert packages.run(name, "--help").startswith(f"usage: {name} ")
+        assert packages.run(name, "--help").startswith(f"Usage: {name} ")

@@ -303,7 +303,7 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
     _require_targets(parser, arguments)
     with _record() as folder:
         at_end = _EndOnSignal()
-        command = [program.path(), "record", arguments.name, "--to", str(folder), "--until-end"]
+        command = [program.path(), "record", arguments.name, "-o", str(folder), "--until-end"]
         recorder = subprocess.Popen(
             [*command, "--images", "raw"], stdout=subprocess.DEVNULL, start_new_session=True
         )

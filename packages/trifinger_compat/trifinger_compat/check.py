@@ -10,13 +10,13 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.commands.command_line import ArgumentParser, add_json, say, say_json
 from trifinger.text import printable
 
 from trifinger_compat import bullet, opencv
@@ -510,25 +510,36 @@ def _imports_of(files: Sequence[Path]) -> frozenset[str]:
     return imports
 
 
-def report(path: Path, show_all: bool) -> int:
+def report(path: Path, show_all: bool, as_json: bool = False) -> int:
     """Prints what of the programs in `path` works; returns the exit status."""
     files = list(programs(path))
     if not files:
         say(f"trifinger compat-check: {path} has no Python files", file=sys.stderr)
         return 2
     counts: Counter[str] = Counter()
+    shown: list[Finding | str] = []
     imports = _imports_of(files)
     for file in files:
         try:
             findings = check_text(file.read_text(), file, imports)
         except (SyntaxError, UnicodeDecodeError) as error:
-            say(printable(f"{file}: cannot be read as Python 3: {error}"))
+            shown.append(printable(f"{file}: cannot be read as Python 3: {error}"))
             counts["unreadable"] += 1
             continue
         for finding in findings:
             counts[finding.verdict] += 1
             if show_all or finding.verdict != SAME:
-                say(finding)
+                shown.append(finding)
+    status = 1 if counts[MISSING] or counts["unreadable"] else 0
+    if as_json:
+        places = [
+            asdict(one) | {"file": str(one.file)} for one in shown if not isinstance(one, str)
+        ]
+        unreadable = [one for one in shown if isinstance(one, str)]
+        say_json({"files": len(files), "places": places, "unreadable": unreadable})
+        return status
+    for one in shown:
+        say(one)
     total = counts[SAME] + counts[DIFFERS] + counts[MISSING]
     say(
         f"{len(files)} files, {total} places that use the original: {counts[SAME]} work as they "
@@ -538,7 +549,7 @@ def report(path: Path, show_all: bool) -> int:
     say(f"Not judged: members of objects, except {' and '.join(sorted(_MEMBERS))}.")
     if counts["unreadable"]:
         say(f"{counts['unreadable']} files could not be read.")
-    return 1 if counts[MISSING] or counts["unreadable"] else 0
+    return status
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -547,15 +558,17 @@ def main(words: Sequence[str] | None = None) -> int:
         prog="trifinger compat-check",
         description="Say what of programs for the original stack works here, and why not.",
         epilog="Programs are read, never run. Exit status: 0 if everything works, 1 if something "
-        "does not, 2 if there is nothing to read. docs/coming_from_the_original.md explains it.",
+        "does not, 2 if there is nothing to read. docs/coming_from_the_original.md explains it.\n"
+        "Example:\n  trifinger compat-check my_program.py",
     )
     parser.add_argument("path", type=Path, metavar="PATH", help="a program, or a folder of them")
     parser.add_argument("--all", action="store_true", help="show also what works as it is")
+    add_json(parser)
     arguments = parser.parse_args(words)
     if not arguments.path.exists():
         say(f"trifinger compat-check: there is no {arguments.path}", file=sys.stderr)
         return 2
-    return report(arguments.path, arguments.all)
+    return report(arguments.path, arguments.all, arguments.json)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ constexpr int kNeedsOperator = 4;
 constexpr Nanoseconds kLook = std::chrono::milliseconds(200);
 
 struct EnduranceOptions {
-  std::string robot{"sim"};
+  std::string robot;
   SimulatedOptions simulated;
   DriveOptions drive;
   std::optional<Nanoseconds> duration;
@@ -250,9 +250,8 @@ void add_simulation_options(CLI::App& program, SimulatedOptions& simulated) {
       .add_option("--simulate", simulated.robot,
                   "Instead of a running robot, simulate this configuration, as fast as it goes")
       ->option_text("CONFIG");
-  program.add_option("--set", simulated.overrides, "A setting of this configuration")
-      ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
+  add_overrides(program, simulated.overrides, "fingers.height=0.3",
+                "With --simulate: change a value of the configuration");
   add_number(
       program, "--faults-every",
       [&simulated](double value) { simulated.faults_every = static_cast<std::uint64_t>(value); }, 0,
@@ -278,11 +277,11 @@ int endurance_command(const std::vector<std::string>& words) {
       "Moves a robot at random, with collisions, for weeks. It recovers by itself from what needs "
       "no operator,\ncounts everything, and writes a page of the robot's health.",
       "trifinger endurance");
-  program.set_help_flag("-h,--help", "Print this help");
-  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
-  program
-      .add_option("--output", options.output,
-                  "Folder of the page and the counts; earlier counts there go on")
+  set_up_help(program);
+  program.add_option("NAME", options.robot,
+                     "Name of the running robot; default: the only one that runs");
+  add_output(program, options.output,
+             "Folder of the page and the counts; earlier counts there go on", "FOLDER")
       ->capture_default_str();
   Nanoseconds duration{0};
   add_duration(program, "--duration", duration, "How long, as in 12h or 7d; default: until Ctrl-C");
@@ -322,6 +321,7 @@ int endurance_command(const std::vector<std::string>& words) {
         (options.simulated.faults_every > 0 || !options.simulated.overrides.empty())) {
       throw UsageError("--faults-every and --set are for --simulate");
     }
+    if (!options.is_simulated() && options.robot.empty()) options.robot = running_robot();
     return endure(std::move(options));
   });
 }

@@ -64,12 +64,10 @@ void add_limits(CLI::App& command, JobLimits& limits, std::uint64_t& processes,
 }
 
 void add_job_options(CLI::App& command, JobOptions& job) {
-  command.add_option("--robot", job.robot, "Name of the running robot")->required();
-  command
-      .add_option(
-          "--output", job.output,
-          "A new folder for report, log, output and files of the job; default: one in jobs/")
-      ->option_text("DIR");
+  add_robot_option(command, job.robot);
+  add_output(command, job.output,
+             "A new folder for report, log, output and files of the job; default: one in jobs/",
+             "FOLDER");
   command
       .add_option(
           "--user", job.user,
@@ -116,7 +114,7 @@ void check(const JobOptions& options) {
 
 int job_command(const std::vector<std::string>& all_words) {
   CLI::App program("Runs jobs of users on a robot that they share.", "trifinger job");
-  program.set_help_flag("-h,--help", "Print this help");
+  set_up_help(program);
   program.require_subcommand(1);
   std::function<int()> work;
 
@@ -130,7 +128,7 @@ int job_command(const std::vector<std::string>& all_words) {
   PreparationOptions preparation;
   CLI::App& restore = *program.add_subcommand(
       "restore", "Clear the fault of a robot, test it, and bring its cube to the middle");
-  restore.add_option("NAME", robot, "Name of the running robot")->required();
+  add_robot(restore, robot);
   add_preparation(restore, preparation);
   restore.footer(
       "This is what 'trifinger job run' does before and after a program.\n"

@@ -26,7 +26,7 @@ def drive(start_program: StartProgram, tmp_path: Path) -> Drive:
     """Starts a drive that writes to `tmp_path`/health."""
 
     def start(*options: str) -> Running:
-        words = ("--robot", NAME, "--output", str(tmp_path / "health"), "--write-every", "0.1s")
+        words = (NAME, "--output", str(tmp_path / "health"), "--write-every", "0.1s")
         return start_program(*words, *options, program=[PROGRAM])
 
     return start
@@ -189,6 +189,6 @@ def test_says_what_is_wrong_with_its_arguments(tmp_path: Path) -> None:
         assert done.returncode in (1, 2)
         return done.stderr
 
-    assert "no robot" in error_of("--robot", "nobody") or "nobody" in error_of("--robot", "nobody")
+    assert "no robot" in error_of("nobody") or "nobody" in error_of("nobody")
     assert "--simulate" in error_of("--faults-every", "5")
     assert "--speed" in error_of("--speed", "2")

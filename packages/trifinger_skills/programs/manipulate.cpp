@@ -7,7 +7,9 @@
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -17,10 +19,13 @@
 #include "base/regular_file.hpp"
 #include "base/suggestion.hpp"
 #include "controller/user_program.hpp"
+#include "shared/command_line.hpp"
 #include "shared/exit_code.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
@@ -36,7 +41,7 @@ using manipulation::SkillTrace;
 struct ManipulateOptions {
   std::string task;
   std::string config;
-  std::string robot{"sim"};
+  std::string robot;
   bool needs_cameras{false};
   bool is_taught{false};
   std::vector<std::string> settings;
@@ -175,8 +180,46 @@ int manipulate(const ManipulateOptions& options) {
 std::string list_of_tasks() {
   std::string text = "Tasks:\n";
   for (const manipulation::SkillInfo& skill : manipulation::all_skills())
-    text += fmt::format("  {:<12}{} (trifinger run {})\n", skill.name, skill.summary, skill.robot);
+    text += fmt::format("  {:<9}{} (trifinger run {})\n", skill.name, skill.summary, skill.robot);
   return text;
+}
+
+// The settings of a task, as its configuration and the files that this extends document them.
+std::string list_of_settings(const std::string& config) {
+  constexpr const char* kFolder = "skills";
+  const auto values =
+      config::File::load(find_config(config, kFolder), {}, config_folders(kFolder)).values();
+  std::string text = "Settings for --set:\n";
+  std::set<std::string> shown{"skill"};
+  for (std::string name = config; !name.empty();) {
+    std::ifstream file(find_config(name, kFolder));
+    name.clear();
+    std::string comment;
+    std::vector<std::pair<std::size_t, std::string>> parents;  // indentation and key
+    for (std::string line; std::getline(file, line);) {
+      const std::size_t indent = line.find_first_not_of(' ');
+      const std::size_t colon = line.find(':');
+      if (indent != std::string::npos && line[indent] == '#') {
+        comment += line.substr(indent + 1);
+        continue;
+      }
+      const std::string meaning = std::exchange(comment, "");
+      if (indent == std::string::npos || colon == std::string::npos || line[indent] == '-')
+        continue;
+      while (!parents.empty() && parents.back().first >= indent) parents.pop_back();
+      parents.emplace_back(indent, line.substr(indent, colon - indent));
+      std::string path;
+      for (const auto& parent : parents) path += (path.empty() ? "" : ".") + parent.second;
+      if (path == "extends") {
+        name = std::filesystem::path(line.substr(line.find_first_not_of(' ', colon + 1))).stem();
+      }
+      const auto value = values.find(path);
+      if (value == values.end() || !shown.insert(path).second) continue;
+      const std::string usual = "default: " + value->second;
+      text += help_row(path, meaning.empty() ? usual : meaning.substr(1) + " (" + usual + ")");
+    }
+  }
+  return text + "A list is given in brackets, as in --set 'lift.lead_turns=[0, 0.4]'.";
 }
 
 int manipulate_command(const std::vector<std::string>& words) {
@@ -186,17 +229,23 @@ int manipulate_command(const std::vector<std::string>& words) {
       "Its report compares with the poses that the robot's cameras see, noise included.\n\n" +
           list_of_tasks(),
       "trifinger manipulate");
-  program.set_help_flag("-h,--help", "Print this help");
-  program.footer(
-      "Example:\n"
-      "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
-      "  trifinger manipulate lift                      in another\n"
-      "With nothing but cameras and joints:\n"
-      "  trifinger run sim_tracked --set fingers.height=0.3\n"
-      "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
+  set_up_help(program);
+  program.footer([&options] {
+    if (!options.task.empty()) {
+      require_task(options.task);
+      return list_of_settings(options.config.empty() ? options.task : options.config);
+    }
+    return std::string(
+        "'trifinger manipulate TASK --help' shows the settings of a task.\n"
+        "Example:\n"
+        "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
+        "  trifinger manipulate lift                      in another\n"
+        "With nothing but cameras and joints:\n"
+        "  trifinger run sim_tracked --set fingers.height=0.3\n"
+        "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
+  });
   program.add_option("TASK", options.task, "What to do; see above")->required();
-  program.add_option("ROBOT,--robot", options.robot, "Name of the running robot")
-      ->capture_default_str();
+  add_robot_option(program, options.robot);
   program
       .add_option("--config", options.config,
                   "A configuration or the path of one; default: that of the task")
@@ -210,9 +259,8 @@ int manipulate_command(const std::vector<std::string>& words) {
       ->option_text("SOURCE");
   program.add_flag("--taught", options.is_taught,
                    "Plays the motion that was taught, whatever the object does");
-  program.add_option("--set", options.settings, "A setting, as in lift.height=0.1")
-      ->allow_extra_args(false);
-  program.add_option("--output", options.output, "Folder of the report")->capture_default_str();
+  add_overrides(program, options.settings, "lift.height=0.1", "Change a setting");
+  add_output(program, options.output, "Folder of the report", "FOLDER")->capture_default_str();
   add_user_scheduling(program, options.scheduling);
   return run_user_program(program, words, [&] { return manipulate(options); });
 }

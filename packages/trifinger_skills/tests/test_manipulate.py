@@ -114,7 +114,7 @@ def test_carries_out_a_skill(
     robot = start_program("run", config, "--name", "s", "--non-real-time")
     robot.wait_for("waits for a user")
     output = tmp_path / "output"
-    command = [PROGRAM, *shlex.split(words), "s", "--output", output]
+    command = [PROGRAM, *shlex.split(words), "--robot", "s", "--output", output]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((output / "report.json").read_text())
@@ -158,7 +158,7 @@ def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
         (["lift", "--set", "lift.hight=1"], "lift.hight"),
         (["lift", "--config", "nonsense"], "there are balance, carry"),
         (["lift", "--robot", "nobody"], "robot 'nobody'"),
-        (["lift", "nobody"], "robot 'nobody'"),
+        (["lift", "nobody"], "a robot is named by --robot"),
     ],
 )
 def test_says_what_is_wrong(

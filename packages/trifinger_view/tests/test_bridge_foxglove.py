@@ -552,6 +552,6 @@ def test_the_command_says_where_to_connect_and_ends_cleanly(
 def test_the_command_says_why_it_cannot_listen(start_program: StartProgram) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        bridge = start_program("foxglove", "--port", str(port), program=BRIDGE)
+        bridge = start_program("foxglove", "sim", "--port", str(port), program=BRIDGE)
         bridge.wait_for(f"port {port}")
         assert bridge.process.wait() == 1

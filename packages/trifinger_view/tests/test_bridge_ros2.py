@@ -695,6 +695,6 @@ def test_the_command_publishes_and_ends_cleanly(
 def test_the_command_refuses_what_makes_no_sense(
     words: list[str], sentence: str, start_program: StartProgram
 ) -> None:
-    bridge = start_program("ros2", *words, program=BRIDGE)
+    bridge = start_program("ros2", "sim", *words, program=BRIDGE)
     bridge.wait_for(sentence)
     assert bridge.process.wait() != 0

@@ -114,14 +114,16 @@ def test_what_cannot_be_done_is_said_in_one_sentence(
         (["smooth", file, "--cutoff", "-1", "-o", "x.motion"], "cutoff is -1 Hz"),
         (["mirror", file, "--finger", "3", "-o", "x.motion"], "finger is 3, must be 0 to 2"),
         (["plot", file, "-o", "x.doc"], "does not end in .png"),
-        (["play", file, "--robot", "nobody"], "nobody"),
     ]
     for words, text in cases:
         assert main(words) in (1, 2)
         errors = capsys.readouterr().err
         assert text in errors
-        assert errors.startswith("trifinger: ")
+        assert errors.startswith("trifinger motion")
         assert errors.count("\n") <= 2
+    with pytest.raises(SystemExit, match="1"):
+        main(["play", file, "--robot", "nobody"])
+    assert "there is no robot 'nobody'" in capsys.readouterr().err
     assert not Path("x.motion").exists()
 
 

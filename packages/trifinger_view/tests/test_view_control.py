@@ -465,10 +465,19 @@ def test_control_is_refused_with_the_name_of_the_holder(start_program: StartProg
             PageController("sim").take(1)
 
 
-@pytest.mark.parametrize("words", [["--control"], ["./log.mcap", "--control"], ["--hand"]])
-def test_steering_needs_a_name(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert view.main(words) == 2
-    assert "needs the name of a robot" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "status", "text"),
+    [
+        (["--control"], 1, "no robot runs on this machine"),
+        (["--hand"], 1, "no robot runs on this machine"),
+        (["./log.mcap", "--control"], 2, "needs the name of a robot"),
+    ],
+)
+def test_only_a_robot_is_steered(
+    words: list[str], status: int, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert view.main(words) == status
+    assert text in capsys.readouterr().err
 
 
 @pytest.mark.slow

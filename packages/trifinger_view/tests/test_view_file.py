@@ -434,7 +434,7 @@ def test_the_command_writes_a_file_and_says_what_it_holds(
     assert re.fullmatch(rf"{path} written: 0\.\d MB, 51 frames, 50 per second\.\n", written)
     for words in (["--from", "1.5", "--to", "0.5"], ["--rate", "0"], ["--rate", "nan"]):
         assert view.main([log, "-o", str(tmp_path / "no.html"), *words]) == 2
-        assert capsys.readouterr().err.startswith("trifinger: ")
+        assert capsys.readouterr().err.startswith("trifinger view: ")
     assert files_in(tmp_path) == ["run.html"]
 
 

@@ -232,7 +232,7 @@ def test_wrong_words_are_named(
 ) -> None:
     assert view.main(words) in (1, 2)
     error = capsys.readouterr().err
-    assert error.startswith("trifinger: ")
+    assert error.startswith("trifinger view: ")
     assert re.search(message, error)
     assert error.count("\n") == 1
 

@@ -22,7 +22,13 @@ import numpy as np
 import trifinger
 from trifinger import extras
 from trifinger.commands import command_line, program
-from trifinger.commands.command_line import ArgumentParser, add_view_options, say, view_of
+from trifinger.commands.command_line import (
+    ArgumentParser,
+    add_output,
+    add_view_options,
+    say,
+    view_of,
+)
 from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.plot import plot
@@ -221,12 +227,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 def main() -> int:
     """`trifinger demo`."""
-    parser = ArgumentParser(prog="trifinger demo", description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--output",
-        type=Path,
+    parser = ArgumentParser(
+        prog="trifinger demo",
+        description="Lift a cube with a simulated robot, and draw what has happened.",
+        epilog="Example:\n  trifinger demo --output demo_output",
+    )
+    add_output(
+        parser,
+        "folder of the log, the report and the pictures; default: demo_output",
+        "FOLDER",
         default=Path("demo_output"),
-        help="folder of the log, the report and the pictures",
     )
     parser.add_argument(
         "--non-real-time",

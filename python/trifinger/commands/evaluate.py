@@ -8,7 +8,7 @@ from pathlib import Path
 from trifinger import extras
 from trifinger._trifinger import Policy
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.commands.command_line import ArgumentParser, add_json, say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Progress
 
@@ -18,18 +18,18 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = ArgumentParser(
         prog="trifinger evaluate",
         description="Let a policy act in simulations, and say how near it comes to its goals.",
+        epilog="Example:\n  trifinger evaluate reach/reach.policy",
     )
     parser.add_argument("policy", type=Path, help="a file that `trifinger train` wrote")
     parser.add_argument(
-        "--task", help="default: the task that the file names, unless it is a MODULE:CLASS"
+        "--task",
+        help="what it shall do; default: what the file names, unless it is a MODULE:CLASS",
     )
-    parser.add_argument("--episodes", type=int, default=50)
+    parser.add_argument("--episodes", type=int, default=50, help="how many; default: 50")
     parser.add_argument(
         "--seed", type=int, default=1_000_000, help="of the first episode; each later one adds 1"
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print JSON: distances in m, success from 0 to 1"
-    )
+    add_json(parser)
     arguments = parser.parse_args(words)
 
     def run() -> None:

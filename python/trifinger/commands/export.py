@@ -8,7 +8,7 @@ from pathlib import Path
 
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands import program
-from trifinger.commands.command_line import ArgumentParser, add_log_options, run, say
+from trifinger.commands.command_line import ArgumentParser, add_log_options, add_output, run, say
 from trifinger.errors import InvalidArgument
 from trifinger.log import original
 from trifinger.log.images import save_images
@@ -91,10 +91,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger log export",
         description="Write the sessions and companions of a log as tables: a row per step.",
-        epilog="Examples:\n  trifinger log export run.mcap -o run.csv\n"
+        epilog="Example:\n  trifinger log export run.mcap -o run.csv\n"
         "  trifinger log export run.mcap --format parquet -o tables\n"
         "  trifinger log export run.mcap --images images",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_options(parser)
     parser.add_argument(
@@ -103,17 +102,16 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         help="default: the ending of the output, or csv; parquet needs pyarrow; mcap is a copy; "
         "original is robot_data.dat and camera_data.dat of the original stack",
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        help="a file (.csv, .parquet) for the newest session, or a folder for all sessions",
+    add_output(
+        parser,
+        "a file (.csv, .parquet) for the newest session, or a folder for all sessions",
+        "PATH",
     )
     parser.add_argument(
         "--images",
         type=Path,
-        metavar="DIR",
-        help="instead of tables: write each image of the newest session as a file into DIR, and a "
+        metavar="FOLDER",
+        help="instead of tables: write each image of the newest session as a file into it, and a "
         "table of them; the folder can be a source of images",
     )
     parser.add_argument("--robot", metavar="NAME", help="only the robot or companion of this name")

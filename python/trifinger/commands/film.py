@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger film`."""
 
-import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands.command_line import (
     ArgumentParser,
+    add_output,
     add_part_options,
     add_view_options,
     run,
@@ -89,15 +89,14 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = ArgumentParser(
         prog="trifinger film",
         description="Draw a session: a film and a strip of pictures; with a report, a plot of it.",
-        epilog="Examples:\n"
+        epilog="Example:\n"
         "  trifinger film logs                               the newest session\n"
         "  trifinger film logs --report manipulate_output    the session of the report\n"
         "  trifinger film logs --cameras                     what its cameras saw",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("log", type=Path, help="a file, or a folder of recordings")
     add_part_options(parser)
-    parser.add_argument("-o", "--output", type=Path, help="folder; default: the report's, or film")
+    add_output(parser, "folder; default: the report's, or film", "FOLDER")
     parser.add_argument("--report", type=Path, help="folder that `trifinger manipulate` wrote")
     parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
     parser.add_argument(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trifinger._trifinger import Log
-from trifinger.commands.command_line import ArgumentParser, add_log_options, run, say
+from trifinger.commands.command_line import ArgumentParser, add_log_options, add_output, run, say
 from trifinger.log.plot import plot
 
 
@@ -16,12 +16,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         prog="trifinger log plot",
         description="Draw what happened in the newest session of a robot.",
         epilog="Example:\n  trifinger log plot run.mcap -o run.html",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_options(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, help=".png, .svg, .pdf or .html; default: LOG with .png"
-    )
+    add_output(parser, ".png, .svg, .pdf or .html; default: LOG with .png")
     parser.add_argument(
         "--robot",
         metavar="NAME",

@@ -15,7 +15,7 @@ from trifinger import extras
 from trifinger._trifinger import Policy, connect
 from trifinger.arrays import Array
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.commands.command_line import ArgumentParser, add_output, add_robot, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.tasks import task_of_file
 from trifinger.whole_file import whole_file
@@ -31,10 +31,10 @@ def main(words: Sequence[str] | None = None) -> int:
         description="Runs a trained policy of a task in Python on a robot.",
     )
     parser.add_argument("policy", type=Path)
-    parser.add_argument("--robot", default="sim")
+    add_robot(parser, "--robot")
     for name, number in (("--episodes", 10), ("--seed", 0), ("--first", 0)):
         parser.add_argument(name, type=int, default=number)
-    parser.add_argument("--json", type=Path, metavar="FILE")
+    add_output(parser, "also write the episodes to this file, in JSON")
     parser.add_argument("--precision", choices=("double", "single"), default="double")
     parser.add_argument("--scheduling", choices=("require", "try", "off"), default="try")
     parser.add_argument("--task", help="the task that the file names, MODULE:CLASS")
@@ -106,8 +106,8 @@ def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> Non
         # What was done counts, even if more cannot be done.
         successes = sum(report["is_success"] for report in reports)
         say(f"{successes} of {len(reports)} episodes ended at their goal.")
-        if arguments.json:
-            with whole_file(arguments.json) as part:
+        if arguments.output:
+            with whole_file(arguments.output) as part:
                 part.write_text(json.dumps(reports, indent=2) + "\n")
 
 

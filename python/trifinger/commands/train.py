@@ -17,7 +17,13 @@ from typing import TYPE_CHECKING, Any
 from trifinger import extras
 from trifinger._trifinger import task_names
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, add_view_options, say, view_of
+from trifinger.commands.command_line import (
+    ArgumentParser,
+    add_output,
+    add_view_options,
+    say,
+    view_of,
+)
 from trifinger.errors import Error, InvalidArgument
 
 if TYPE_CHECKING:
@@ -39,26 +45,27 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger train",
         description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
-        epilog="Examples:\n  trifinger train reach --shared\n  trifinger train --resume reach",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="Example:\n  trifinger train reach --shared\n  trifinger train --resume reach",
     )
     parser.add_argument(
         "task",
         nargs="?",
-        help=f"{', '.join(task_names())}, or MODULE:CLASS of your own: my_tasks:Middle",
+        help=f"one of {', '.join(task_names())}, or MODULE:CLASS of your own: my_tasks:Middle",
     )
-    parser.add_argument("--algorithm", choices=ALGORITHMS, help="default: ddpg")
+    parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
     parser.add_argument(
-        "--episodes", type=int, help="default: 700; for push by PPO 30000, for D'Claw by PPO 20000"
+        "--episodes",
+        type=int,
+        help="default: 700; for push by PPO 30000, for D'Claw by PPO 20000",
     )
-    parser.add_argument("--seed", type=int, help="default: 1")
+    parser.add_argument("--seed", type=int, help="of what chance draws; default: 1")
     parser.add_argument(
         "--robot-config",
         metavar="NAME|FILE",
         help="configuration of the simulated robot; default: of the one that the task is for",
     )
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
+    add_output(parser, "folder of the training; default: the task's name", "FOLDER")
     parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
     parser.add_argument(
         "--set",
@@ -79,7 +86,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error("either a task or --resume is needed")
     if arguments.said and not arguments.resume:
         parser.error("--task belongs to --resume")
-    own = ("algorithm", "episodes", "seed", "out", "robot_config")
+    own = ("algorithm", "episodes", "seed", "output", "robot_config")
     others = any(getattr(arguments, name) is not None for name in own)
     if arguments.resume and (arguments.shared or arguments.set or others):
         parser.error("--resume goes on as the training was begun: it takes no other options")
@@ -100,7 +107,7 @@ def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
         settings=dict(map(parse_setting, arguments.set)),
         **{name: number for name, number in numbers.items() if number is not None},
     )
-    folder = arguments.out or Path(name_of(arguments.task))
+    folder = arguments.output or Path(name_of(arguments.task))
     if folder.exists() and any(folder.iterdir()):
         raise InvalidArgument(
             f"{folder} is not empty; --resume {folder} goes on with a training in it"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from trifinger import extras
 from trifinger._trifinger import CameraCalibration
-from trifinger.commands.command_line import ArgumentParser, run, say
+from trifinger.commands.command_line import ArgumentParser, add_json, run, say, say_json
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
@@ -32,7 +32,7 @@ the board lay:
   raised_50mm...    flat on a block of this height; tells the size of the squares
   any other name    held or put anywhere, tilted, in all parts of the images
 One mark, three on the table, one raised and 15 others make a good calibration.
-Examples:
+Example:
   trifinger calibrate cameras --print-board board.pdf
   trifinger calibrate cameras trifinger-pro --images images
   trifinger calibrate cameras trifinger-pro --check --images this_morning
@@ -47,7 +47,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         description="Find out where the cameras of a robot are, and their lenses, from images of a "
         "board.",
         epilog=HOW_TO,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("robot", nargs="?", metavar="ROBOT", help="name of the robot")
     parser.add_argument("--images", type=Path, metavar="FOLDER", help="images of the board")
@@ -70,6 +69,8 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     if arguments.print_board is None and arguments.robot is None:
         parser.error("ROBOT is needed: the name of a robot, which names its calibration")
     needs_images = not (arguments.print_board or arguments.from_original or arguments.to_original)
+    if arguments.json and not arguments.check:
+        parser.error("--json is for --check")
     if needs_images and arguments.images is None:
         parser.error("--images is needed: a folder with a folder of images for each camera")
     return arguments
@@ -81,6 +82,7 @@ def add_other_jobs(parser: argparse.ArgumentParser) -> None:
     other.add_argument(
         "--check", action="store_true", help="check the present calibration with --images"
     )
+    add_json(parser)
     other.add_argument(
         "--from-original",
         type=Path,
@@ -249,6 +251,16 @@ def check(arguments: argparse.Namespace) -> int:
 
     calibration = present(arguments)
     found = check(ImageSet.of_folder(arguments.images), board_of(arguments), calibration)
+    if arguments.json:
+        say_json(
+            {
+                "is_good": not found.problems,
+                "images": found.images,
+                "residuals": found.residuals,
+                "problems": found.problems,
+            }
+        )
+        return 1 if found.problems else 0
     for text in found.lines():
         say(as_sentence(text))
     for text in found.problems:

@@ -11,7 +11,7 @@ import numpy as np
 from trifinger import extras
 from trifinger._trifinger import CameraCalibration
 from trifinger.arrays import Array
-from trifinger.commands.command_line import ArgumentParser, run, say
+from trifinger.commands.command_line import ArgumentParser, add_output, run, say
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
@@ -26,8 +26,8 @@ pixels show which face. Then no pose is needed, and five images are enough:
     yellow where these faces are, white for the background, black where nobody says what is there;
     or the numbers 1, 2... of the faces' colours, 255 for the background, 0 for nothing.
 Show each face to the cameras, in the light and with the things around that will be there later.
-Examples:
-  trifinger calibrate colours trifinger-pro --images images/* --to colours.yml
+Example:
+  trifinger calibrate colours trifinger-pro --images images/* -o colours.yml
   trifinger calibrate colours trifinger-pro --images images/* --page faces.html
   trifinger calibrate colours trifinger-pro --images images/* --labels labels.json
   trifinger track trifinger-pro --colours colours.yml"""
@@ -39,15 +39,12 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         prog="trifinger calibrate colours",
         description="Learn how the faces of an object look to a robot's cameras.",
         epilog=HOW_TO,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("robot", metavar="ROBOT", help="name of the robot")
     parser.add_argument(
         "--images", type=Path, nargs="+", required=True, metavar="FOLDER", help="folders of images"
     )
-    parser.add_argument(
-        "--to", type=Path, default=Path("colours.yml"), help="default: colours.yml", metavar="FILE"
-    )
+    add_output(parser, "the colours; default: colours.yml", default=Path("colours.yml"))
     parser.add_argument(
         "--calibration", type=Path, metavar="FILE", help="of the cameras; default: the robot's own"
     )
@@ -181,9 +178,9 @@ def learn(arguments: argparse.Namespace) -> int:
             position, orientation = estimate.position, estimate.orientation
         samples.add(images, text, tracked, position, orientation)
     model = samples.learn(f"{arguments.robot}.")
-    with whole_file(arguments.to) as part:
+    with whole_file(arguments.output) as part:
         part.write_text(model)
-    say(f"{arguments.to} written.")
+    say(f"{arguments.output} written.")
     return 0
 
 

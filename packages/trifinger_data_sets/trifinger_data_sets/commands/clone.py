@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 from trifinger import extras
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.commands.command_line import ArgumentParser, add_output, say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Progress
 
@@ -28,19 +27,23 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger clone",
         description="Train a policy to act as in a data set (docs/data_sets.md).",
-        epilog="Examples:\n"
+        epilog="Example:\n"
         "  trifinger clone trifinger/reach-v0 -o reach.policy     a data set of Minari\n"
         "  trifinger clone push -o push.policy                    the folder of a LeRobotDataset\n"
         "  trifinger evaluate reach.policy                        how well it does",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("data_set", metavar="DATASET", help="what `trifinger export` has written")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--epochs", type=int, default=100, help="default: 100")
+    add_output(parser, "file of the policy", required=True)
+    parser.add_argument("--epochs", type=int, default=100, help="rounds of learning; default: 100")
     parser.add_argument(
-        "--layers", type=int, nargs="+", default=[256, 256], metavar="N", help="default: 256 256"
+        "--layers",
+        type=int,
+        nargs="+",
+        default=[256, 256],
+        metavar="N",
+        help="sizes of layers; default: 256 256",
     )
-    parser.add_argument("--seed", type=int, default=1, help="default: 1")
+    parser.add_argument("--seed", type=int, default=1, help="of what chance draws; default: 1")
     parser.add_argument("--force", action="store_true", help="replace a file that is there")
     return parser.parse_args(words)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from trifinger import extras
 from trifinger._trifinger import Log
-from trifinger.commands.command_line import ArgumentParser, run, say
+from trifinger.commands.command_line import ArgumentParser, add_output, run, say
 from trifinger.commands.film import recordings
 from trifinger.errors import InvalidArgument
 
@@ -163,10 +163,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger export",
         description="Write logs as a data set for learning (docs/data_sets.md).",
-        epilog="Examples:\n"
+        epilog="Example:\n"
         '  trifinger export lerobot logs -o push --task "Push the cube to the middle"\n'
         "  trifinger export minari logs --episodes marks -o trifinger/reach-v0",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     formats = parser.add_subparsers(dest="format", required=True, metavar="FORMAT")
     lerobot = formats.add_parser(
@@ -188,7 +187,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
 def add_lerobot_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `trifinger export lerobot`."""
     add_options(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")
+    add_output(parser, "folder of the data set", "FOLDER", required=True)
     parser.add_argument(
         "--images",
         choices=("video", "image"),

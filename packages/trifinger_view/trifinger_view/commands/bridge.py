@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Coroutine, Sequence
 
-from trifinger.commands.command_line import ArgumentParser, run, say
+from trifinger.commands.command_line import ArgumentParser, add_robot, run, say
 from trifinger.errors import InvalidArgument
 
 from trifinger_view.bridges.dds import DdsNode
@@ -18,15 +18,15 @@ from trifinger_view.bridges.foxglove import LOOPBACK, FoxgloveOptions, FoxgloveS
 from trifinger_view.bridges.ros2 import NODE, Node, Ros2Bridge, Ros2Options, namespace_of
 from trifinger_view.bridges.zenoh_node import ROUTER, ZenohNode
 
-EXAMPLES = """Examples:
+EXAMPLES = """Example:
   trifinger bridge foxglove sim       then open ws://localhost:8765 in Foxglove
   trifinger bridge ros2 sim           then 'ros2 topic list' on this machine"""
 
 
-def add_rates(parser: argparse.ArgumentParser) -> None:
+def add_rates(parser: ArgumentParser) -> None:
     """Adds the robot, and how much of it is shown."""
     options = FoxgloveOptions()
-    parser.add_argument("name", nargs="?", default="sim", help="the robot; default: sim")
+    add_robot(parser, waits=True)
     parser.add_argument(
         "--rate",
         type=float,
@@ -57,7 +57,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         prog="trifinger bridge",
         description="Show a running robot in other programs, live. The robot notices nothing.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     bridges = parser.add_subparsers(dest="bridge", required=True, metavar="PROGRAM")
     foxglove = bridges.add_parser(
@@ -161,7 +160,7 @@ def serve_foxglove(arguments: argparse.Namespace) -> None:
     if arguments.host not in LOOPBACK and not token:
         token = secrets.token_urlsafe(16)
     server = FoxgloveServer(
-        arguments.name,
+        arguments.robot,
         FoxgloveOptions(
             host=arguments.host,
             port=arguments.port,
@@ -175,7 +174,7 @@ def serve_foxglove(arguments: argparse.Namespace) -> None:
     )
 
     def ready() -> None:
-        say(f"Serves {arguments.name} at {server.url}", flush=True)
+        say(f"Serves {arguments.robot} at {server.url}", flush=True)
         say("In Foxglove: Open connection, Foxglove WebSocket, and this address.", flush=True)
         if arguments.host not in LOOPBACK:
             report(
@@ -205,9 +204,9 @@ def node_of(arguments: argparse.Namespace, namespace: str) -> Node:
 
 def publish_ros2(arguments: argparse.Namespace) -> None:
     """`trifinger bridge ros2`."""
-    namespace = namespace_of(arguments.name, arguments.namespace)
+    namespace = namespace_of(arguments.robot, arguments.namespace)
     bridge = Ros2Bridge(
-        arguments.name,
+        arguments.robot,
         node_of(arguments, namespace),
         Ros2Options(
             namespace=namespace,
@@ -221,7 +220,7 @@ def publish_ros2(arguments: argparse.Namespace) -> None:
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, lambda *_: stop.set())
     where = namespace.rstrip("/")
-    say(f"Publishes {arguments.name} as the node {where}/{NODE}.", flush=True)
+    say(f"Publishes {arguments.robot} as the node {where}/{NODE}.", flush=True)
     if arguments.network:
         report("Everybody in this network sees the robot: DDS has no password.")
     bridge.run(stop)

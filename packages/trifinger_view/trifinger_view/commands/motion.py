@@ -8,16 +8,30 @@ from pathlib import Path
 
 import numpy as np
 from trifinger._trifinger import Log, connect
-from trifinger.commands.command_line import ArgumentParser, add_log_options, run, say
+from trifinger.commands.command_line import (
+    ArgumentParser,
+    add_json,
+    add_log_options,
+    add_output,
+    add_robot,
+    run,
+    say,
+    say_json,
+)
 from trifinger.errors import InvalidArgument
 
 from trifinger_view.motion import JointFacts, Motion, Plan, play
 from trifinger_view.motion.plot import plot
 
-EXAMPLES = """Examples:
+EXAMPLES = """Example:
   trifinger motion from-log logs --from 2 --to 9 -o wave.motion
+  trifinger motion info wave.motion
+  trifinger motion trim wave.motion --from 1 -o short.motion
   trifinger motion smooth wave.motion --cutoff 5 -o smooth.motion
   trifinger motion slow smooth.motion --within-limits -o slow.motion
+  trifinger motion mirror slow.motion -o mirrored.motion
+  trifinger motion turn slow.motion -o turned.motion
+  trifinger motion join slow.motion turned.motion -o both.motion
   trifinger motion plot slow.motion -o slow.png
   trifinger motion play slow.motion --robot sim
 'trifinger motion COMMAND --help' tells more; docs/motions.md tells all."""
@@ -29,17 +43,18 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         prog="trifinger motion",
         description="Change, draw and play motions: trajectories of joints in files.",
         epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def add(name: str, text: str, files: Sequence[str] = ("file",)) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=text, description=text + ".")
+    def add(name: str, text: str, files: Sequence[str] = ("file",)) -> ArgumentParser:
+        command: ArgumentParser = commands.add_parser(name, help=text, description=text + ".")
         for file in files:
             command.add_argument(file, type=Path, help="a motion")
         return command
 
-    add_config(add("info", "Say what is in a motion, and whether it is within the limits"))
+    about = add("info", "Say what is in a motion, and whether it is within the limits")
+    add_config(about)
+    add_json(about)
     trim = add("trim", "Keep the part between two times")
     trim.add_argument("--from", dest="from_", type=float, metavar="SECONDS", help="default: 0")
     trim.add_argument("--to", type=float, metavar="SECONDS", help="default: the end")
@@ -69,14 +84,12 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     from_log = add("from-log", "Take what a robot did from a log", ())
     add_source_options(from_log)
     for command in (trim, smooth, slow, mirror, turn, join, from_log):
-        command.add_argument("-o", "--output", type=Path, required=True, help="the new motion")
+        add_output(command, "the new motion", required=True)
         command.add_argument("--force", action="store_true", help="replace a file that is there")
     for command in (slow, mirror, join):
         add_config(command)
     draw = add("plot", "Draw positions, speeds, torques and tips beside the limits")
-    draw.add_argument(
-        "-o", "--output", type=Path, required=True, help=".png, .svg or .pdf; is replaced"
-    )
+    add_output(draw, ".png, .svg or .pdf; is replaced", required=True)
     add_config(draw)
     add_play_options(
         add("play", "Lead a running robot to the start of a motion, and let it do the motion")
@@ -96,9 +109,9 @@ def add_source_options(from_log: argparse.ArgumentParser) -> None:
     )
 
 
-def add_play_options(do: argparse.ArgumentParser) -> None:
+def add_play_options(do: ArgumentParser) -> None:
     """Adds the robot that does a motion, and how it does it."""
-    do.add_argument("--robot", metavar="NAME", required=True, help="name of the running robot")
+    add_robot(do, "--robot")
     do.add_argument("--times", type=int, default=1, metavar="N", help="how often; default: 1")
     do.add_argument(
         "--speed",
@@ -153,6 +166,23 @@ def info(motion: Motion, facts: JointFacts | None) -> str:
     else:
         lines.append("within the limits of its robot")
     return "\n".join(lines)
+
+
+def report(motion: Motion, facts: JointFacts | None) -> dict[str, object]:
+    """What is in a motion, for programs; without known limits, violations are None."""
+    is_known = facts is not None or motion.configuration
+    return {
+        "robot": motion.robot,
+        "created": str(motion.created),
+        "duration": motion.duration,
+        "samples": len(motion),
+        "joints": list(motion.joints),
+        "least": motion.positions.min(axis=0).tolist(),
+        "largest": motion.positions.max(axis=0).tolist(),
+        "fastest": np.abs(motion.velocities).max(axis=0).tolist(),
+        "history": list(motion.history),
+        "violations": [str(one) for one in motion.violations(facts)] if is_known else None,
+    }
 
 
 def changed(arguments: argparse.Namespace) -> Motion:
@@ -227,7 +257,8 @@ def work(arguments: argparse.Namespace) -> int:
     if arguments.command == "play":
         return play_on_robot(arguments)
     if arguments.command == "info":
-        say(info(Motion.load(arguments.file), facts_of(arguments)))
+        motion, facts = Motion.load(arguments.file), facts_of(arguments)
+        say_json(report(motion, facts)) if arguments.json else say(info(motion, facts))
         return 0
     if arguments.command == "plot":
         plot(Motion.load(arguments.file), arguments.output, facts_of(arguments))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import trifinger
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.commands.command_line import ArgumentParser, add_output, add_robot, say
 from trifinger.errors import InvalidArgument
 from trifinger.progress import Line
 
@@ -31,12 +31,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "  trifinger run trifinger_pro --name robot       in one terminal\n"
         "  trifinger teach robot -o wave.motion           in another; Enter ends the recording\n"
         "  trifinger motion play wave.motion --robot robot",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("robot", metavar="NAME", help="name of the running robot")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help="file of the motion"
-    )
+    add_robot(parser)
+    add_output(parser, "file of the motion", required=True)
     parser.add_argument(
         "--seconds", type=float, metavar="S", help="end by itself after this time of recording"
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import trifinger
 from trifinger._trifinger import Guide, GuideState
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, say
+from trifinger.commands.command_line import ArgumentParser, add_robot, say
 from trifinger.errors import Error
 from trifinger.progress import Line
 
@@ -35,18 +35,17 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         description="Move a robot with a keyboard, a gamepad or a device of yours.",
         epilog=f"Keys:\n{keyboard.HELP}\nThe robot moves while a key is held.\n\n"
         f"Gamepad:\n{gamepad.HELP}\n\n"
-        "Examples:\n"
+        "Example:\n"
         "  trifinger teleop sim\n"
         "  trifinger teleop sim --device gamepad\n"
         "  trifinger teleop sim --device my_module:my_function\n"
         "  trifinger teleop panda --frame right_hand",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("robot", metavar="NAME", help="name of the running robot")
+    add_robot(parser)
     parser.add_argument(
         "--device",
         default="keyboard",
-        help="keyboard (default), gamepad, gamepad:FILE for one of several (/dev/input/event5), or "
+        help="one of keyboard (default), gamepad, gamepad:FILE (such as /dev/input/event5), or "
         "MODULE:FUNCTION, a function that returns a trifinger_view.teleoperation.Command",
     )
     add_frames(parser)

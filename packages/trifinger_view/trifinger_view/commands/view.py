@@ -14,8 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trifinger import extras
-from trifinger._trifinger import list_sessions, observe
-from trifinger.commands.command_line import ArgumentParser, ended_by_signals, run, say
+from trifinger._trifinger import observe, running_robot
+from trifinger.commands.command_line import (
+    ArgumentParser,
+    ended_by_signals,
+    names_of_robots,
+    run,
+    say,
+)
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 
 from trifinger_view import PAGE
@@ -154,7 +160,7 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
 
 def note_of_missing(name: str) -> str:
     """Says that the page waits for the robot `name`, or for any, if none runs; otherwise empty."""
-    running = [one.name for one in list_sessions() if one.backend_is_alive and not one.is_companion]
+    running = names_of_robots()
     if name in running or (running and not name):
         return ""
     others = f"; there is {' and '.join(running)}" if running else ""
@@ -226,20 +232,19 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger view",
         description="Show a running robot or a log in a browser, on this machine alone.",
-        epilog="Examples:\n"
+        epilog="Example:\n"
         "  trifinger view                     the robot that runs\n"
         "  trifinger view sim                 the robot 'sim', and its next sessions\n"
         "  trifinger view sim --control       the same, and the page steers the robot\n"
         "  trifinger view logs                the newest log in a folder, with a time line\n"
         "  trifinger view logs -o run.html    a file that any browser shows, without this program",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "what",
         nargs="?",
         default="",
         metavar="NAME|LOG",
-        help="a robot, or a log: a file or a folder; default: the robot that runs",
+        help="a robot, or a log: a file or a folder; default: the only robot that runs",
     )
     parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
     parser.add_argument(
@@ -306,11 +311,13 @@ def show_or_write(arguments: argparse.Namespace) -> None:
     steers = arguments.control or arguments.hand
     if arguments.frame and not arguments.control:
         raise InvalidArgument("--frame says what --control moves; it needs --control")
-    if steers and (not arguments.what or is_log(arguments.what)):
+    if steers and is_log(arguments.what):
         option = "--control" if arguments.control else "--hand"
         raise InvalidArgument(
             f"{option} needs the name of a robot that runs: trifinger view sim {option}"
         )
+    if steers or (not arguments.what and len(names_of_robots()) > 1):
+        arguments.what = arguments.what or running_robot()
     if is_log(arguments.what):
         if arguments.output is not None:
             write_log(arguments)
