@@ -132,7 +132,10 @@ def test_output_has_one_name(programs: Path) -> None:
         ("teach --robot left -o file", "the robot comes first, without --robot"),
     ],
 )
-def test_an_old_word_is_refused_with_the_right_one(programs: Path, words: str, remedy: str) -> None:
+def test_an_old_word_is_refused_with_the_right_one(
+    programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, remedy: str
+) -> None:
+    monkeypatch.chdir(tmp_path)  # what is not refused writes somewhere
     done = call(programs, *words.split())
     assert done.returncode == 2
     assert remedy in done.stderr

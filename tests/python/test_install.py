@@ -53,7 +53,7 @@ def test_names_no_folder_of_the_machine_that_built_it(prefix: Path, first_prefix
 
 def test_holds_nothing_of_the_python_package(prefix: Path) -> None:
     assert {path.name for path in prefix.iterdir()} == {"bin", "include", "lib", "share"}
-    assert list(prefix.rglob("_trifinger*")) == []
+    assert list(prefix.rglob("_trifinger*.so")) == []
 
 
 def test_program_uses_the_mujoco_that_was_installed_with_it(prefix: Path) -> None:
