@@ -10,16 +10,15 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import msgspec.msgpack
 import numpy as np
 import trifinger
-import viser
 from chromium import open_browser
 from rows import Row
-from trifinger_view.authentication import Authentication, page_server
+from trifinger_view.authentication import Authentication
 from trifinger_view.commands import view as command
 from trifinger_view.live import LiveRun
-from trifinger_view.page import Page, help_slow_browsers
+from trifinger_view.page import Page, document_of
+from trifinger_view.page_server import PageServer
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -27,34 +26,21 @@ VIEWERS = 3
 WINDOWS = 5  # measured in turn with and without viewers, which take seconds to start
 COMMAND = "import sys; from trifinger_view.commands.view import main; sys.exit(main())"
 SCENE_SIZE = 100_000  # bytes that a connection has got once it has the robot
-STAMP = "trifinger-stamp"
-# Notes the stamp of each picture and when the browser was ready to draw the next one [ms].
-PROBE = f"""() => {{
+# Notes the step of each picture and when the browser was ready to draw the next one [ms].
+PROBE = """() => {
   window.pictures = [];
   let before = "";
-  const look = () => {{
-    const stamp = document.getElementById("{STAMP}")?.textContent ?? "";
-    if (stamp !== before) {{
-      before = stamp;
+  const look = () => {
+    const step = document.body.dataset.step ?? "";
+    if (step !== before) {
+      before = step;
       const now = performance.timeOrigin + performance.now();
-      window.pictures.push([Number(stamp), now]);
-    }}
+      window.pictures.push([Number(step), now]);
+    }
     requestAnimationFrame(look);
-  }};
+  };
   look();
-}}"""
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1, 0, 0, 0],
-    "position": [0, 0, 1],
-    "look_at": [0, 0, 0],
-    "up_direction": [0, 0, 1],
-    "fov": 1.0,
-    "image_height": 100,
-    "image_width": 100,
-    "near": 0.1,
-    "far": 9.0,
-}
+}"""
 
 
 @contextlib.contextmanager
@@ -81,11 +67,9 @@ def viewers(name: str) -> Iterator[list[int]]:
                 f"ws://{host}",
                 origin=f"http://{host}",  # type: ignore[arg-type]
                 additional_headers={"Cookie": f"trifinger_view_{port}={token}"},
-                subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
                 max_size=None,
                 compression=None,
             )
-            browser.send(msgspec.msgpack.encode(CAMERA))
 
             def read(browser: Any = browser, number: int = number) -> None:
                 with contextlib.suppress(ConnectionClosed):
@@ -153,7 +137,7 @@ def picture_rows(name: str, *, is_quick: bool) -> list[Row]:
             remark=f"`--plain`; {remark}",
         ),
         Row(
-            "the same with light and shadows, which need a graphics card",
+            "the same with shadows, which need a graphics card",
             lit,
             lit,
             lit,
@@ -168,15 +152,15 @@ def picture_rows(name: str, *, is_quick: bool) -> list[Row]:
 def pictures_of(name: str, *, is_plain: bool, is_quick: bool) -> tuple[Any, float]:
     """Ages of the pictures that a browser draws [ms], and how many it draws in a second.
 
-    Light and shadows take a processor seconds for each picture, so a quick look takes few.
+    Shadows take a processor long for each picture, so a quick look takes few.
     """
-    settling, seconds, pictures_at_least = (0, 0.5, 3) if is_quick else (10, 10.0, 6)
+    seconds, pictures_at_least = (0.5, 3) if is_quick else (10.0, 6)
     authentication = Authentication(port=0)
-    help_slow_browsers(authentication, is_plain=is_plain)
-    page = Page(page_server(authentication, name), name, is_plain=is_plain)
-    stamp = page.server.gui.add_html("", order=-1.0)
+    server = PageServer(authentication, document_of(name, is_plain=is_plain))
+    page = Page(server)
     live = LiveRun(name)
     robot = trifinger.observe(name)
+    measured: dict[int, int] = {}  # times of the steps that were sent [ns]
     is_over = threading.Event()
 
     def serve() -> None:
@@ -185,12 +169,11 @@ def pictures_of(name: str, *, is_plain: bool, is_quick: bool) -> tuple[Any, floa
             live.look()
             if live.session_id != session:
                 session = live.session_id
-                page.begin(live.scene)
-            if live.frame is not None:
-                with page.server.atomic():
-                    page.show(live.frame)
-                    measured = robot.get_status(live.frame.time_index).time  # [ns]
-                    stamp.content = f'<span id="{STAMP}">{measured}</span>'
+                page.begin(live.scene, name)
+            if live.frame is not None and live.frame.time_index >= 0:
+                step = live.frame.time_index
+                measured[step] = int(robot.get_status(step).time)
+                page.show(live.frame)
             following = max(following + 1.0 / command.RATE, time.monotonic())
             time.sleep(max(following - time.monotonic(), 0.0))
 
@@ -200,19 +183,21 @@ def pictures_of(name: str, *, is_plain: bool, is_quick: bool) -> tuple[Any, floa
         with open_browser() as browser:
             tab = browser.new_page(viewport={"width": 480, "height": 320})
             tab.goto(authentication.url, timeout=0)
-            tab.wait_for_selector(f"#{STAMP}", state="attached", timeout=0)
-            tab.wait_for_timeout(1000 * settling)  # textures, and the scene fades in
+            tab.wait_for_selector("body[data-step]", timeout=0)
+            if not is_plain:  # a browser without a graphics card leaves them out by itself
+                tab.locator("#shadows").check()
             tab.evaluate(PROBE)
             tab.wait_for_timeout(1000 * seconds)
-            has_enough = f"() => window.pictures.length >= {pictures_at_least}"
-            tab.wait_for_function(has_enough, timeout=0)
+            while tab.evaluate("() => window.pictures.length") < pictures_at_least:
+                tab.wait_for_timeout(100)
             pictures = np.array(tab.evaluate("() => window.pictures")[1:])
         offset = time.time() - time.monotonic()  # the browser knows only the time of day
-        ages = 1e3 * (pictures[:, 1] * 1e-3 - offset - pictures[:, 0] * 1e-9)
+        stamps = np.array([measured[int(step)] for step in pictures[:, 0]])
+        ages = 1e3 * (pictures[:, 1] * 1e-3 - offset - stamps * 1e-9)
         rate = float((len(pictures) - 1) / (pictures[-1, 1] - pictures[0, 1]) * 1e3)
     finally:
         is_over.set()
         thread.join()
-        page.server.stop()
+        server.stop()
         authentication.close()
     return ages, rate

@@ -253,7 +253,7 @@ def test_program_finds_the_commands_of_packages(packages: Installation, command:
     [
         ("export lerobot l -o s", "pandas, pyarrow, av and PIL", "trifinger_data_sets", "lerobot"),
         ("export minari l -o s-v0", "minari and h5py", "trifinger_data_sets", "minari"),
-        ("view sim", "viser", "trifinger_view", None),
+        ("view sim", "PIL", "trifinger_view", None),
     ],
 )
 def test_commands_of_packages_say_what_they_lack(

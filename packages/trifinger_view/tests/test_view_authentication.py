@@ -4,25 +4,24 @@
 import contextlib
 import http.client
 import ipaddress
+import json
+import queue
 import socket
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec.msgpack
-import numpy as np
 import pytest
-import viser
 import websockets.exceptions
 from hypothesis import given, strategies
 from trifinger import Error, InvalidArgument
 from trifinger_view import authentication as authentication_module
-from trifinger_view.authentication import Authentication, page_server
+from trifinger_view.authentication import Authentication
+from trifinger_view.page import document_of
+from trifinger_view.page_server import PageServer
+from trifinger_view.to_browser import Numbers, message
 from viewing import Viewing
 from websockets.sync.client import ClientConnection, connect
-
-VERSION = f"viser-v{viser.__version__}"
 
 
 @pytest.fixture
@@ -33,8 +32,9 @@ def authentication() -> Iterator[Authentication]:
 
 
 @pytest.fixture
-def server(authentication: Authentication) -> Iterator[Any]:
-    server = page_server(authentication, "test")
+def server(authentication: Authentication) -> Iterator[PageServer]:
+    server = PageServer(authentication, document_of("test"))
+    server.put("state", message("state", number=0))
     yield server
     server.stop()
 
@@ -72,7 +72,6 @@ def browse(
         f"ws://127.0.0.1:{authentication.port}",
         origin=origin or None,  # type: ignore[arg-type]
         additional_headers={"Cookie": cookies, **headers},
-        subprotocols=[VERSION],  # type: ignore[list-item]
         max_size=None,
         compression=None,
         ping_interval=None,
@@ -80,25 +79,22 @@ def browse(
     )
 
 
-def send(browser: ClientConnection, kind: str, **fields: Any) -> None:
-    browser.send(msgspec.msgpack.encode({"type": kind, **fields}))
+def send(browser: ClientConnection, do: str, **asked: Any) -> None:
+    browser.send(json.dumps({"do": do, **asked}))
 
 
 def messages_of(browser: ClientConnection) -> Iterator[dict[str, Any]]:
-    """Yields the messages that a browser gets, without large arrays."""
-    import zstandard
-
+    """Yields the texts of the messages that a browser gets."""
     for data in browser:
         assert isinstance(data, bytes)
-        size = int.from_bytes(data[8:16], "little")
-        packed = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
-        yield from msgspec.msgpack.decode(packed)["messages"]
+        size = int.from_bytes(data[:4], "little")
+        yield json.loads(data[4 : 4 + size])
 
 
 def wait_for(browser: ClientConnection, kind: str, **fields: Any) -> dict[str, Any]:
-    for message in messages_of(browser):
-        if message["type"] == kind and all(message[name] == fields[name] for name in fields):
-            return message
+    for found in messages_of(browser):
+        if found["kind"] == kind and all(found[name] == fields[name] for name in fields):
+            return found
     raise AssertionError("the connection was closed")
 
 
@@ -118,7 +114,7 @@ def test_the_address_with_the_token_leads_to_the_page(authentication: Authentica
     assert b"<html" in page.lower()
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
     with browse(authentication) as browser:
-        wait_for(browser, "ReplayDoneMessage")
+        wait_for(browser, "state")
 
 
 @pytest.mark.usefixtures("server")
@@ -263,90 +259,66 @@ def test_addresses_and_tokens_that_cannot_be_used_are_named() -> None:
 # ---- what a browser can do ----
 
 
-def test_fault_68_no_browser_opens_a_tunnel(
-    server: Any, authentication: Authentication, monkeypatch: pytest.MonkeyPatch
+def test_messages_of_a_browser_are_done_in_order_and_its_end_comes_last(
+    server: PageServer, authentication: Authentication
 ) -> None:
-    asked: list[str] = []
-    for name in ("request_share_url", "disconnect_share_url"):
-        monkeypatch.setattr(server, name, lambda name=name: asked.append(name))
-    box = server.gui.add_checkbox("box", False)
+    done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    server.on_message = lambda browser, asked: done.put((browser, asked["number"]))
+    server.on_gone = lambda browser: done.put((browser, "gone"))
     with browse(authentication) as browser:
-        wait_for(browser, "ReplayDoneMessage")
-        pose = {"wxyz": [1, 0, 0, 0], "position": [0, 0, 1], "look_at": [0, 0, 0], "fov": 1.0}
-        size = {"image_height": 10, "image_width": 10, "near": 0.1, "far": 9.0}
-        send(browser, "ViewerCameraMessage", up_direction=[0, 0, 1], **pose, **size)
-        send(browser, "ShareUrlRequest")
-        send(browser, "ShareUrlDisconnect")
-        changed = threading.Event()
-        box.on_update(lambda _: changed.set())
-        send(browser, "GuiUpdateMessage", uuid=box._impl.uuid, updates={"value": True})
-        changed.wait()
-        # The pool of threads has done what came before: its last task is ours.
-        server._thread_executor.shutdown(wait=True)
-    assert asked == []
-    with pytest.raises(Error, match="never shared"):
-        type(server).request_share_url(server)
+        for number in range(100):
+            send(browser, "anything", number=number)
+    found = [done.get() for _ in range(101)]
+    assert [what for _, what in found] == [*range(100), "gone"]
+    assert len({browser for browser, _ in found}) == 1
 
 
-def test_fault_68_a_browser_changes_values_alone(
-    server: Any, authentication: Authentication
+def test_a_message_for_one_browser_is_sent_to_no_other(
+    server: PageServer, authentication: Authentication
 ) -> None:
-    number = server.gui.add_number("number", 1.0)
-    uuid, passed = number._impl.uuid, []
-    tell = number._impl.sync_cb
-
-    def note(client: Any, updates: dict[str, Any]) -> None:
-        passed.append(updates)
-        tell(client, updates)
-
-    number._impl.sync_cb = note
-    with browse(authentication) as browser, browse(authentication) as other:
-        wait_for(browser, "ReplayDoneMessage")
-        wait_for(other, "ReplayDoneMessage")
-        for updates in (
-            {"label": "<script>"},
-            {"value": 2.0, "removed": True},
-            {"value": float("nan")},
-            {"value": "x" * 2000},
-            {"value": [0.0] * 2000},
-            {},
-        ):
-            send(browser, "GuiUpdateMessage", uuid=uuid, updates=updates)
-        send(browser, "GuiUpdateMessage", uuid=uuid, updates={"value": 3.0})
-        wait_for(other, "GuiUpdateMessage", updates={"value": 3.0})
-    assert passed == [{"value": 3.0}]
-    assert number.label == "number"
+    with browse(authentication) as first:
+        wait_for(first, "state")
+        (number,) = server.browsers
+        with browse(authentication) as second:
+            wait_for(second, "state")
+            server.put("seat", message("seat", of=number), number)
+            server.put("seat", message("seat", of=-1), -1)  # which there is not
+            server.put("curves", message("curves"))
+            assert wait_for(first, "seat")["of"] == number
+            assert next(messages_of(second))["kind"] == "curves"
 
 
 @pytest.mark.parametrize(
     "data",
     [
-        *(b"", b"\xc1", b"\x80", "text", msgspec.msgpack.encode({"type": "Unknown"})),
-        msgspec.msgpack.encode(
-            {"type": "GuiUpdateMessage", "uuid": "", "updates": {"value": "x" * 2_000_000}}
-        ),
+        *(b"", b"\xc1", b"\x80", "text", "[]", "1", "{}", '{"do": 1}', "[" * 4000, b"\xff" * 9),
+        *('{"do": "drag", "point": NaN}', '{"do": "drag", "point": [-Infinity]}'),
+        json.dumps({"do": "x" * 5000}),
     ],
 )
 def test_fault_68_a_message_that_makes_no_sense_ends_that_connection_alone(
-    server: Any, authentication: Authentication, data: bytes | str
+    server: PageServer, authentication: Authentication, data: bytes | str
 ) -> None:
+    asked: list[Any] = []
+    server.on_message = lambda *what: asked.append(what)
     with browse(authentication) as browser, browse(authentication) as other:
-        wait_for(browser, "ReplayDoneMessage")
-        wait_for(other, "ReplayDoneMessage")
+        wait_for(browser, "state")
+        wait_for(other, "state")
         with contextlib.suppress(websockets.exceptions.ConnectionClosed):
             browser.send(data)
         with contextlib.suppress(websockets.exceptions.ConnectionClosed):
             for _ in browser:  # until the server closes it
                 pass
-        server.gui.add_text("text", "still here")
-        wait_for(other, "GuiTextMessage", value="still here")
+        server.put("state", message("state", number=1))
+        wait_for(other, "state", number=1)
+    assert asked == []
 
 
 @pytest.mark.usefixtures("server")
 def test_fault_68_connections_are_bounded(authentication: Authentication) -> None:
     with contextlib.ExitStack() as browsers:
         for _ in range(authentication_module.MAX_BROWSERS):
-            wait_for(browsers.enter_context(browse(authentication)), "ReplayDoneMessage")
+            wait_for(browsers.enter_context(browse(authentication)), "state")
         with pytest.raises(websockets.exceptions.InvalidStatus) as refused:
             browsers.enter_context(browse(authentication))
         assert refused.value.response.status_code == 503
@@ -354,34 +326,21 @@ def test_fault_68_connections_are_bounded(authentication: Authentication) -> Non
 
 @pytest.mark.slow
 def test_fault_68_a_slow_browser_loses_frames_alone(
-    server: Any, authentication: Authentication
+    server: PageServer, authentication: Authentication
 ) -> None:
     """One browser reads nothing while much more is sent than buffers hold; another sees it all."""
-    frames, points = 100, np.zeros((20_000, 3), np.float32)  # 240 kB each
-    cloud = server.scene.add_point_cloud("/cloud", points, (0, 0, 0))
-    mark = server.gui.add_number("mark", -1.0)
+    frames, numbers = 100, Numbers()
+    numbers.add_file(bytes(240_000))
     with browse(authentication, max_queue=1) as slow, browse(authentication) as quick:
-        wait_for(slow, "ReplayDoneMessage")
-        wait_for(quick, "ReplayDoneMessage")
+        wait_for(slow, "state")
+        wait_for(quick, "state")
         for number in range(frames):
-            with server.atomic():
-                cloud.points = points + number
-                mark.value = number
-            wait_for(quick, "GuiUpdateMessage", updates={"value": number})
-        # viser keeps one value of each thing, however slow a browser is.
-        buffer = server._websock_server.get_message_buffer()
-        assert (
-            sum(
-                type(one).__name__ == "SceneNodeUpdateMessage"
-                for one in buffer.message_from_id.values()
-            )
-            <= 1
-        )
+            server.put("frame", message("frame", numbers, number=number))
+            wait_for(quick, "frame", number=number)
         seen = []
-        for message in messages_of(slow):
-            if message["type"] == "GuiUpdateMessage":
-                seen.append(message["updates"]["value"])
-                if seen[-1] == frames - 1:
-                    break
+        for found in messages_of(slow):
+            seen.append(found["number"])
+            if seen[-1] == frames - 1:
+                break
     assert len(seen) < frames / 2  # buffers hold a few megabytes
     assert seen == sorted(seen)

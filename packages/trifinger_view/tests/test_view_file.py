@@ -19,8 +19,8 @@ from trifinger.errors import InvalidArgument
 from trifinger_view.commands import view
 from trifinger_view.html_file import write_html
 from trifinger_view.logged import LoggedRun
-from trifinger_view.page import GHOST_ANGLE, smaller
 from trifinger_view.playing import FASTEST, SLOWEST, TimeLine
+from trifinger_view.to_browser import GHOST_ANGLE, smaller
 
 pytestmark = [
     pytest.mark.slow,
@@ -106,11 +106,11 @@ class Opened:
         )
 
     def go_to(self, time: float) -> None:
-        self.ask("time => trifingerPage.goTo(time)", time)
+        self.ask("time => trifingerPage.line.moveTo(time)", time)
 
     @property
     def state(self) -> str:
-        return self.page.inner_text("#state")
+        return " ".join(self.page.inner_text("#state").split())
 
 
 Open = Callable[[Path], Opened]
@@ -145,7 +145,7 @@ def test_the_file_opens_from_the_disk_and_asks_for_nothing_else(
 ) -> None:
     opened = open_page(file)
     assert opened.complaints.requests == [file.as_uri()]
-    assert opened.state.split("\n") == ["running", "step 0"]
+    assert opened.state == "running step 0"
     assert not re.search(r"https?://", file.read_text().replace("http-equiv", ""))
 
 
@@ -161,8 +161,9 @@ def test_bodies_are_where_the_log_and_the_kinematics_have_them(
         places, turns = run.scene.poses(frame.position, frame.objects)
         opened.go_to(time)
         shown = opened.ask(
-            "() => Object.fromEntries([...trifingerPage.bodies]"
-            ".map(([name, body]) => [name, [...body.parts[0].pose]]))"
+            "() => Object.fromEntries(trifingerPage.bodies.flatMap(({name, parts, ghosts}) =>"
+            " [[name, [...parts[0].pose]],"
+            " [`${name} desired`, [...(ghosts[0] ?? parts[0]).pose]]]))"
         )
         for body, place, turn in zip(run.scene.bodies, places, turns, strict=True):
             np.testing.assert_allclose(shown[body.name][:3], place, atol=GRAIN)
@@ -188,8 +189,8 @@ def test_between_two_frames_bodies_are_between_their_poses(
         for share in (0.25, 0.7):
             time = times[row] + share * (times[row + 1] - times[row])
             poses = opened.ask(
-                "times => times.map(time => [...trifingerPage.bodies.keys()]"
-                ".map(name => trifingerPage.poseOf(name, time).slice(0, 3)))",
+                "times => times.map(time => trifingerPage.courses"
+                ".map(course => [...trifingerPage.poseAt(course, time)].slice(0, 3)))",
                 [times[row], time, times[row + 1]],
             )
             before, found, after = map(np.array, poses)
@@ -297,7 +298,8 @@ def test_a_session_without_a_fault_says_at_its_end_how_it_ended(
 def test_plots_show_the_numbers_of_the_log(run: LoggedRun, file: Path, open_page: Open) -> None:
     opened = open_page(file)
     found = opened.ask(
-        "() => trifingerPage.plots.map(plot => ({name: plot.name, lines: plot.lines.map(line =>"
+        "() => trifingerPage.plots.map(plot => ({name: plot.title.split(' [')[0],"
+        " lines: plot.lines.map(line =>"
         " ({isDesired: line.isDesired, low: Math.min(...line.low), high: Math.max(...line.high)}))"
         "}))"
     )
@@ -314,7 +316,8 @@ def test_plots_show_the_numbers_of_the_log(run: LoggedRun, file: Path, open_page
     opened.page.select_option("#group", label="finger 120")
     assert opened.page.inner_text("#legend").split() == ["0", "1", "2"]
     shown = opened.ask(
-        "trifingerPage.plots.map(plot => [plot.name, plot.shown.map(line => line.low)])"
+        "trifingerPage.plots.map(plot => [plot.title.split(' [')[0],"
+        " plot.shown.map(line => line.low)])"
     )
     for name, lines in shown:
         if name == "tip_force":  # one number for each finger

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The page of a log without a browser: what its panel does and what it shows."""
 
-import contextlib
 import gc
-from collections.abc import Iterator
+import json
+from typing import Any
 
 import numpy as np
 import pytest
 import trifinger
-from trifinger_view.authentication import Authentication, page_server
 from trifinger_view.curves import TORQUE, TRACKING
 from trifinger_view.log_page import LogPage
 from trifinger_view.logged import LoggedRun
@@ -38,31 +37,67 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> LoggedRun:
     return LoggedRun(folder)
 
 
+class Server:
+    """Notes what browsers would be told: the newest of each kind."""
+
+    browsers = (1,)
+
+    def __init__(self) -> None:
+        self.told: dict[str, dict[str, Any]] = {}
+        self.numbers: dict[str, bytes] = {}
+
+    def put(self, kind: str, message: bytes) -> None:
+        size = 4 + int.from_bytes(message[:4], "little")
+        self.told[kind], self.numbers[kind] = json.loads(message[4:size]), message[size:]
+
+    def poses(self) -> np.ndarray:
+        """Those of the bodies in the newest frame."""
+        offset, count = self.told["frame"]["poses"]
+        return np.frombuffer(self.numbers["frame"], "<f4", count, offset).reshape(-1, 7)
+
+
 @pytest.fixture
-def page() -> Iterator[Page]:
-    with contextlib.closing(Authentication(port=0)) as authentication:
-        server = page_server(authentication, "test")
-        yield Page(server, "test")
-        server.stop()
+def server() -> Server:
+    return Server()
 
 
-def test_the_page_shows_the_step_of_the_time_line(page: Page, run: LoggedRun) -> None:
+@pytest.fixture
+def page(server: Server) -> Page:
+    return Page(server)  # type: ignore[arg-type]
+
+
+def test_the_page_shows_the_step_of_the_time_line(
+    server: Server, page: Page, run: LoggedRun
+) -> None:
     clock = Clock()
     shown = LogPage(page, run, clock)
     for time in (0.0, 0.5, 2.25, run.end, 1.0):
-        shown.line.move_to(time)
+        shown.do({"do": "move", "time": time})
         clock.now += 1.0
         shown.renew()
         frame = run.frame_at(time)
-        assert f'class="trifinger-step">{frame.time_index}<' in page._shown_state
-        assert page.scene.scene is not None
-        places, _ = page.scene.scene.poses(frame.position, frame.objects)
-        for node, place in zip(page.scene._bodies, places, strict=True):
-            np.testing.assert_allclose(node._place, place)
-        assert shown._slider.value == pytest.approx(time, abs=0.001)
+        lines = {line["label"]: line["text"] for line in server.told["state"]["lines"]}
+        assert lines["step"] == str(frame.time_index)
+        assert server.told["frame"]["session"] == server.told["session"]["session"]
+        assert run.scene is not None
+        poses = np.concatenate(run.scene.poses(frame.position, frame.objects), axis=1)
+        np.testing.assert_allclose(server.poses(), poses, atol=1e-6)
+        assert server.told["line"]["position"] == pytest.approx(time, abs=0.001)
 
 
-def test_the_ghost_appears_only_where_the_robot_is_not_yet(page: Page, run: LoggedRun) -> None:
+def test_the_camera_has_room_for_the_whole_log(server: Server, page: Page, run: LoggedRun) -> None:
+    LogPage(page, run, Clock()).renew()
+    home = server.told["session"]["home"]
+    assert run.scene is not None
+    for time in np.linspace(0, run.end, 7):
+        frame = run.frame_at(time)
+        for corner in run.scene.bounds(frame.position, frame.objects):
+            assert np.linalg.norm(corner - home["middle"]) < 1.05 * home["radius"]
+
+
+def test_the_ghost_appears_only_where_the_robot_is_not_yet(
+    server: Server, page: Page, run: LoggedRun
+) -> None:
     clock = Clock()
     shown = LogPage(page, run, clock)
     seen = []
@@ -70,53 +105,52 @@ def test_the_ghost_appears_only_where_the_robot_is_not_yet(page: Page, run: Logg
         shown.line.move_to(time)
         clock.now += 1.0
         shown.renew()
-        seen.append(any(node._is_seen for node in page.scene._ghosts))
+        seen.append(server.told["frame"]["ghosts"] is not None)
     assert seen == [False, True, False]
 
 
 def test_it_plays_at_the_speed_of_the_clock_and_stops_at_the_end(
-    page: Page, run: LoggedRun
+    server: Server, page: Page, run: LoggedRun
 ) -> None:
     clock = Clock()
     shown = LogPage(page, run, clock)
-    shown._set_speed("0.5")
-    shown._set_speed("1e9")  # a browser can send anything
-    shown.line.play()
+    shown.do({"do": "speed", "speed": 0.5})
+    shown.do({"do": "toggle"})
     shown.renew()
-    assert shown._play.label == "Pause"
+    assert server.told["line"]["isPlaying"]
     clock.now += 2.0
     shown.renew()
     assert shown.line.position == pytest.approx(1.0)
     clock.now += 60.0
     shown.renew()
     assert shown.line.position == run.end
-    assert shown._play.label == "Play"
+    assert not server.told["line"]["isPlaying"]
 
 
 def test_buttons_go_by_steps_and_by_seconds(page: Page, run: LoggedRun) -> None:
     shown = LogPage(page, run, Clock())
     shown.line.move_to(1.0)
-    for what, step in (("+1 step", 1001), ("-1 step", 1000), ("+1 s", 2000), ("nothing", 2000)):
-        shown._step(what)
+    for asked, step in (
+        ({"do": "step", "steps": 1}, 1001),
+        ({"do": "step", "steps": -1}, 1000),
+        ({"do": "skip", "seconds": 1}, 2000),
+    ):
+        shown.do(asked)
         assert run.step_at(shown.line.position) == step
         assert not shown.line.is_playing
 
 
-def test_a_slider_that_a_hand_moves_is_not_moved_by_the_page(page: Page, run: LoggedRun) -> None:
-    clock = Clock()
-    shown = LogPage(page, run, clock)
-    shown.line.play()
-    clock.now += 0.25
-    shown._slider.value = 2.0
-    shown._move(is_by_hand=True)
-    shown.renew()
-    assert shown.line.position == pytest.approx(2.0)
-    clock.now += 0.25
-    shown.renew()
-    assert shown._slider.value == 2.0
-    clock.now += 0.5
-    shown.renew()
-    assert shown._slider.value == pytest.approx(2.75)
+@pytest.mark.parametrize("value", [None, "x", [], {}, 1e9, -1.0, float("nan")])
+def test_what_makes_no_sense_changes_nothing(page: Page, run: LoggedRun, value: object) -> None:
+    shown = LogPage(page, run, Clock())
+    shown.line.move_to(1.0)
+    shown.do({"do": "speed", "speed": value})
+    if not isinstance(value, float) or value != value:
+        for do, name in (("move", "time"), ("skip", "seconds"), ("step", "steps")):
+            shown.do({"do": do, name: value})
+            shown.do({"do": do})
+    shown.do({"do": str(value)})
+    assert (shown.line.speed, shown.line.position) == (1.0, 1.0)
 
 
 def test_curves_are_those_of_the_seconds_around(page: Page, run: LoggedRun) -> None:
@@ -128,7 +162,7 @@ def test_curves_are_those_of_the_seconds_around(page: Page, run: LoggedRun) -> N
     assert window.times[largest.argmax()] == pytest.approx(1.0, abs=0.05)
 
 
-def test_nothing_is_read_while_nobody_watches(page: Page, run: LoggedRun) -> None:
+def test_nothing_is_read_while_nobody_watches(server: Server, page: Page, run: LoggedRun) -> None:
     shown = LogPage(page, run, Clock())
     shown.renew(is_watched=False)
-    assert page._shown_state == ""
+    assert server.told == {}

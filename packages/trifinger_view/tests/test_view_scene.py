@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The scene of a session: meshes and poses without a page."""
 
-import json
-import struct
-
 import numpy as np
 import pytest
 import trifinger
 from trifinger import Simulation
 from trifinger_view.frame import frame_of
-from trifinger_view.scene import Scene, glb, joined, scene_of
+from trifinger_view.scene import Scene, scene_of
 
 SHAPES = """
 <mujoco>
@@ -89,7 +86,7 @@ def test_the_picture_is_around_robot_and_objects_where_they_are_now():
         for point in (far[:3] - 0.1, far[:3] + 0.1, turned, [0, 0, 0.5], [0, 0, -0.5]):
             assert (low - 1e-6 <= point).all()
             assert (point <= high + 1e-6).all()
-        middle, radius = scene.sphere([angle], {"stone": far})
+        middle, radius = scene.sphere([([angle], {"stone": far})])
         assert np.linalg.norm(far[:3] - middle) < radius < 3
 
 
@@ -109,57 +106,29 @@ def test_shapes_are_sorted_by_what_hides_others_and_hidden_groups_are_left_out()
         (False, False),
         (True, True),
     ]
-    assert abs(joined(arm.meshes).vertices).max() < 2  # not the sphere of 9 m
+    assert max(abs(mesh.vertices).max() for mesh in arm.meshes) < 2  # not the sphere of 9 m
     assert stone.meshes[0].colours[0].tolist() == [255, 0, 0, 255]
     assert not world.is_moving
     assert arm.is_moving
     assert stone.object == "stone"
 
 
-def test_a_ghost_has_the_shape_of_its_body_without_surroundings():
-    arm = Scene(SHAPES).bodies[1]
-    ghost = arm.ghost()
-    assert len(ghost.vertices) == len(arm.meshes[0].vertices)
-    assert ghost.is_transparent
-
-
-def test_a_glb_file_is_complete_and_aligned():
-    for body in Scene(SHAPES).bodies:
-        data = glb(body.meshes)
-        magic, version, size = struct.unpack_from("<4sII", data)
-        assert (magic, version, size) == (b"glTF", 2, len(data))
-        length, kind = struct.unpack_from("<I4s", data, 12)
-        assert kind == b"JSON"
-        document = json.loads(data[20 : 20 + length])
-        binary, kind = struct.unpack_from("<I4s", data, 20 + length)
-        assert kind == b"BIN\0"
-        assert document["buffers"][0]["byteLength"] == binary == len(data) - 28 - length
-        for view in document["bufferViews"]:
-            assert view["byteOffset"] % 4 == 0
-            assert view["byteOffset"] + view["byteLength"] <= binary
-        assert len(document["meshes"][0]["primitives"]) == len(body.meshes)
-
-
-def test_painted_light_comes_from_above_whatever_the_pose_of_the_body():
-    body = Scene(SHAPES).bodies[1]
-    mesh = joined(body.meshes)
-    upside_down = np.array([0.0, 1.0, 0.0, 0.0])
-    for turn, sign in ((np.array([1.0, 0.0, 0.0, 0.0]), 1.0), (upside_down, -1.0)):
-        data = glb([mesh], turn)
-        length = struct.unpack_from("<I", data, 12)[0]
-        document = json.loads(data[20 : 20 + length])
-        assert document["extensionsUsed"] == ["KHR_materials_unlit"]
-        accessor = document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
-        view = document["bufferViews"][document["accessors"][accessor]["bufferView"]]
-        start = 28 + length + view["byteOffset"]
-        colours = np.frombuffer(data[start : start + view["byteLength"]], np.uint16).reshape(-1, 4)
-        seen = mesh.colours[:, :3].max(axis=1) > 0
-        brightness = colours[seen, :3].max(axis=1).astype(float)
-        up = sign * mesh.normals[seen, 2]
-        assert brightness[up > 0.9].mean() > 1.5 * brightness[up < -0.9].mean()
-    assert "extensionsUsed" not in json.loads(
-        (lit := glb([mesh]))[20 : 20 + struct.unpack_from("<I", lit, 12)[0]]
+def test_a_floor_is_missing_only_where_the_model_has_none():
+    assert Scene(SHAPES).missing_floor() is None
+    without = SHAPES.replace('<geom type="plane" size="1 2 0.1"/>', "").replace(
+        '<geom type="hfield" hfield="hills"/>', ""
     )
+    np.testing.assert_allclose(Scene(without).missing_floor(), -0.5, atol=1e-6)  # the capsule
+
+
+def test_a_picture_has_room_for_all_moments():
+    scene, here, there = Scene(SHAPES), np.zeros(7), np.array([4.0, 0, 0, 1, 0, 0, 0])
+    here[3] = 1
+    moments = [([0.0], {"stone": pose}) for pose in (here, there)]
+    middle, radius = scene.sphere(moments)
+    for moment in moments:
+        for corner in scene.bounds(*moment):
+            assert np.linalg.norm(corner - middle) <= radius + 1e-9
 
 
 def test_a_session_without_a_model_has_no_scene():

@@ -2,7 +2,6 @@
 """Steering a robot through the server of its page, with the messages that a browser sends."""
 
 import contextlib
-import html
 import http.client
 import os
 import signal
@@ -17,7 +16,6 @@ from test_view_authentication import browse, messages_of, send
 from trifinger_view.authentication import LOOPBACK
 from trifinger_view.scene import scene_of
 from viewing import StartView, Viewing
-from websockets.exceptions import ConnectionClosed
 
 pytestmark = pytest.mark.slow
 
@@ -34,50 +32,25 @@ def ask(page: Viewing, path: str, **headers: str) -> tuple[int, str]:
         return answer.status, answer.read().decode()
 
 
-CAMERA = {
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [1.0, 0.0, 1.0],
-    "image_height": 300,
-    "image_width": 400,
-    "fov": 0.6,
-    "near": 0.1,
-    "far": 10.0,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
-
-
 class Steering:
     """A browser as a program: what the server has sent it, and what it sends."""
 
     def __init__(self, connection: Any) -> None:
         self._connection = connection
         self._messages = messages_of(connection)
-        self.parts: dict[str, dict[str, Any]] = {}
-        """Buttons and sliders by their labels."""
-        self.handles: dict[str, dict[str, Any]] = {}
-        """Handles in the scene by their names."""
-        self.words = ""
-        """What the panel says."""
-        self.send("ViewerCameraMessage", **CAMERA)  # only then the server knows the browser
+        self.seat: dict[str, Any] = {}
+        """The sliders and handles that it has."""
+        self.control: dict[str, Any] = {}
+        """What the panel shows to all."""
 
-    def send(self, kind: str, **fields: Any) -> None:
-        send(self._connection, kind, **fields)
+    def send(self, do: str, **asked: Any) -> None:
+        send(self._connection, do, **asked)
 
     def wait(self, found: Callable[[dict[str, Any]], bool]) -> None:
         """Reads up to the message for which this is so."""
         for message in self._messages:
-            label = (message.get("props") or {}).get("label")
-            if label:
-                self.parts[label] = message
-            text = str((message.get("updates") or {}).get("content", ""))
-            if 'class="trifinger-control"' in text:
-                self.words = html.unescape(text)
-            for part in self.parts.values():
-                if message["type"] == "GuiUpdateMessage" and part["uuid"] == message["uuid"]:
-                    part["props"] |= message["updates"]
-            if message["type"] == "TransformControlsMessage":
-                self.handles[message["name"].removeprefix("/handles/")] = message
+            if message["kind"] in ("seat", "control"):
+                setattr(self, message["kind"], message)
             if found(message):
                 return
         raise AssertionError("the connection was closed")
@@ -91,48 +64,40 @@ class Steering:
         """Waits until the panel says this."""
         self.wait_until(lambda: text in self.words)
 
-    def is_visible(self, label: str) -> bool:
-        return label in self.parts and bool(self.parts[label]["props"]["visible"])
+    @property
+    def words(self) -> str:
+        """What the panel says."""
+        if not self.control:
+            return ""
+        return f"{self.control['words']} {self.control['others'] * self.control['isTaken']}"
 
     def watch(self, times: int = 2) -> None:
         """Waits until the page has shown the robot anew so many times."""
         for _ in range(times):
-            self.wait(lambda message: "trifinger-step" in str(message.get("updates")))
+            self.wait(lambda message: message["kind"] == "state")
 
-    def press(self, label: str, value: object = True) -> None:
-        """Presses a button or moves a slider."""
-        self.wait_until(lambda: label in self.parts)
-        self.send("GuiUpdateMessage", uuid=self.parts[label]["uuid"], updates={"value": value})
-
-    def take_control(self, label: str = "Take control", handle: str = "frame_0") -> None:
+    def take_control(self, handle: str = "frame_0") -> None:
         """Takes control and waits for a handle."""
-        self.press(label)
-        self.wait_until(lambda: handle in self.handles)
-
-    def begin_drag(self, handle: str) -> None:
-        self.send("TransformControlsDragStartMessage", **self._own(handle))
+        self.send("take")
+        self.wait_until(lambda: _name(handle) in self.seat.get("handles", ()))
 
     def move(self, handle: str, *points: object) -> None:
         for point in points:
             place = point.tolist() if isinstance(point, np.ndarray) else point
-            self.send(
-                "TransformControlsUpdateMessage",
-                wxyz=[1.0, 0.0, 0.0, 0.0],
-                position=place,
-                **self._own(handle),
-            )
+            self.send("drag", point=place, **_name(handle))
 
-    def end_drag(self, handle: str) -> None:
-        self.send("TransformControlsDragEndMessage", **self._own(handle))
+    def end_drag(self) -> None:
+        self.send("drop")
 
     def drag(self, handle: str, *points: object) -> None:
-        self.begin_drag(handle)
         self.move(handle, *points)
-        self.end_drag(handle)
+        self.end_drag()
 
-    def _own(self, handle: str) -> dict[str, Any]:
-        made = self.handles.get(handle, {"name": f"/handles/{handle}", "owner": ""})
-        return {"name": made["name"], "owner": made["owner"]}
+
+def _name(handle: str) -> dict[str, object]:
+    """How a page names a handle: "frame_0", or an object."""
+    kind, _, number = handle.partition("_")
+    return {"frame": int(number)} if kind == "frame" else {"object": handle}
 
 
 class Robot:
@@ -202,9 +167,9 @@ def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
             assert robot.tips()[1:] == pytest.approx(start[1:], abs=3e-3)
             second.says("a browser has control")
             # The handle is not the other browser's, whatever it sends.
-            second.handles = driver.handles
+            assert "handles" not in second.seat
             second.drag("frame_0", start[0] - 0.02 * UP)
-            second.press("Take control")
+            second.send("take")
             second.says("another browser has control")
             assert is_near(robot.tips()[0], goal)
         second.says("the browser that drove has gone")
@@ -217,23 +182,31 @@ def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
     assert ask(page, "/stopped", **{"X-TriFinger": "stop"})[0] == 200
 
 
-# Points that are none: such a message is not obeyed.
-NO_POINTS = (
-    [float("nan"), 0.0, 0.1],
-    [0.0, float("inf"), 0.1],
-    [0.0, 0.0, -float("inf")],
+# Points that are none: they are refused.
+NO_POINTS: tuple[Any, ...] = (
     [],
     [0.0, 0.1],
     [0.0, 0.0, 0.1, 0.1],
-    ["up", "up"],
+    ["up", "up", "up"],
     [[0.0, 0.0, 0.1]],
-    [0.0] * 1000,
+    [0.0] * 500,
     [1e300, 0.0, 0.0],
     [2**63, 0, 0],
     {},
+    "abc",
+    None,
+    0.1,
+    [None, None, None],
+    {"x": 1, "y": 2, "z": 3},
 )
-# What viser cannot read: such a message ends its connection.
-NO_NUMBERS = (["up", "up", "up"], [None, None, None], "abc", None, 0.1, {"x": 1, "y": 2, "z": 3})
+# What is no message: it ends its connection.
+NO_MESSAGES = (
+    '{"do": "drag", "frame": 0, "point": [NaN, 0, 0.1]}',
+    '{"do": "drag", "frame": 0, "point": [0, Infinity, 0.1]}',
+    '{"do": "joint", "joint": 0, "position": NaN}',
+    "drag",
+    '["drag"]',
+)
 
 
 def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
@@ -246,12 +219,21 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
         start = robot.tips()
         for point in NO_POINTS:
             driver.drag("frame_0", point)
-            driver.drag("object_0", point)
-            driver.press("Robot", point)
-            driver.press("upper middle 0 [rad]", point)
-            driver.watch()
-        for unknown in ("frame_7", "frame_-1", "../frame_0", "object_9", "", "x" * 2000):
-            driver.drag(unknown, [0.0, 0.0, 0.1])
+            driver.drag("cube", point)
+            driver.send("mode", mode=point)
+            if type(point) is not float:
+                driver.send("joint", joint=1, position=point)
+                driver.send("joint", joint=point, position=0.1)
+            driver.watch(1)
+        unknown: Any
+        for unknown in (7, -1, 0.5, "0", True, None, [], 2**70):
+            driver.send("drag", frame=unknown, point=[0.0, 0.0, 0.1])
+            driver.send("joint", joint=unknown if unknown != 7 else 9, position=0.1)
+        for unknown in ("", "x" * 2000, None, 7):
+            driver.send("drag", object=unknown, point=[0.0, 0.0, 0.1])
+            driver.send("mode", mode=unknown)
+            driver.send(str(unknown))
+            driver.send("drag")
         driver.drag("frame_0", [0.0, 0.0, 1e6])
         driver.says("at most 10 m from the origin")  # all before was read
         assert robot.tips() == pytest.approx(start, abs=3e-3)
@@ -271,13 +253,12 @@ def test_fault_68_a_driver_whose_messages_make_no_sense_loses_control(
     start = robot.tips()
     with browse(page) as watching:
         second = Steering(watching)
-        for numbers in NO_NUMBERS:
+        for nonsense in NO_MESSAGES:
             with browse(page) as connection:
                 driver = Steering(connection)
                 driver.take_control()
                 second.says("a browser has control")
-                with contextlib.suppress(ConnectionClosed):
-                    driver.drag("frame_0", numbers)
+                connection.send(nonsense)
                 second.says("the browser that drove has gone")
         second.take_control()
         assert robot.tips() == pytest.approx(start, abs=3e-3)
@@ -292,28 +273,25 @@ def test_sliders_and_buttons_move_joints(start_view: StartView, robot: Robot) ->
         driver = Steering(connection)
         driver.take_control()
         start = robot.joints()
-        labels = [
-            label for label, part in driver.parts.items() if part["type"] == "GuiSliderMessage"
-        ]
-        assert labels[1] == "upper middle 0 [rad]"
-        assert len(labels) == len(start)
+        sliders = driver.seat["joints"]
+        assert (sliders[1]["name"], sliders[1]["unit"]) == ("upper middle 0", "rad")
+        assert len(sliders) == len(start)
         goal = start.copy()
         for number, change in ((1, 0.15), (5, -0.1)):  # fast: the first has not arrived
             goal[number] += change
-            driver.press(labels[number], float(goal[number]))
+            driver.send("joint", joint=number, position=float(goal[number]))
         driver.says("the robot moves its joints")
         driver.wait_until(lambda: bool(np.abs(robot.joints() - goal).max() < 0.02))
         # No slider leads beyond its limits, whatever a browser sends.
-        limits = driver.parts[labels[1]]["props"]
-        driver.press(labels[1], 100.0)
-        goal[1] = limits["max"]
+        driver.send("joint", joint=1, position=100.0)
+        goal[1] = sliders[1]["high"]
         driver.wait_until(lambda: bool(np.abs(robot.joints() - goal).max() < 0.02))
-        driver.press("Robot", "Home")
+        driver.send("mode", mode="home")
         driver.says("the robot moves home")
         driver.wait_until(lambda: bool(np.abs(robot.joints() - start).max() < 0.02))
-        driver.press("Robot", "Hold")
+        driver.send("mode", mode="hold")
         driver.says("the robot holds")
-        driver.press("Robot", "Float")
+        driver.send("mode", mode="float")
         driver.says("the robot floats")
 
 
@@ -321,13 +299,12 @@ def test_an_object_is_pushed_by_its_handle(start_view: StartView, robot: Robot) 
     page = start_view("sim", "--control")
     with browse(page) as connection:
         driver = Steering(connection)
-        driver.take_control(handle="object_0")
+        driver.take_control(handle="cube")
         start, tips = robot.object(), robot.tips()
         goal = start + np.array([0.03, 0.0, 0.0])
-        driver.begin_drag("object_0")
-        driver.move("object_0", *path(start, goal))
+        driver.move("cube", *path(start, goal))
         driver.wait_until(lambda: bool(robot.object()[0] > start[0] + 0.015))
-        driver.end_drag("object_0")
+        driver.end_drag()
         driver.wait_until(lambda: robot.is_pulled() is False)
         assert robot.tips() == pytest.approx(tips, abs=5e-3)  # nothing else was moved
 
@@ -340,14 +317,12 @@ def test_while_the_robot_floats_a_handle_pulls_the_tip_that_it_shows(
     with browse(page) as connection:
         driver = Steering(connection)
         driver.take_control(handle="frame_1")
-        driver.press("Robot", "Float")
+        driver.send("mode", mode="float")
         driver.says("the robot floats")
-        driver.begin_drag("frame_1")
         driver.move("frame_1", robot.tips()[0])
         driver.says("there is no 'finger_lower_link_0' to pull; there are tip_0, tip_1, tip_2")
-        driver.end_drag("frame_1")
+        driver.end_drag()
         start = robot.tips()
-        driver.begin_drag("frame_0")
         driver.move("frame_0", *path(start[2], start[2] + 0.03 * UP))
         driver.wait_until(lambda: bool(robot.tips()[2][2] > start[2][2] + 0.015))
         assert robot.tips()[:2] == pytest.approx(start[:2], abs=5e-3)  # nothing else was moved
@@ -361,14 +336,13 @@ def test_a_hand_leads_a_robot_that_another_process_lets_float(
     with trifinger.guide("sim") as guide, browse(page) as connection:
         guide.float_freely()
         driver = Steering(connection)
-        driver.take_control("Take the hand")
-        assert not {"Robot", "Joints [rad]"} & set(driver.parts)
+        driver.take_control()
+        assert driver.seat["joints"] is None
         start = robot.tips()
         goal = start[0] + 0.03 * UP
-        driver.begin_drag("frame_0")
         driver.move("frame_0", *path(start[0], goal))
         driver.wait_until(lambda: bool(robot.tips()[0][2] > start[0][2] + 0.015))
-        driver.end_drag("frame_0")
+        driver.end_drag()
         driver.wait_until(lambda: robot.is_pulled() is False)
         assert guide.state().mode == "float"
         guide.hold()
@@ -381,7 +355,7 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
     page = start_view("sim", "--control")
     with browse(page) as connection:
         driver = Steering(connection)
-        driver.press("Recover")  # which is not shown: nothing happens
+        driver.send("recover")  # which is not shown: nothing happens
         # The page must have dealt with that before it is stopped, or it would recover afterwards.
         driver.take_control()
         driver.watch()
@@ -389,16 +363,14 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
         os.waitid(os.P_PID, page.process.pid, os.WSTOPPED)
         robot.wait_for_end()
         page.process.send_signal(signal.SIGCONT)
-        driver.wait_until(lambda: driver.is_visible("Recover"))
-        driver.wait_until(lambda: not driver.is_visible("Take control"))
+        driver.wait_until(lambda: bool(driver.control["recovers"]))
         driver.says("robot 'sim' has stopped: ")
-        driver.press("Recover")
-        driver.wait_until(lambda: driver.is_visible("Take control"))
-        driver.wait_until(lambda: not driver.is_visible("Recover"))
+        driver.send("recover")
+        driver.wait_until(lambda: not driver.control["recovers"])
         driver.says("nobody controls the robot from here")
         robot.follow()
         start = robot.tips()
-        driver.handles.clear()
+        driver.seat.clear()
         driver.take_control()
         driver.drag("frame_0", *path(start[0], start[0] + 0.03 * UP))
         driver.wait_until(lambda: bool(robot.tips()[0][2] > start[0][2] + 0.02))
@@ -421,7 +393,7 @@ def test_the_stop_works_while_the_page_hangs_at_the_robot(
         driver.take_control()
         driver.drag("frame_0", [0.0, 0.0, 0.1])
         driver.watch(3)  # the page goes on, and asks for signs of life
-        assert "trifinger-stop" in ask(page, "/")[1]
+        assert "/stopped" in ask(page, "/")[1]
         assert ask(page, "/stop", **{"X-TriFinger": "stop"})[0] == 202
         robot.program.process.wait()
         assert ask(page, "/stopped", **{"X-TriFinger": "stop"})[0] == 200

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Steering a robot from its page, in a real browser: with the mouse, a second tab and the stop."""
 
+import json
 import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec.msgpack
 import numpy as np
 import pytest
 import trifinger
 from chromium import open_browser
 from conftest import PATIENT, Running, StartProgram
 from playwright.sync_api import Browser, BrowserContext, Page, expect
-from trifinger_view.control_panel import HANDLE_SIZE
 from trifinger_view.scene import Scene, scene_of
 from viewing import StartView
 
@@ -63,9 +62,6 @@ class Tab:
 
     def __init__(self, page: Page) -> None:
         self.page = page
-        self.camera: dict[str, Any] = {}
-        self.held = ""
-        """The handle that the mouse holds."""
         self.asked: Any = None
         """Where the handle was moved to last [m]."""
         page.on("websocket", lambda socket: socket.on("framesent", self._note))
@@ -83,26 +79,28 @@ class Tab:
 
     def nearest(self, tips: Any) -> int:
         """The tip that is nearest to the eye."""
-        self._pixel(tips[0])  # when the camera has its place
-        place = np.array(self.camera["position"])
-        return int(np.argmin(np.linalg.norm(tips - place, axis=1)))
+        eye = self.page.evaluate("() => trifingerPage.scene.view.eye")
+        return int(np.argmin(np.linalg.norm(tips - np.array(eye), axis=1)))
 
     def hold_tip(self, number: int, tip: Any) -> None:
         """Presses the mouse at the arrow of a tip's handle that points up."""
-        for part in (0.6, 0.8, 0.4, 1.0, 0.5, 0.7, 0.9):
-            self.page.mouse.move(*self._pixel(tip + part * HANDLE_SIZE * UP))
-            self._draw()
-            self.page.mouse.down()
-            self._draw()
-            if self.held == f"/handles/frame_{number}":
-                return
-            self.release()
-        raise AssertionError("the mouse has found no handle")
+        self.page.evaluate(
+            "() => new Promise((done) => { const look = () => trifingerPage.scene.handles.length"
+            " ? done() : setTimeout(look, 10); look(); })"
+        )
+        length = self.page.evaluate("at => 58 * trifingerPage.scene.pixelAt(at)", tip.tolist())
+        self._mouse = self._pixel(tip + 0.8 * length * UP)
+        self.page.mouse.move(*self._mouse)
+        self.page.mouse.down()
+        held = self.page.evaluate(
+            "() => trifingerPage.scene.handles.findIndex((handle) => handle.isHeld)"
+        )
+        assert held == number
 
     def lift(self, start: Any, height: float) -> None:
         """Moves the mouse with its button pressed to `height` above `start`, in small steps."""
         begin, end = (np.array(self._pixel(start + up * UP)) for up in (0.0, height))
-        grip = self._mouse
+        grip = np.array(self._mouse)
         for part in np.linspace(0.0, 1.0, 5)[1:]:
             self.page.mouse.move(*(grip + part * (end - begin)))
             self._draw()
@@ -110,8 +108,6 @@ class Tab:
     def release(self) -> None:
         """Releases the button of the mouse."""
         self.page.mouse.up()
-        while self.held:
-            self._draw()
 
     def keep_picture(self, name: str) -> None:
         """Keeps a picture of the page, if somebody wants to look at it."""
@@ -120,46 +116,20 @@ class Tab:
             self.page.screenshot(path=Path(folder) / f"{name}.png", timeout=NEVER)
 
     def _note(self, data: bytes | str) -> None:
-        if isinstance(data, str):  # to the stop
-            return
-        message = msgspec.msgpack.decode(data)
-        match message["type"]:
-            case "ViewerCameraMessage":
-                self.camera = message
-            case "TransformControlsDragStartMessage":
-                self.held = message["name"]
-            case "TransformControlsUpdateMessage":
-                self.asked = np.array(message["position"])
-            case "TransformControlsDragEndMessage":
-                self.held = ""
+        if str(data).startswith("{"):  # not to the stop
+            self.asked = json.loads(data).get("point", self.asked)
 
     def _draw(self) -> None:
         """Waits until the page has drawn."""
         self.page.evaluate("() => new Promise(requestAnimationFrame)")
 
     def _pixel(self, point: Any) -> Any:
-        """Where a point of the world is in the picture."""
-        box = self.page.locator("canvas").first.bounding_box()
-        assert box is not None
-        while self.camera.get("image_width") != box["width"]:  # until the panel has its place
-            self._draw()
-            box = self.page.locator("canvas").first.bounding_box()
-            assert box is not None
-        place, middle, up = (
-            np.array(self.camera[name]) for name in ("position", "look_at", "up_direction")
+        """Where a point of the world is in the window."""
+        return self.page.evaluate(
+            "(point) => { const {x, y} = trifingerPage.scene.canvas.getBoundingClientRect(),"
+            " [right, down] = trifingerPage.scene.project(point); return [x + right, y + down]; }",
+            np.asarray(point).tolist(),
         )
-        forward = (middle - place) / np.linalg.norm(middle - place)
-        right = np.cross(forward, up)
-        right /= np.linalg.norm(right)
-        offset = np.asarray(point) - place
-        scale = box["height"] / 2 / np.tan(self.camera["fov"] / 2) / (offset @ forward)
-        self._mouse = np.array(
-            [
-                box["x"] + box["width"] / 2 + scale * (offset @ right),
-                box["y"] + box["height"] / 2 - scale * (offset @ np.cross(right, forward)),
-            ]
-        )
-        return self._mouse
 
 
 class Robot:

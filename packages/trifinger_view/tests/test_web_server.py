@@ -21,7 +21,10 @@ from conftest import PATIENT, StartProgram
 from test_view_authentication import browse, wait_for
 from test_view_steering import ask
 from trifinger_view import web_server
-from trifinger_view.authentication import Authentication, page_server
+from trifinger_view.authentication import Authentication
+from trifinger_view.page import document_of
+from trifinger_view.page_server import PageServer
+from trifinger_view.to_browser import message
 from viewing import StartView, Viewing
 from websockets.sync.client import ClientConnection, connect
 
@@ -76,7 +79,7 @@ def test_fault_76_silent_clients_do_not_keep_the_stop_from_working(
         assert (status, "Stopping" in text) == (202, True), text
         robot.process.wait()
         assert ask(page, "/stopped", **STOP)[0] == 200
-        assert "trifinger-stop" in ask(page, "/")[1]
+        assert "/stopped" in ask(page, "/")[1]
     assert page.end()[1] == ""  # neither tracebacks nor anything else
 
 
@@ -136,7 +139,8 @@ def test_fault_76_the_files_of_the_stop_are_reserved(start_program: StartProgram
 @pytest.fixture
 def authentication() -> Iterator[Authentication]:
     authentication = Authentication(port=0)
-    server = page_server(authentication, "test")
+    server = PageServer(authentication, document_of("test"))
+    server.put("state", message("state"))
     yield authentication
     server.stop()
     authentication.close()
@@ -150,9 +154,9 @@ def test_fault_76_unauthenticated_clients_have_few_places_and_the_oldest_loses_i
         for one in connections[: CLIENTS - web_server.MAX_UNAUTHENTICATED]:
             wait_for_end(one)
         # Who belongs here keeps the connection and gets in as always.
-        wait_for(browser, "ReplayDoneMessage")
+        wait_for(browser, "state")
         with browse(authentication) as another:
-            wait_for(another, "ReplayDoneMessage")
+            wait_for(another, "state")
 
 
 BRIDGE = "import sys; from trifinger_view.commands.bridge import main; sys.exit(main())"

@@ -3,9 +3,10 @@
 
 `trifinger view` is a page that shows a running robot or a log. `scene` makes plain data of the
 model in a session and `frame` of its elements; neither knows where a frame comes from or who draws
-it. `live` observes a running robot, `logged` reads a log. `page` shows frames in a browser, behind
-`authentication`. `html_file` writes one file that needs no server. `bridges`, `teaching`,
-`teleoperation` and `motion` have a module each.
+it. `live` observes a running robot, `logged` reads a log. `to_browser` says what a browser is told,
+and the scripts in `web` draw it. `page` tells it by a `page_server`, behind `authentication`;
+`html_file` writes it into one file that needs no server. `bridges`, `teaching`, `teleoperation` and
+`motion` have a module each.
 """
 
 from importlib.util import find_spec
@@ -17,5 +18,5 @@ if find_spec("trifinger") is None:
         name="trifinger",
     )
 
-PAGE = ("trifinger-view", "viser", "websockets")
+PAGE = ("trifinger-view", "PIL", "websockets")
 """What a page needs, for `trifinger.extras.require`."""

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import base64
 import gzip
-import html
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -27,16 +26,7 @@ from trifinger.progress import shown
 from trifinger.whole_file import whole_file
 
 from trifinger_view.logged import MARKS, LoggedRun
-from trifinger_view.page import (
-    AZIMUTH,
-    ELEVATION,
-    FIELD_OF_VIEW,
-    GHOST_ANGLE,
-    METRES_PER_NEWTON,
-    MIN_FORCE,
-    smaller,
-)
-from trifinger_view.scene import Mesh, Scene
+from trifinger_view.to_browser import MOMENTS, Numbers, Place, document, jpeg, placed, session_of
 
 MAX_BYTES = 100_000_000
 """Limit for the size of a page [bytes]."""
@@ -46,7 +36,6 @@ LOWEST_RATE = 1.0
 IMAGE_RATE = 5.0
 IMAGE_WIDTH = 360  # [pixels]
 BINS = 1200  # stretches of time in a plot
-FOLDER = Path(__file__).parent
 _ORDER = {name: place for place, name in enumerate(("torque", "position", "tip_force", "velocity"))}
 _GRAIN = 2.0**-17  # poses are rounded to this, in metres and parts of a quaternion
 _TEXT = 4 / 3  # characters of base64 for a byte
@@ -141,41 +130,13 @@ def _plan(run: LoggedRun, duration: float, rate: float | None, most_bytes: int) 
     return _Plan(min(RATE, highest) if rate is None else rate, image_rate)
 
 
-class _Numbers:
-    """Arrays and files one after the other. Each has a place: its offset [bytes] and its size."""
-
-    def __init__(self) -> None:
-        self._parts: list[bytes] = []
-        self._size = 0
-
-    def add(self, values: Array, kind: str) -> tuple[int, int]:
-        """Adds an array of the numbers `kind`; its size is how many there are."""
-        array = np.ascontiguousarray(values, kind)
-        return self._append(array.tobytes()), array.size
-
-    def add_file(self, content: bytes) -> tuple[int, int]:
-        """Adds the bytes of a file."""
-        return self._append(content), len(content)
-
-    def packed(self) -> str:
-        """All of it, as text."""
-        return base64.b64encode(gzip.compress(b"".join(self._parts), 6, mtime=0)).decode()
-
-    def _append(self, content: bytes) -> int:
-        place = self._size
-        padded = content + bytes(-len(content) % 8)  # browsers want aligned numbers
-        self._parts.append(padded)
-        self._size += len(padded)
-        return place
-
-
 class _Page:
     """Collects what a page holds, and writes it."""
 
     def __init__(self, run: LoggedRun, begin: float, end: float, plan: _Plan) -> None:
         self._run, self._begin, self._end, self._plan = run, begin, end, plan
         self.course = run.course(plan.rate, begin, end)
-        self._numbers = _Numbers()
+        self._numbers = Numbers()
 
     def write(self, file: BinaryIO) -> None:
         run = self._run
@@ -197,27 +158,20 @@ class _Page:
             "marks": MARKS,
             "frames": self._frames(),
             **self._scene(),
+            "title": headline,
+            "facts": facts,
             "images": self._images(),
             "plots": plots,
             "groups": groups,
         }
-        head = (FOLDER / "html_file_head.html").read_text(encoding="utf-8")
-        for name, value in {"TITLE": headline, "FACTS": facts}.items():
-            head = head.replace(name, html.escape(value))
-        script = "\n".join(
-            (FOLDER / name).read_text(encoding="utf-8")
-            for name in ("html_file_scene.js", "html_file.js")
-        )
-        style = (FOLDER / "html_file.css").read_text(encoding="utf-8")
-        # "<" would let a text of the log end the element that holds it.
-        text = json.dumps(index, separators=(",", ":")).replace("<", "\\u003c")
-        for part in (
-            head.replace("/* STYLE */", style),
-            f'<script type="application/json" id="index">{text}</script>\n',
-            f'<script type="text/plain" id="numbers">{self._numbers.packed()}</script>\n',
-            f'<script>"use strict";\n{script}</script>\n</body>\n</html>\n',
-        ):
-            file.write(part.encode())
+        packed = gzip.compress(self._numbers.joined(), 6, mtime=0)
+        data = {
+            # "<" would let a text of the log end the element that holds it.
+            "index": json.dumps(index, separators=(",", ":")).replace("<", "\\u003c"),
+            "numbers": base64.b64encode(packed).decode(),
+        }
+        scripts = ("scene.js", "page.js", "file.js")
+        file.write(document(scripts, data=data, TITLE=headline, FACTS=facts).text.encode())
 
     def _frames(self) -> dict[str, Any]:
         course = self.course
@@ -231,80 +185,50 @@ class _Page:
     def _scene(self) -> dict[str, Any]:
         """The bodies, their poses in all frames, and the forces of the tips."""
         scene, course, count = self._run.scene, self.course, len(self.course)
-        nothing: dict[str, Any] = {"bodies": [], "meshes": [], "forces": []}
         if scene is None or course.positions is None:
-            return nothing
-        meshes: list[dict[str, Any]] = []
-        parts = [[self._part(mesh, meshes) for mesh in body.meshes] for body in scene.bodies]
+            nothing = self._numbers.add(np.zeros(count), "u1")
+            return {"bodies": [], "forces": [], "ghost": nothing}
         poses = np.empty((count, len(scene.bodies), 7), np.float32)
         ghosts = np.empty_like(poses)
-        tips = np.zeros((count, len(scene.tip_names), 6), np.float32)
-        asked = course.positions if course.desired is None else course.desired
-        wanted = np.where(np.isfinite(asked), asked, course.positions)
-        is_ghostly: Array = np.max(np.abs(wanted - course.positions), axis=1) > GHOST_ANGLE
-        measured = course.tip_forces
-        has_forces = measured is not None and measured.shape[1:] == tips.shape[1:2]
+        is_ghostly = np.zeros(count, bool)
+        forces: list[Array] = []
         for frame in shown(range(count), "poses of the bodies", count):
             joints = course.positions[frame]
-            objects = course.objects_at(frame)
-            poses[frame] = _rows(scene, joints, objects)
-            if has_forces and measured is not None:
-                places, along = scene.tips(joints)
-                force = np.where(measured[frame] > MIN_FORCE, measured[frame], 0.0)
-                tips[frame] = np.concatenate([places, along * force[:, None]], axis=1)
-            if is_ghostly[frame]:
-                ghosts[frame] = _rows(scene, wanted[frame], objects)
-            else:
-                ghosts[frame] = poses[frame]
-        bodies = [
-            self._body(body.name, own, body.is_moving, poses[:, number])
-            for number, (body, own) in enumerate(zip(scene.bodies, parts, strict=True))
-        ]
-        for number, (body, own) in enumerate(zip(scene.bodies, parts, strict=True)):
-            solid = [part for part in own if not part["isSurround"]]
-            if np.any(is_ghostly) and body.is_moving and not body.object and solid:
-                ghost = self._body(f"{body.name} desired", solid, True, ghosts[:, number])
-                bodies.append({**ghost, "isGhost": True})
-        forces = [
-            {"name": name, "numbers": self._columns(tips[:, number])}
-            for number, name in enumerate(scene.tip_names if has_forces else ())
-        ]
+            asked = joints if course.desired is None else course.desired[frame]
+            desired = np.where(np.isfinite(asked), asked, joints)
+            force = None if course.tip_forces is None else course.tip_forces[frame]
+            here = placed(scene, joints, desired, course.objects_at(frame), force)
+            poses[frame] = here.poses
+            ghosts[frame] = here.poses if here.ghosts is None else here.ghosts
+            is_ghostly[frame] = here.ghosts is not None
+            forces.append(here.forces)
+        told = session_of(scene, self._numbers, scene.sphere(self._moments()))
+        for number, body in enumerate(scene.bodies):
+            own = told["bodies"][number]
+            own["hasGhost"] = own["hasGhost"] and bool(is_ghostly.any())
+            last = None if body.is_moving else 1
+            own["poses"] = self._poses(poses[:last, number])
+            if own["hasGhost"]:
+                own["ghosts"] = self._poses(ghosts[:, number])
         return {
-            "bodies": bodies,
-            "meshes": meshes,
-            "forces": forces,
+            **told,
+            "forces": [self._columns(np.array(one)) for one in zip(*forces, strict=True)],
+            "hasForces": bool(forces and len(forces[0])),
             "ghost": self._numbers.add(is_ghostly, "u1"),
-            "metresPerNewton": METRES_PER_NEWTON,
-            "camera": _camera(*scene.sphere(course.positions[0], course.objects_at(0))),
+            "hasGhost": bool(is_ghostly.any()),
         }
 
-    def _part(self, mesh: Mesh, meshes: list[dict[str, Any]]) -> dict[str, Any]:
-        """A part of a body; its mesh is added to those of the page."""
-        normals = np.zeros((len(mesh.normals), 4), np.int8)
-        normals[:, :3] = np.round(127 * mesh.normals)
-        meshes.append(
-            {
-                "positions": self._numbers.add(mesh.vertices, "<f4"),
-                "normals": self._numbers.add(normals, "i1"),
-                "colours": self._numbers.add(mesh.colours, "u1"),
-                "triangles": self._numbers.add(mesh.faces, "<u4"),
-            }
-        )
-        return {
-            "mesh": len(meshes) - 1,
-            "isTransparent": mesh.is_transparent,
-            "isSurround": mesh.is_surround,
-        }
+    def _moments(self) -> Iterator[tuple[Array, Mapping[str, Array]]]:
+        """Some poses of the robot and its objects, from the first frame to the last."""
+        positions, course = self.course.positions, self.course
+        if positions is not None:
+            for frame in np.linspace(0, len(course) - 1, MOMENTS).astype(int):
+                yield positions[frame], course.objects_at(frame)
 
-    def _body(
-        self, name: str, parts: list[dict[str, Any]], is_moving: bool, poses: Array
-    ) -> dict[str, Any]:
-        body = {"name": name, "parts": parts, "pose": [float(number) for number in poses[0]]}
-        if is_moving:
-            body["poses"] = self._columns(np.round(poses / _GRAIN) * _GRAIN)
-        return body
+    def _poses(self, poses: Array) -> Place:
+        return self._columns(np.round(poses / _GRAIN) * _GRAIN)
 
-    def _columns(self, rows: Array) -> tuple[int, int]:
+    def _columns(self, rows: Array) -> Place:
         """Adds an array column by column: so neighbours are alike, and it becomes smaller."""
         return self._numbers.add(rows.T, "<f4")
 
@@ -313,9 +237,7 @@ class _Page:
         cameras = self._run.cameras
         if cameras is None or not self._plan.image_rate:
             return []
-        extras.require("trifinger-view", "imageio")
-        import imageio.v3 as imageio
-
+        extras.require("trifinger-view", "PIL")
         found: dict[str, dict[str, Any]] = {
             name: {"name": name, "times": [], "places": []} for name in cameras.names
         }
@@ -332,18 +254,17 @@ class _Page:
             newest, due = images.index, course.times[frame] + 0.99 / self._plan.image_rate
             for name in cameras.names:
                 try:
-                    pixels = smaller(images[name], IMAGE_WIDTH)
+                    file = jpeg(images[name], IMAGE_WIDTH)
                 except (CameraLost, NotInLog):
                     continue
-                file = imageio.imwrite("<bytes>", pixels, extension=".jpeg", quality=75)
                 found[name]["times"].append(float(course.times[frame]))
                 found[name]["places"].append(self._numbers.add_file(file))
         return [camera for camera in found.values() if camera["times"]]
 
     def _plots(
         self, rows: Sequence[tuple[Curves, Panel]], curves: Curves, begin: float
-    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """The plots, and the groups of lines, such as fingers, of which a reader can choose."""
+    ) -> tuple[list[dict[str, Any]], list[str]]:
+        """The plots, and names of groups of lines, such as fingers, that a reader can choose."""
         times = self._numbers.add(_ascending(curves.times) + begin, "<f8")
         plots = []
         names: list[str] = []
@@ -360,9 +281,10 @@ class _Page:
                         continue
                     group, number = _place(column, here, len(names))
                     line = {**self._line(envelope, column), "group": group, "number": number}
-                    lines.append({**line, "label": str(number), "isDesired": kind == "desired"})
-            plots.append({"name": panel.name, "unit": panel.unit, "times": times, "lines": lines})
-        plots.sort(key=lambda plot: _ORDER.get(str(plot["name"]), len(_ORDER)))
+                    lines.append({**line, "isDesired": kind == "desired"})
+            title = f"{panel.name} [{panel.unit}]" if panel.unit else panel.name
+            plots.append({"title": title, "times": times, "lines": lines})
+        plots.sort(key=lambda plot: _ORDER.get(str(plot["title"]).split(" [")[0], len(_ORDER)))
         if curves.late is not None:
             factor, unit = time_unit(curves.late.max())
             scaled = Envelope(curves.lateness.bins)
@@ -371,13 +293,9 @@ class _Page:
                     curves.lateness.low * factor,
                     curves.lateness.high * factor,
                 )
-                line = {**self._line(scaled, 0), "group": None, "number": 0, "label": ""}
-                line["isDesired"] = False
-                late = {"name": "lateness", "unit": unit, "times": times, "lines": [line]}
-                plots.insert(1, late)
-        everything = {"name": "all", "members": list(range(len(names)))}
-        single = [{"name": name, "members": [number]} for number, name in enumerate(names)]
-        return plots, [everything, *single] if names else []
+                line = {**self._line(scaled, 0), "group": None, "number": 0, "isDesired": False}
+                plots.insert(1, {"title": f"lateness [{unit}]", "times": times, "lines": [line]})
+        return plots, names
 
     def _line(self, envelope: Envelope, column: int) -> dict[str, Any]:
         if envelope.low is None or envelope.high is None:
@@ -397,21 +315,6 @@ def _place(column: int, groups: Sequence[range], count: int) -> tuple[int | None
     if len(groups) == 1 and len(groups[0]) == count:  # one number for each group
         return column, 0
     return None, column
-
-
-def _camera(middle: Array, radius: float) -> dict[str, Any]:
-    """Where the camera begins, so that a sphere fills the picture."""
-    return {
-        "target": [float(number) for number in middle],
-        "distance": radius / np.sin(FIELD_OF_VIEW / 2),
-        "azimuth": float(AZIMUTH + np.pi),
-        "elevation": float(ELEVATION),
-        "fieldOfView": FIELD_OF_VIEW,
-    }
-
-
-def _rows(scene: Scene, joints: Array, objects: Mapping[str, Array]) -> Array:
-    return np.concatenate(scene.poses(joints, objects), axis=1)
 
 
 def _ascending(times: Array) -> Array:

@@ -16,8 +16,6 @@ thread.
 from __future__ import annotations
 
 import itertools
-import json
-import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -31,15 +29,11 @@ if TYPE_CHECKING:
     from trifinger.arrays import Array
 
 MODEL = "model.xml"
-UNLIT = "KHR_materials_unlit"
-AMBIENT = 0.5  # brightness of a painted surface that looks to the horizon
-LIGHT = np.array([-0.15, -0.3, 0.45])  # more brightness of one that looks there, in the world
 VISIBLE_GROUPS = (0, 1, 2)  # MuJoCo's own viewer hides the others, such as collision shapes
 SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
 SEGMENTS = 32  # of a circle
 LARGEST_PLANE = 3.0  # half the size of a plane without edges [m]
 SMOOTH = 0.5  # cosine between triangle and normal above which a surface is smooth
-GHOST = (70, 130, 255, 90)  # RGBA of the desired pose
 
 
 @dataclass(frozen=True)
@@ -58,13 +52,6 @@ class Mesh:
     is_surround: bool
     """Frame or wall around the robot, which can hide it."""
 
-    def painted(self, rgba: Sequence[int]) -> Mesh:
-        """The same mesh in one colour, sRGB and opacity from 0 to 255."""
-        colours = np.broadcast_to(np.array(rgba, np.uint8), self.colours.shape).copy()
-        return Mesh(
-            self.vertices, self.normals, colours, self.faces, rgba[3] < 255, self.is_surround
-        )
-
 
 @dataclass(frozen=True)
 class Body:
@@ -77,11 +64,6 @@ class Body:
     """False if nothing can move it, as the table."""
     object: str
     """Name of the object it is; empty for a part of the robot or the surroundings."""
-
-    def ghost(self) -> Mesh | None:
-        """Its shape in the transparent colour of the desired pose; None if it has none."""
-        solid = [mesh for mesh in self.meshes if not mesh.is_surround]
-        return joined(solid).painted(GHOST) if solid else None
 
 
 class Scene:
@@ -139,14 +121,29 @@ class Scene:
         return places, np.divide(along, lengths, out=np.zeros_like(along), where=lengths > 0)
 
     def sphere(
-        self, position: Array | None = None, objects: Mapping[str, Array] | None = None
+        self, moments: Iterable[tuple[Array | None, Mapping[str, Array]]]
     ) -> tuple[Array, float]:
         """Centre [m] and radius [m] of a sphere around robot and objects, without surroundings.
 
-        The arguments are those of `poses`.
+        It has room for all of some moments, which are arguments of `poses`.
         """
-        low, high = self.bounds(position, objects)
+        corners = np.array([self.bounds(*moment) for moment in moments])
+        low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
         return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+
+    def missing_floor(self) -> float | None:
+        """The height of the lowest part of all at the start [m]; None if the model has a floor."""
+        model = self._model
+        kinds = (self._mujoco.mjtGeom.mjGEOM_PLANE, self._mujoco.mjtGeom.mjGEOM_HFIELD)
+        shown = np.isin(model.geom_group, VISIBLE_GROUPS)
+        if np.any(shown & np.isin(model.geom_type, kinds)):
+            return None
+        heights = [
+            (mesh.vertices @ _matrix(turn).T + place)[:, 2].min()
+            for body, place, turn in zip(self.bodies, *self.poses(), strict=True)
+            for mesh in body.meshes
+        ]
+        return float(min(heights, default=0.0))
 
     def bounds(
         self, position: Array | None = None, objects: Mapping[str, Array] | None = None
@@ -201,7 +198,7 @@ def scene_of(documents: Mapping[str, str]) -> Scene | None:
     return Scene(documents[MODEL]) if MODEL in documents else None
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def _joined(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh of several; it is transparent, or surroundings, if the first one is."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     return Mesh(
@@ -216,112 +213,11 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
-def glb(meshes: Iterable[Mesh], painted_light: Array | None = None) -> bytes:
-    """A binary glTF 2.0 file of some meshes of a body, in the body's frame.
-
-    With `painted_light`, the quaternion (w, x, y, z) of the body, the colours have the light in
-    them that falls on the body there, and a browser needs none of its own (KHR_materials_unlit).
-    """
-    buffer = _Buffer()
-    primitives = [_primitive(mesh, painted_light, buffer) for mesh in meshes]
-    surface: dict[str, Any] = {
-        "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.75}
-    }
-    used: dict[str, Any] = {}
-    if painted_light is not None:
-        surface["extensions"] = {UNLIT: {}}
-        used["extensionsUsed"] = [UNLIT]
-    document = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": primitives}],
-        "materials": [
-            surface,
-            surface | {"alphaMode": "BLEND"},
-        ],
-        "buffers": [{"byteLength": sum(map(len, buffer.chunks))}],
-        "bufferViews": buffer.views,
-        "accessors": buffer.accessors,
-        **used,
-    }
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    binary = b"".join(buffer.chunks)
-    header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
-    return b"".join(
-        [
-            *(header, struct.pack("<I4s", len(text), b"JSON"), text),
-            *(struct.pack("<I4s", len(binary), b"BIN\0"), binary),
-        ]
-    )
-
-
-class _Buffer:
-    """The numbers of a glTF file, and the descriptions by which its document finds them."""
-
-    def __init__(self) -> None:
-        self.chunks: list[bytes] = []
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
-
-    def add(self, values: NDArray[Any], kind: str, component: int, target: int, **more: Any) -> int:
-        """Adds an array and returns the number of its accessor."""
-        data = np.ascontiguousarray(values).tobytes()
-        self.views.append(
-            {
-                "buffer": 0,
-                "byteOffset": sum(map(len, self.chunks)),
-                "byteLength": len(data),
-                "target": target,
-            }
-        )
-        self.chunks.append(data + b"\0" * (-len(data) % 4))
-        self.accessors.append(
-            {
-                "bufferView": len(self.views) - 1,
-                "componentType": component,
-                "count": len(values) if kind != "SCALAR" else values.size,
-                "type": kind,
-                **more,
-            }
-        )
-        return len(self.accessors) - 1
-
-
-def _primitive(mesh: Mesh, painted_light: Array | None, buffer: _Buffer) -> dict[str, Any]:
-    vertex_data, index_data, single, short, integer = 34962, 34963, 5126, 5123, 5125
-    corners = {"min": mesh.vertices.min(axis=0).tolist()}
-    corners["max"] = mesh.vertices.max(axis=0).tolist()
-    # glTF's colours are linear; eight bits would not do for dark ones.
-    colours = np.empty((len(mesh.colours), 4), np.uint16)
-    linear = _linear(mesh.colours[:, :3] / 255.0)
-    if painted_light is not None:
-        light = np.clip(AMBIENT + mesh.normals @ (_matrix(painted_light).T @ LIGHT), 0.0, 1.0)
-        linear = linear * light[:, None]
-    colours[:, :3] = np.round(linear * 65535)
-    colours[:, 3] = mesh.colours[:, 3].astype(np.uint16) * 257
-    return {
-        "attributes": {
-            "POSITION": buffer.add(mesh.vertices, "VEC3", single, vertex_data, **corners),
-            "NORMAL": buffer.add(mesh.normals, "VEC3", single, vertex_data),
-            "COLOR_0": buffer.add(colours, "VEC4", short, vertex_data, normalized=True),
-        },
-        "indices": buffer.add(mesh.faces, "SCALAR", integer, index_data),
-        "material": int(mesh.is_transparent),
-    }
-
-
-def _linear(colours: Array) -> Array:
-    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-
-
 def _merged(meshes: Sequence[Mesh]) -> tuple[Mesh, ...]:
     kinds: dict[tuple[bool, bool], list[Mesh]] = {}
     for mesh in meshes:
         kinds.setdefault((mesh.is_transparent, mesh.is_surround), []).append(mesh)
-    return tuple(joined(kinds[kind]) for kind in sorted(kinds))
+    return tuple(_joined(kinds[kind]) for kind in sorted(kinds))
 
 
 def _matrix(quaternion: Array) -> Array:

@@ -71,8 +71,6 @@ def lines_of(
         lines.append(Line("remedy", f"trifinger recover {info.name}"))
     if frame is not None and frame.time_index >= 0:
         lines.append(Line("step", f"{frame.time_index} ({frame.time:.1f} s)"))
-    mode = "real time" if info.is_real_time else "time waits for the controller"
-    lines.append(Line("rate", f"{_rate(info.period)}, {mode}"))
     if info.controller_pid is not None:
         lines.append(Line("controller", f"process {info.controller_pid}"))
     if timing is not None:
@@ -82,6 +80,12 @@ def lines_of(
         which = ", ".join(map(str, joints))
         lines.append(Line("safety", f"joint{'s' * (len(joints) > 1)} {which}: {reason}", "warning"))
     return lines
+
+
+def facts_of(info: SessionInfo) -> str:
+    """Facts about a session that do not change, for a headline."""
+    mode = "real time" if info.is_real_time else "time waits for the controller"
+    return f"{info.type} · {_rate(info.period)} · {mode}"
 
 
 def _rate(period: float) -> str:

@@ -23,9 +23,10 @@ from trifinger.commands.command_line import (
     say,
 )
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
+from trifinger.log.plot.panels import GROUPS
 
 from trifinger_view import PAGE
-from trifinger_view.authentication import CONTROL_MESSAGES, LOOPBACK, Authentication, page_server
+from trifinger_view.authentication import LOOPBACK, Authentication
 from trifinger_view.commands.options import add_frames
 from trifinger_view.logged import LoggedRun
 from trifinger_view.page_controller import PageController, pullable
@@ -41,7 +42,7 @@ class PageOptions:
 
     authentication: Authentication
     opens_browser: bool
-    is_plain: bool  # without lights and shadows
+    is_plain: bool  # without shadows
 
 
 def is_log(text: str) -> bool:
@@ -61,21 +62,20 @@ def show(
     `note` is a sentence for the terminal.
     """
     from trifinger_view.live import be_modest
-    from trifinger_view.page import Page, help_slow_browsers
+    from trifinger_view.page import Page, document_of
+    from trifinger_view.page_server import PageServer
 
     authentication = options.authentication
+    controls = controller is not None and controller.with_guide
     if controller is None:  # the thread of a guide would inherit this
         be_modest()
+    robot = page_title if controls else ""
+    document = document_of(page_title, robot=robot, is_plain=options.is_plain)
     with contextlib.closing(authentication):
-        help_slow_browsers(authentication, is_plain=options.is_plain)
-        server = page_server(
-            authentication, page_title, None if controller is None else CONTROL_MESSAGES
-        )
-        page = Page(server, page_title, is_plain=options.is_plain)
+        server = PageServer(authentication, document)
+        page = Page(server)
         renew = begin(page)
-        print_address(
-            authentication, controls=controller is not None and controller.with_guide, note=note
-        )
+        print_address(authentication, controls=controls, note=note)
         if options.opens_browser:
             webbrowser.open(authentication.url)
         following = time.monotonic()
@@ -90,7 +90,7 @@ def show(
                 else:  # the machine is busy: leave pictures out
                     following = time.monotonic()
         finally:
-            page.server.stop()
+            server.stop()
 
 
 def print_address(
@@ -125,6 +125,7 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
     from trifinger_view.control_panel import ControlPanel, add_stop
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
+    from trifinger_view.words import facts_of
 
     live = LiveRun(name)
     if controller is not None and controller.with_guide:
@@ -132,14 +133,16 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
 
     def begin(page: Page) -> Callable[[bool], None]:
         shown: dict[str, object] = {"session": None, "lines": None}
+        page.begin(None, name or "TriFinger")
         page.show_state(live.lines)
-        panel = None if controller is None else ControlPanel(page, controller)
+        panel = None if controller is None else ControlPanel(page.server, controller)
 
         def renew(is_watched: bool) -> None:
             live.look(with_images=is_watched)
             if live.session_id != shown["session"]:
                 shown["session"] = live.session_id
-                page.begin(live.scene)
+                if live.info is not None:
+                    page.begin(live.scene, live.info.name, facts_of(live.info))
                 if panel is not None:
                     panel.begin(live)
             if panel is not None:
@@ -151,7 +154,8 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
                 page.show_state(live.lines)
                 if live.frame is not None:
                     page.show_images(live.frame.images)
-                page.show_curves(live.window)
+                groups = GROUPS.get(live.info.type, ()) if live.info is not None else ()
+                page.show_curves(live.window, groups)
 
         return renew
 
@@ -267,7 +271,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--plain",
         action="store_true",
-        help="draw without lights and shadows, for a browser without a graphics card",
+        help="draw without shadows, for a browser without a graphics card",
     )
     file = parser.add_argument_group("a file of a log")
     file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
