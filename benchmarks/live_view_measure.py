@@ -32,7 +32,7 @@ PROBE = """() => {
   let before = "";
   const look = () => {
     const step = document.body.dataset.step ?? "";
-    if (step !== before) {
+    if (step !== before && !window.trifingerPage.scene.isAsked) {  // it is drawn
       before = step;
       const now = performance.timeOrigin + performance.now();
       window.pictures.push([Number(step), now]);

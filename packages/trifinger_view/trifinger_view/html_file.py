@@ -205,10 +205,9 @@ class _Page:
         told = session_of(scene, self._numbers, scene.sphere(self._moments()))
         for number, body in enumerate(scene.bodies):
             own = told["bodies"][number]
-            own["hasGhost"] = own["hasGhost"] and bool(is_ghostly.any())
             last = None if body.is_moving else 1
             own["poses"] = self._poses(poses[:last, number])
-            if own["hasGhost"]:
+            if own["isMoving"] and is_ghostly.any():
                 own["ghosts"] = self._poses(ghosts[:, number])
         return {
             **told,

@@ -117,7 +117,6 @@ def session_of(scene: Scene, numbers: Numbers, sphere: tuple[Array, float]) -> d
                 "name": body.name,
                 "parts": [_part(mesh, numbers) for mesh in body.meshes],
                 "isMoving": body.is_moving and not body.object,
-                "hasGhost": body.is_moving and not body.object,
             }
             for body in scene.bodies
         ],

@@ -61,7 +61,7 @@ class Page {
     find("shadows").parentElement.hidden = !parts.length;
     if (!this.scene) return;
     this.scene.begin(told.home ?? this.scene.home);
-    this.bodies = told.bodies.map(({name, parts, hasGhost, isMoving}) => {
+    this.bodies = told.bodies.map(({name, parts, isMoving}) => {
       const meshes = parts.map((part) => this.scene.upload({
         positions: numbers.floats(part.positions),
         normals: numbers.floats(part.normals, Int8Array),
@@ -69,7 +69,7 @@ class Page {
         triangles: numbers.floats(part.triangles, Uint32Array),
       }));
       const own = parts.map((part, i) => this.scene.add(meshes[i], {isVisible: false, isFaint: part.isTransparent, isSurround: part.isSurround}));
-      const ghosts = hasGhost ? own.flatMap((part) => part.isSurround ? [] : [this.scene.add(part.mesh,
+      const ghosts = told.hasGhost && isMoving ? own.flatMap((part) => part.isSurround ? [] : [this.scene.add(part.mesh,
         {isVisible: false, isFaint: true, opacity: 0.5, tint: [0.1, 0.36, 0.95, 1]})]) : [];
       return {name, parts: own, ghosts, isMoving};
     });

@@ -20,8 +20,7 @@ void main() {
   gl_Position = camera * world;
 }`;
 
-const FRAGMENT = `#version 300 es
-precision highp float;
+const FRAGMENT = `precision highp float;
 precision highp sampler2DShadow;
 in vec3 place, facing;
 in vec4 paint, shade, cover;
@@ -31,23 +30,22 @@ uniform vec4 middle;  // what is much farther from it than its last number fades
 uniform vec4 cut;  // what lies farther than the last number in this direction is not drawn
 uniform float opacity;
 uniform float grid;  // between the lines of a floor; 0 without lines
-uniform float softness;  // of shadows; 0 without shadows
 uniform sampler2DShadow shadows, covers;
 out vec4 pixel;
-float lit(sampler2DShadow map, vec3 at, float spread, int taps, float bias) {
+float lit(sampler2DShadow map, vec3 at, float bias) {
   if (any(lessThan(at, vec3(0.0))) || any(greaterThan(at, vec3(1.0)))) return 1.0;
   float sum = 0.0;
-  vec2 size = spread / vec2(textureSize(map, 0));
-  for (int x = 0; x < taps; ++x)
-    for (int y = 0; y < taps; ++y)
-      sum += texture(map, vec3(at.xy + (vec2(x, y) - 0.5 * float(taps - 1)) * size, at.z - bias));
-  return sum / float(taps * taps);
+  vec2 size = 1.0 / vec2(textureSize(map, 0));
+  for (float x = -1.5; x < 2.0; ++x)
+    for (float y = -1.5; y < 2.0; ++y) sum += texture(map, vec3(at.xy + vec2(x, y) * size, at.z - bias));
+  return sum / 16.0;
 }
 void main() {
   if (dot(place, cut.xyz) > cut.w) discard;
   vec3 normal = normalize(facing), look = normalize(eye - place);
   if (dot(normal, look) < 0.0) normal = -normal;
-  vec3 own = pow(mix(paint.rgb, tint.rgb, tint.a), vec3(2.2));
+  vec3 own = mix(paint.rgb, tint.rgb, tint.a);
+  own *= own;
   float alpha = paint.a * opacity;
   float away = smoothstep(2.2, 6.0, length(place - middle.xyz) / middle.w);
   if (grid > 0.0) {
@@ -56,18 +54,19 @@ void main() {
     own *= 1.0 - 0.16 * max(line.x, line.y) * (1.0 - smoothstep(0.15, 0.5, max(wide.x, wide.y)));
   }
   float shadow = 1.0, open = 1.0, facesLamp = max(dot(normal, toLamp), 0.0);
-  if (softness > 0.0) {
-    shadow = lit(shadows, shade.xyz * 0.5 + 0.5, softness, 4, 0.0012 + 0.003 * (1.0 - facesLamp));
-    open = mix(0.5, 1.0, lit(covers, cover.xyz * 0.5 + 0.5, 1.6, 4, 0.004));
-  }
+#ifdef SHADOWS
+  shadow = lit(shadows, shade.xyz * 0.5 + 0.5, 0.0012 + 0.003 * (1.0 - facesLamp));
+  open = mix(0.5, 1.0, lit(covers, cover.xyz * 0.5 + 0.5, 0.004));
+#endif
   vec3 light = mix(vec3(0.26, 0.25, 0.24), vec3(0.46, 0.48, 0.51), 0.5 + 0.5 * normal.z) * open;
   light += vec3(0.72, 0.70, 0.66) * facesLamp * shadow;
-  light += vec3(0.10, 0.11, 0.13) * max(dot(normal, normalize(vec3(-toLamp.x, -toLamp.y, 0.4))), 0.0);
+  light += vec3(0.10, 0.11, 0.13) * max(dot(normal, vec3(-0.555, 0.678, 0.482)), 0.0);
   float gloss = 0.14 * pow(max(dot(normal, normalize(toLamp + look)), 0.0), 48.0) * shadow;
-  gloss += 0.05 * pow(1.0 - max(dot(normal, look), 0.0), 4.0) * open;
-  vec3 bright = own * light + gloss;
-  bright = mix(bright, 0.8 + 0.2 * tanh((bright - 0.8) / 0.2), step(0.8, bright));
-  pixel = vec4(mix(pow(bright, vec3(1.0 / 2.2)), horizon, away), alpha);
+  float edge = 1.0 - max(dot(normal, look), 0.0);
+  gloss += 0.05 * edge * edge * edge * edge * open;
+  vec3 bright = own * light + gloss, much = max(bright - 0.8, 0.0);
+  bright = min(bright, 0.8) + much / (1.0 + 5.0 * much);  // nothing is washed out
+  pixel = vec4(mix(sqrt(bright), horizon, away), alpha);
 }`;
 
 const SHADOW_VERTEX = `#version 300 es
@@ -203,11 +202,13 @@ class Scene {
     this.isPlain = isPlain || isSlow;
     const gl = canvas.getContext("webgl2", {antialias: !isSlow});
     this.gl = gl;
-    this.main = this.program(VERTEX, FRAGMENT);
+    const version = "#version 300 es\n";
+    this.plain = this.program(VERTEX, version + FRAGMENT);
+    this.lit = this.program(VERTEX, `${version}#define SHADOWS\n${FRAGMENT}`);
     this.shadow = this.program(SHADOW_VERTEX, SHADOW_FRAGMENT);
     this.sky = this.program(SKY_VERTEX, SKY_FRAGMENT);
-    this.depth = this.shadowMap(1024);
-    this.cover = this.shadowMap(96);
+    this.depth = this.shadowMap(640);
+    this.cover = this.shadowMap(64);
     [this.arrow, this.ball, this.square] = [arrowMesh(), ballMesh(), squareMesh()].map((mesh) => this.upload(mesh));
     this.toLamp = unit([0.45, -0.55, 1.1]);
     this.begin({middle: [0, 0, 0.2], radius: 0.5, azimuth: 5.15, elevation: 0.42, fieldOfView: 0.66, floor: 0});
@@ -386,7 +387,7 @@ class Scene {
     gl.bindVertexArray(null);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
-    const {program, places} = this.main;
+    const {program, places} = this.isPlain ? this.plain : this.lit;
     gl.useProgram(program);
     const lens = perspective(this.home.fieldOfView, view.aspect, 0.02 * view.distance, 20 * view.distance + 20);
     gl.uniformMatrix4fv(places.camera, false, product(lens, lookAt(view.eye, this.target, [0, 0, 1])));
@@ -396,8 +397,7 @@ class Scene {
     gl.uniform3fv(places.toLamp, this.toLamp);
     gl.uniform3fv(places.horizon, horizon);
     gl.uniform4fv(places.middle, [...this.middle, radius]);
-    gl.uniform1f(places.softness, this.isPlain ? 0 : 1.5);
-    gl.uniform1i(places.covers, 1);
+    gl.uniform1i(places.covers ?? null, 1);
     for (const [unit, map] of [this.depth, this.cover].entries()) {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, map.texture);
@@ -427,7 +427,6 @@ class Scene {
     faint.forEach(paint);
     // Forces act inside of what is touched, so nothing hides their arrows; nor handles.
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    gl.uniform1f(places.softness, 0);
     const arrow = ({at, along, thickness, tint}) => {
       const length = Math.hypot(...along);
       if (!(length > 1e-4)) return;
