@@ -112,7 +112,10 @@ def test_the_address_with_the_token_leads_to_the_page(authentication: Authentica
     status, headers, page = get(authentication, Cookie=cookie.split(";")[0])
     assert status == 200
     assert b"<html" in page.lower()
-    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    policy = headers["Content-Security-Policy"]
+    assert "frame-ancestors 'none'" in policy
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
     with browse(authentication) as browser:
         wait_for(browser, "state")
 

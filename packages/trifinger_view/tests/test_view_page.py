@@ -100,6 +100,8 @@ def test_the_page_waits_for_a_robot_and_follows_its_sessions_and_faults(
 ) -> None:
     page.goto(start_view("bot").url)
     says(page, "state", "no robot 'bot' runs")
+    says(page, "start-one", "trifinger run bot")
+    expect(page.locator("aside")).to_be_hidden()
     start_fake("bot", observation_fault_after=20)
     says(page, "state", "holds its pose")
     robot = trifinger.connect("bot")
@@ -212,6 +214,30 @@ def test_fault_68_texts_of_a_session_are_shown_as_texts(page: Page) -> None:
         page.goto(authentication.url)
         says(page, "state", "<img src=x onerror=alert(1)> & more")
         expect(page).to_have_title("<b>&test</b>")
+        server.stop()
+
+
+def test_the_camera_goes_after_what_walks_away_and_not_after_what_waves(page: Page) -> None:
+    with contextlib.closing(Authentication(port=0)) as authentication:
+        server = PageServer(authentication, viewed.document_of("test"))
+        page.goto(authentication.url)
+        target, radius = page.evaluate(
+            "() => [trifingerPage.scene.target, trifingerPage.scene.home.radius]"
+        )
+
+        def follow(way: float) -> float:
+            """How far the camera has gone after something that is so far away in the end [m]."""
+            found = page.evaluate(
+                "([way, [x, y, z]]) => { for (let i = 0; i <= 1000; ++i)"
+                " trifingerPage.scene.follow([x + way * Math.min(i / 100, 1), y, z]);"
+                " return trifingerPage.scene.target; }",
+                [way, target],
+            )
+            assert found[1:] == target[1:]
+            return float(found[0] - target[0])
+
+        assert follow(0.3 * radius) == 0.0
+        assert 9.5 * radius < follow(10 * radius) < 10 * radius
         server.stop()
 
 

@@ -49,11 +49,6 @@ class Page:
         self._lines: Sequence[Line] = ()
         self._images: Mapping[str, NDArray[np.uint8]] = {}
 
-    @property
-    def is_watched(self) -> bool:
-        """Whether a browser is connected."""
-        return bool(self.server.browsers)
-
     def begin(
         self,
         scene: Scene | None,

@@ -45,15 +45,13 @@ async def serve(
     handler: Callable[[ServerConnection], Any],
     listener: socket.socket,
     check: Check,
-    listen: Callable[..., Any] | None = None,
     **options: Any,
 ) -> AsyncIterator[Server]:
     """Runs a server of the package websockets at `listener` as long as the context lasts.
 
     Who gets a websocket, or an answer with a status below 400, counts as authenticated, also where
-    a server asks for no token.
-    `options` are those of websockets, and `listen` is its function if its name is another one's
-    now. What other clients send, however malformed, is answered and never printed.
+    a server asks for no token. `options` are those of websockets. What other clients send, however
+    malformed, is answered and never printed.
     """
     import websockets.asyncio.server
 
@@ -87,7 +85,7 @@ async def serve(
             unauthenticated.pop(connection, None)
 
     asyncio.get_running_loop().set_exception_handler(_Unhandled(listener))
-    async with (listen or websockets.asyncio.server.serve)(
+    async with websockets.asyncio.server.serve(
         handler,
         sock=listener,
         backlog=BATCH,

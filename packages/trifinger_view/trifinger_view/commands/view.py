@@ -81,7 +81,7 @@ def show(
         following = time.monotonic()
         try:
             while True:
-                is_watched = page.is_watched
+                is_watched = bool(server.browsers)
                 renew(is_watched)
                 following += 1.0 / (RATE if is_watched else IDLE_RATE)
                 pause = following - time.monotonic()

@@ -193,15 +193,12 @@ class Scene {
   constructor(canvas, isPlain = false) {
     this.canvas = canvas;
     this.bodies = [];
-    this.arrows = [];
-    this.handles = [];  // {at, ...}: onDrag(handle, point) and onDrop(handle) say what the mouse does with them
     const trial = document.createElement("canvas").getContext("webgl2");
     if (!trial) throw new Error("this browser has no WebGL 2");
     const names = trial.getExtension("WEBGL_debug_renderer_info");
     const isSlow = SOFTWARE.test(trial.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : trial.RENDERER));
     this.isPlain = isPlain || isSlow;
-    const gl = canvas.getContext("webgl2", {antialias: !isSlow});
-    this.gl = gl;
+    this.gl = canvas.getContext("webgl2", {antialias: !isSlow});
     const version = "#version 300 es\n";
     this.plain = this.program(VERTEX, version + FRAGMENT);
     this.lit = this.program(VERTEX, `${version}#define SHADOWS\n${FRAGMENT}`);
@@ -216,19 +213,15 @@ class Scene {
     new ResizeObserver(() => this.ask()).observe(canvas);
   }
 
-  // Forgets the bodies. `home` is where the camera begins: a sphere that fills the picture, and the
+  // Forgets bodies, arrows and handles; onDrag(handle, point) and onDrop(handle) say what the mouse does
+  // with a handle. `home` is where the camera begins: a sphere that fills the picture, and the
   // direction from it to the eye; and the height of a floor where the bodies have none.
   begin(home) {
-    for (const body of this.bodies) this.forget(body.mesh);
-    [this.bodies, this.arrows, this.handles, this.anchor] = [[], [], [], null];
-    this.home = home;
-    this.middle = home.middle;
-    if (home.floor !== null) {
-      const size = 12 * home.radius, grid = 10 ** Math.floor(Math.log10(home.radius) + 0.3);
-      this.floor = {mesh: this.square, opacity: 1, tint: [0.8, 0.8, 0.8, 1], grid, size};
-    } else {
-      this.floor = null;
+    for (const {mesh} of this.bodies) {
+      this.gl.deleteVertexArray(mesh.array);
+      for (const buffer of mesh.buffers) this.gl.deleteBuffer(buffer);
     }
+    Object.assign(this, {bodies: [], arrows: [], handles: [], anchor: null, home, middle: home.middle});
     this.goHome();
   }
 
@@ -282,11 +275,6 @@ class Scene {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
     return {array, buffers, count: triangles.length};
-  }
-
-  forget(mesh) {
-    this.gl.deleteVertexArray(mesh.array);
-    for (const buffer of mesh.buffers) this.gl.deleteBuffer(buffer);
   }
 
   // A body has these properties; whoever changes them calls ask(). Of a body that surrounds the others,
@@ -412,9 +400,10 @@ class Scene {
       gl.uniform1f(places.grid, thing.grid ?? 0);
       this.drawMesh(thing.mesh);
     };
-    if (this.floor) {
-      const {size} = this.floor, [x, y] = this.middle, tint = [...colour("--floor"), 1];
-      paint({...this.floor, tint, matrix: new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, 1, 0, x, y, this.home.floor, 1])});
+    if (this.home.floor !== null) {
+      const size = 12 * radius, [x, y] = this.middle, grid = 10 ** Math.floor(Math.log10(radius) + 0.3);
+      paint({mesh: this.square, opacity: 1, tint: [...colour("--floor"), 1], grid,
+        matrix: new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, 1, 0, x, y, this.home.floor, 1])});
     }
     things.filter((thing) => !thing.isFaint).forEach(paint);
     // Of a body that one sees through, only the nearest surface is drawn: first its depth, then its colour.

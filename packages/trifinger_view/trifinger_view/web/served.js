@@ -15,9 +15,15 @@ class ServedLine {
   setSpeed(speed) { this.ask({do: "speed", speed}); }
   setLooping(isLooping) { this.ask({do: "loop", isLooping}); }
   goToFault() { this.ask({do: "fault"}); }
-  moveTo(time) { this.touched = performance.now(); this.ask({do: "move", time}); }
-  // Takes what the server says, but not over a hand at the slider.
-  take(told) { if (performance.now() - this.touched > TOUCHED / 2 || !told.isPlaying) Object.assign(this, told); }
+  moveTo(time) {
+    Object.assign(this, {position: time, touched: performance.now()});
+    this.ask({do: "move", time});
+  }
+  // Takes what the server says, but does not move the slider under a hand.
+  take(told) {
+    const isTouched = performance.now() - this.touched < TOUCHED / 2;
+    Object.assign(this, told, isTouched ? {position: this.position} : {});
+  }
 }
 
 class ServedPage extends Page {
