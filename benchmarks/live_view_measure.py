@@ -28,14 +28,14 @@ COMMAND = "import sys; from trifinger_view.commands.view import main; sys.exit(m
 SCENE_SIZE = 100_000  # bytes that a connection has got once it has the robot
 # Notes the step of each picture and when the browser was ready to draw the next one [ms].
 PROBE = """() => {
+  const {scene} = window.trifingerPage, draw = scene.draw.bind(scene);
+  let drawn = "", before = "";
   window.pictures = [];
-  let before = "";
+  scene.draw = () => { draw(); drawn = document.body.dataset.step; };
   const look = () => {
-    const step = document.body.dataset.step ?? "";
-    if (step !== before && !window.trifingerPage.scene.isAsked) {  // it is drawn
-      before = step;
-      const now = performance.timeOrigin + performance.now();
-      window.pictures.push([Number(step), now]);
+    if (drawn !== before) {
+      before = drawn;
+      window.pictures.push([Number(drawn), performance.timeOrigin + performance.now()]);
     }
     requestAnimationFrame(look);
   };

@@ -3,6 +3,7 @@
 
 const find = (name) => document.getElementById(name);
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#777777"];
+const CANVAS = {willReadFrequently: true};  // the processor draws lines sooner than a slow graphics card
 
 function make(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
@@ -184,7 +185,7 @@ class Page {
       if (low > high) [low, high] = [0, 1];
       const margin = high > low ? 0.06 * (high - low) : Math.max(Math.abs(high), 1e-3);
       [low, high] = [low - margin, high + margin];
-      const pen = plot.still.getContext("2d");
+      const pen = plot.still.getContext("2d", CANVAS);
       const x = (time) => (time - begin) / (end - begin || 1) * width;
       const y = (value) => height - (value - low) / (high - low) * height;
       pen.strokeStyle = style.getPropertyValue("--line");
@@ -236,7 +237,7 @@ class Page {
     const colour = getComputedStyle(document.body).getPropertyValue("--text");
     for (const plot of this.plots) {
       if (!plot.still) continue;
-      const pen = plot.canvas.getContext("2d"), scale = window.devicePixelRatio || 1;
+      const pen = plot.canvas.getContext("2d", CANVAS), scale = window.devicePixelRatio || 1;
       pen.clearRect(0, 0, plot.canvas.width, plot.canvas.height);
       pen.drawImage(plot.still, 0, 0);
       const bin = time === null ? plot.times.length - 1 : before(plot.times, time);

@@ -375,17 +375,20 @@ class Scene {
     gl.bindVertexArray(null);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
-    const {program, places} = this.isPlain ? this.plain : this.lit;
-    gl.useProgram(program);
     const lens = perspective(this.home.fieldOfView, view.aspect, 0.02 * view.distance, 20 * view.distance + 20);
-    gl.uniformMatrix4fv(places.camera, false, product(lens, lookAt(view.eye, this.target, [0, 0, 1])));
-    gl.uniformMatrix4fv(places.lamp, false, lamp);
-    gl.uniformMatrix4fv(places.zenith, false, zenith);
-    gl.uniform3fv(places.eye, view.eye);
-    gl.uniform3fv(places.toLamp, this.toLamp);
-    gl.uniform3fv(places.horizon, horizon);
-    gl.uniform4fv(places.middle, [...this.middle, radius]);
-    gl.uniform1i(places.covers ?? null, 1);
+    const camera = product(lens, lookAt(view.eye, this.target, [0, 0, 1]));
+    let places;
+    const use = (one) => {
+      places = one.places;
+      gl.useProgram(one.program);
+      for (const [name, matrix] of Object.entries({camera, lamp, zenith})) gl.uniformMatrix4fv(places[name], false, matrix);
+      gl.uniform3fv(places.eye, view.eye);
+      gl.uniform3fv(places.toLamp, this.toLamp);
+      gl.uniform3fv(places.horizon, horizon);
+      gl.uniform4fv(places.middle, [...this.middle, radius]);
+      gl.uniform1i(places.covers, 1);
+    };
+    use(this.isPlain ? this.plain : this.lit);
     for (const [unit, map] of [this.depth, this.cover].entries()) {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, map.texture);
@@ -414,8 +417,9 @@ class Scene {
     faint.forEach(paint);
     gl.colorMask(true, true, true, true);
     faint.forEach(paint);
-    // Forces act inside of what is touched, so nothing hides their arrows; nor handles.
+    // Forces act inside of what is touched, so nothing hides their arrows, nor handles, or casts shadows on them.
     gl.clear(gl.DEPTH_BUFFER_BIT);
+    use(this.plain);
     const arrow = ({at, along, thickness, tint}) => {
       const length = Math.hypot(...along);
       if (!(length > 1e-4)) return;
