@@ -5,8 +5,8 @@
 
 Each description with a joint in FOLDER, by default those that tools/fetch_robots.py has fetched,
 becomes a configuration. The answers that it asks for are those that it proposes itself: the torque
-of a motor that could do, --repair-inertia and --angle radian. The robot then holds its pose for 10 s of simulated
-time, and moves all joints by 0.1 rad or 1 cm, there and back.
+of a motor that could do, --repair-inertia and --angle radian. The robot then holds its pose for
+10 s of simulated time, and moves all joints by 0.1 rad or 1 cm, there and back.
 """
 
 import argparse

@@ -182,12 +182,11 @@ TEST_F(ProposeLimits, WarnsOfDampingThatIsTooStrongForTheStep) {
   options.limits = std::vector<JointLimit>{{.safety_kd = 1, .default_kd = 30}};
   EXPECT_TRUE(detail::gain_warnings(options).empty());
   options.limits->front().default_kd = 50;
-  EXPECT_THAT(
-      detail::gain_warnings(options),
-      ElementsAre(testing::Pair(
-          0, testing::AllOf(HasSubstr("joint 'lift' has an inertia of 0.041 kgm^2"),
-                            HasSubstr("safety_kd + default_kd = 51 Nms/rad"),
-                            HasSubstr("steps of 0.001 s"), HasSubstr("robot.armature")))));
+  EXPECT_THAT(detail::gain_warnings(options),
+              ElementsAre(testing::Pair(
+                  0, testing::AllOf(HasSubstr("joint 'lift' has an inertia of 0.041 kgm^2"),
+                                    HasSubstr("safety_kd + default_kd = 51 Nms/rad"),
+                                    HasSubstr("steps of 0.001 s"), HasSubstr("robot.armature")))));
 }
 
 }  // namespace

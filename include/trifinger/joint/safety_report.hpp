@@ -67,9 +67,8 @@ struct RejectedCommand {
   std::size_t num_values{0};  ///< Number of rejected values in the whole action.
 };
 
-/// Describes a rejection, for example "position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1,
-/// allowed are 0 to 0.5 (max_kd)". `joint_name` may be empty. Needs no memory from
-/// the heap.
+/// Describes a rejection, for example "position_kd of joint 1 (finger_upper_to_middle_joint_0) is
+/// 1, allowed are 0 to 0.5 (max_kd)". `joint_name` may be empty. Needs no memory from the heap.
 [[nodiscard]] FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
                                  const JointLimit& limit) noexcept;
 
