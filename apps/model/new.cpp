@@ -160,6 +160,12 @@ void write_configuration(const NewRobotOptions& options) {
                                   .repair_inertia = options.repair_inertia,
                                   .angle_in_radians = options.angle == "radian",
                                   .collision = options.collision};
+  if (is_urdf(files) && files.angle_in_radians) {
+    throw UsageError("--angle is for an MJCF: a URDF has radians always");
+  }
+  if (!is_urdf(files) && !files.collision.empty()) {
+    throw UsageError("--collision is for a URDF: an MJCF says itself what touches");
+  }
   const ModelFile model = model_of(files);
   const fs::path path = options.folder / (options.name + ".yml");
   require_new(path);

@@ -73,8 +73,8 @@ std::string head_of(const SimulatedRobotFiles& files, const ModelFile& model) {
       "# {}, simulated. docs/any_robot.md explains the keys; 'trifinger config {}.yml' checks "
       "them.\n"
       "name: {}\ndriver: simulation\n\nrobot:\n  {}: {}\n",
-      on_one_line(model.name()), files.name, files.name,
-      file.extension() == ".urdf" ? "urdf" : "mjcf", quoted(file));
+      on_one_line(model.name()), files.name, files.name, is_urdf(files) ? "urdf" : "mjcf",
+      quoted(file));
   if (files.meshes) {
     // This one counts from the folder of the robot's file.
     text += fmt::format("  mesh_folder: {}\n",
@@ -159,7 +159,7 @@ std::vector<std::string> values_of(const NamedJoint& joint, const JointProposal&
 }
 
 // Where the values of a joint come from.
-std::string reason_of(const NamedJoint& joint, const JointProposal& proposal) {
+std::string reason_of(const NamedJoint& joint, const JointProposal& proposal, bool is_urdf) {
   const bool slides = joint.kind == JointKind::kSlide;
   const char* const torque = slides ? "N" : "Nm";
   const double weight = proposal.load.weight;
@@ -175,7 +175,7 @@ std::string reason_of(const NamedJoint& joint, const JointProposal& proposal) {
     text += "; no stops";
   }
   constexpr double kSmallRange = 0.06;  // [rad]: 3.5, taken for degrees
-  if (!slides && joint.known.hard_upper - joint.known.hard_lower < kSmallRange) {
+  if (!slides && !is_urdf && joint.known.hard_upper - joint.known.hard_lower < kSmallRange) {
     text += fmt::format("; so small a range: {}", kHowToTakeRadians);
   }
   if (proposal.replaces_gains) {
@@ -196,7 +196,7 @@ std::string reason_of(const NamedJoint& joint, const JointProposal& proposal) {
   return text;
 }
 
-std::string safety_of(const ModelFile& model, const detail::RobotProposal& proposal) {
+std::string safety_of(const ModelFile& model, const detail::RobotProposal& proposal, bool is_urdf) {
   const std::vector<NamedJoint> joints = joints_of(model);
   std::string text(kAboutSafety);
   for (std::size_t i = 0; i < joints.size(); ++i) {
@@ -204,7 +204,7 @@ std::string safety_of(const ModelFile& model, const detail::RobotProposal& propo
     text +=
         fmt::format("  {}: {}  # {}\n", key_of(joints[i].name),
                     flow_of(values_of(joints[i], joint), [](const auto& value) { return value; }),
-                    reason_of(joints[i], joint));
+                    reason_of(joints[i], joint, is_urdf));
   }
   return text;
 }
@@ -224,7 +224,7 @@ ModelFile model_of(const SimulatedRobotFiles& files) {
 
 std::string configuration_of(const SimulatedRobotFiles& files, const ModelFile& model) {
   const detail::RobotProposal proposal = detail::propose_limits(model);
-  return head_of(files, model) + places_of(proposal) + safety_of(model, proposal);
+  return head_of(files, model) + places_of(proposal) + safety_of(model, proposal, is_urdf(files));
 }
 
 }  // namespace trifinger::apps

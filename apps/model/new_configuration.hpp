@@ -21,6 +21,10 @@ struct SimulatedRobotFiles {
   std::string collision;  // hull, visual or none; empty: as usual
 };
 
+[[nodiscard]] inline bool is_urdf(const SimulatedRobotFiles& files) {
+  return files.file.extension() == ".urdf";
+}
+
 // For joints that can hardly move.
 inline constexpr std::string_view kHowToTakeRadians =
     "if the file means radians, add angle: radian (--angle radian)";

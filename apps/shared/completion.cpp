@@ -41,10 +41,7 @@ _trifinger() {
   found=(${(f)"$(trifinger __complete "${(@)words[2,CURRENT]}" 2>/dev/null)"})
   compadd -a found || _files
 }
-if
-  ["$funcstack[1]" = "_trifinger"];
-then _trifinger "$@";
-else compdef _trifinger trifinger; fi
+if [[ $funcstack[1] == _trifinger ]]; then _trifinger "$@"; else compdef _trifinger trifinger; fi
 )sh";
 
 constexpr const char* kFish = R"sh(function __trifinger_complete

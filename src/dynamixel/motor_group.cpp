@@ -178,8 +178,7 @@ void MotorGroup::identify(std::size_t motor) {
     throw Error(text_of(motor_text(id), " (", model->name,
                         ") neither measures nor limits its "
                         "current, so it has no mode \"",
-                        name_of(options_.mode),
-                        "\"; use the mode \"position\" without a largest current"));
+                        name_of(options_.mode), "\"; set mode: position and max_current: .inf"));
   }
   models_[motor] = model;
   if (options_.is_fast && identity.firmware < kFastSyncReadFirmware) {

@@ -247,6 +247,10 @@ JointSolution ModelKinematics::inverse_kinematics(
   if (ranges.empty()) ranges = ranges_;
   require(std::ssize(ranges) == num_joints(),
           text_of("there are ", ranges.size(), " ranges for ", num_joints(), " joints"));
+  for (const JointRange& range : ranges) {
+    require(range.lower <= range.upper, text_of("a joint has the range from ", range.lower, " to ",
+                                                range.upper, ": lower must be first"));
+  }
   std::optional<Eigen::Quaterniond> goal = orientation;
   if (goal) goal->normalize();
   Eigen::VectorXd begin = near;

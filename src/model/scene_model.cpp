@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <ranges>
+#include <set>
 
 #include "trifinger/base/error.hpp"
 
@@ -112,8 +113,12 @@ void SceneModel::find_followers() {
       return std::ranges::find(motor.parts, dof, &Part::velocity) != motor.parts.end();
     });
   };
-  // What a motor moves itself is coupled already.
-  std::erase_if(left, [&](int i) { return is_driven(model.jnt_dofadr[model.eq_obj1id[i]]); });
+  // What a motor moves itself is coupled already. A joint follows one other joint.
+  std::set<int> seen;
+  std::erase_if(left, [&](int i) {
+    return is_driven(model.jnt_dofadr[model.eq_obj1id[i]]) ||
+           !seen.insert(model.eq_obj1id[i]).second;
+  });
   const auto finds_leader = [&](int equality) {
     const int leader = model.eq_obj2id[equality];
     const int follower = model.eq_obj1id[equality];

@@ -255,8 +255,9 @@ def complete_in_fish(line: str) -> list[str]:
 
 def complete_in_zsh(line: str) -> list[str]:
     script = (
-        "compdef() { }; compadd() { shift; print -l -- ${(P)1}; }; source <(trifinger completion "
-        'zsh); words=("$@"); CURRENT=$#; _trifinger'
+        "compdef() { [[ $2 == trifinger ]] && is_registered=1; }; "
+        "compadd() { shift; print -l -- ${(P)1}; }; source <(trifinger completion zsh); "
+        '[[ -n $is_registered ]] || exit 1; words=("$@"); CURRENT=$#; _trifinger'
     )
     return ["zsh", "-f", "-c", script, "zsh", "trifinger", *line.split(" ")]
 

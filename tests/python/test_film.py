@@ -165,7 +165,7 @@ def test_a_part_that_there_is_not(
     output = tmp_path / "film"
     assert film.main([str(tmp_path), "-o", str(output), *words]) == 2
     error = capsys.readouterr().err
-    assert error.startswith(f"trifinger: {said}")
+    assert error.startswith(f"trifinger film: {said}")
     assert error.count("\n") == 1
     assert not output.exists()
 

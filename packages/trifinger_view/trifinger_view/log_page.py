@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from trifinger.errors import InvalidArgument
+from trifinger.errors import Error
 from trifinger.log.plot.panels import GROUPS
 
 from trifinger_view.curves import SECONDS, Window, series_of
@@ -86,7 +86,7 @@ class LogPage:
             "step": lambda: self._step(int(asked["steps"])),
             "speed": lambda: setattr(line, "speed", float(asked["speed"])),
         }
-        with contextlib.suppress(InvalidArgument, KeyError, OverflowError, TypeError, ValueError):
+        with contextlib.suppress(Error, KeyError, OverflowError, TypeError, ValueError):
             acts[asked["do"]]()
 
     def curves_at(self, position: float) -> Window:

@@ -47,6 +47,7 @@ class Page:
         self._moments: list[Moment] = []
         self._is_new = False
         self._lines: Sequence[Line] = ()
+        self._sent: dict[str, bytes] = {}  # the newest message of each kind
         self._images: Mapping[str, NDArray[np.uint8]] = {}
 
     def begin(
@@ -144,4 +145,7 @@ class Page:
         )
 
     def _send(self, kind: str, numbers: Numbers | None = None, **told: Any) -> None:
-        self.server.put(kind, message(kind, numbers, session=self._session, **told))
+        sent = message(kind, numbers, session=self._session, **told)
+        if sent != self._sent.get(kind):
+            self._sent[kind] = sent
+            self.server.put(kind, sent)

@@ -14,12 +14,15 @@ import contextlib
 import http
 import itertools
 import json
+import math
 import queue
+import sys
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from trifinger import extras
+from trifinger.commands.command_line import say
 
 from trifinger_view import PAGE, web_server
 from trifinger_view.authentication import ACTIONS, Authentication, is_plain
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
 ASK_PERIOD = 0.25  # between two questions for a sign of life [s]
 KINDS = ("session", "line", "state", "control", "seat", "frame", "targets", "images", "curves")
 """Kinds of messages, in the order in which a browser gets them."""
+SILENCE = 20.0  # after which a connection is given up [s]
+ON_THE_WAY = 32 * 1024  # sent before the browser must have answered [bytes]
 LARGEST_MESSAGE = 4096  # of a browser [bytes]
 MAX_WAITING = 1000  # messages of browsers; more are not done
 NONSENSE = 1003  # the code with which websockets end after data that cannot be accepted
@@ -111,7 +116,10 @@ class PageServer:
 
     def _do_work(self) -> None:
         while (act := self._work.get()) is not None:
-            act()
+            try:
+                act()
+            except Exception as error:  # whatever was asked for, what comes next is done
+                say(f"trifinger view: what a browser asked for failed: {error}", file=sys.stderr)
 
     async def _serve_one(self, connection: ServerConnection) -> None:
         request = connection.request
@@ -142,10 +150,15 @@ class PageServer:
 
     async def _send(self, connection: ServerConnection, browser: int) -> None:
         sent: dict[str, int] = {}
+        unanswered = 0
         while True:
             self._changed[browser].clear()
             while (found := self._next(browser, sent)) is not None:
                 await connection.send(found)
+                unanswered += len(found)
+                if unanswered > ON_THE_WAY:  # a tunnel takes much more than the browser has got
+                    await (await connection.ping())
+                    unanswered = 0
             await self._changed[browser].wait()
 
     def _next(self, browser: int, sent: dict[str, int]) -> bytes | None:
@@ -162,7 +175,7 @@ class PageServer:
     async def _listen(self, connection: ServerConnection, browser: int) -> None:
         async for data in connection:
             try:
-                message = json.loads(data, parse_constant=_refuse)
+                message = json.loads(data, parse_constant=_refuse, parse_float=_finite)
                 if not isinstance(message, dict) or not isinstance(message.get("do"), str):
                     raise ValueError("no message of a page")
             except (ValueError, RecursionError):
@@ -173,7 +186,12 @@ class PageServer:
 
     async def _ask(self, connection: ServerConnection, browser: int) -> None:
         while True:
-            await (await connection.ping())
+            try:
+                async with asyncio.timeout(SILENCE):  # a ping may find no room, either
+                    await (await connection.ping())
+            except TimeoutError:
+                connection.transport.abort()
+                return
             self.on_heard(browser)
             await asyncio.sleep(ASK_PERIOD)
 
@@ -203,5 +221,10 @@ class PageServer:
         return response
 
 
-def _refuse(name: str) -> None:
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _refuse(text)
+
+
+def _refuse(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")

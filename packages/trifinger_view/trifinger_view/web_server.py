@@ -31,6 +31,7 @@ BATCH = 8
 """Connections that are taken at once. It takes a few batches to read a request."""
 QUEUE = 1024
 """Connections that the kernel keeps until they are taken."""
+CLOSE_TIMEOUT = 1.0  # [s]; after it connections are cut
 HANDSHAKE_TIMEOUT = 10.0
 """Time that a connection has for its request [s]."""
 MAX_FIELDS = 8
@@ -99,7 +100,15 @@ async def serve(
     ) as server:
         # asyncio has only one number for the batch and for the queue.
         listener.listen(QUEUE)
-        yield server
+        try:
+            yield server
+        finally:  # websockets would wait for those that neither say nor read anything
+            asyncio.get_running_loop().call_later(CLOSE_TIMEOUT, _cut, server)
+
+
+def _cut(server: websockets.asyncio.server.Server) -> None:
+    for connection in [*server.handlers]:
+        connection.transport.abort()
 
 
 def query_of(path: str) -> dict[str, list[str]]:

@@ -111,8 +111,8 @@ class ArgumentParser(argparse.ArgumentParser):
             name = getattr(found, robot.dest)
             try:
                 setattr(found, robot.dest, name if waits and name else running_robot(name))
-            except Error as error:
-                self.exit(status_of(error), f"{self.prog}: {printable(str(error))}\n")
+            except (Error, OSError) as error:
+                raise SystemExit(report(error)) from None
         return found, unknown
 
     def error(self, message: str) -> NoReturn:
@@ -189,15 +189,19 @@ def run(work: Callable[[], int | None]) -> int:
                 return work() or 0
             finally:
                 sys.stdout.flush()  # after this block Ctrl-C would lose it
-    except Error as error:
-        say(f"{_program}: {error}", file=sys.stderr)
-        return status_of(error)
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        say(f"{_program}: {where}{error.strerror or error}", file=sys.stderr)
-        return 1
+    except (Error, OSError) as error:
+        return report(error)
     except KeyboardInterrupt:
         return 130
+
+
+def report(error: Error | OSError) -> int:
+    """Prints an error as one sentence, and returns the exit status of a command that it ends."""
+    sentence = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        sentence = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    say(f"{_program}: {sentence}", file=sys.stderr)
+    return status_of(error) if isinstance(error, Error) else 1
 
 
 def say(*texts: object, file: TextIO | None = None, sep: str = " ", flush: bool = False) -> None:

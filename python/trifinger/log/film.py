@@ -7,6 +7,7 @@ are noisy, so each is the mean of several.
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -52,11 +53,14 @@ class Scene:
         self._times: Array = np.empty(0)
         self._objects: dict[str, Array] = {}
         if has_objects:
-            self._times, self._objects = object_poses(session)
+            self._times, poses = object_poses(session)
+            self._objects = poses if len(self._times) else {}
         steps = steps_between(session, begin, end)
         every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
         self.steps = np.arange(steps[0], steps[-1] + 1, every)
-        """Steps of the pictures of a film at real speed."""
+        """Steps of the pictures of a film."""
+        self.rate = Fraction(1.0 / (every * session.period)).limit_denominator(1000)
+        """Pictures in a second at real speed."""
         self._places = self._painter.path([self._configuration(step) for step in self.steps])
 
     def image(self, step: int) -> Array:
@@ -100,7 +104,7 @@ def object_poses(session: LoggedSession) -> tuple[Array, dict[str, Array]]:
 def save_film(scene: Scene, path: Path) -> None:
     """Writes a film at real speed."""
     images = (scene.image(step) for step in shown(scene.steps, path.name, len(scene.steps)))
-    picture.save_film(images, path, picture.FILM_RATE)
+    picture.save_film(images, path, scene.rate)
 
 
 def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path: Path) -> None:

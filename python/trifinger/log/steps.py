@@ -39,7 +39,10 @@ def steps_between(session: LoggedSession, begin: float | None, end: float | None
         )
     if not begin <= end:
         raise InvalidArgument(f"--from {begin:g} must be before --to {end:g}")
-    return session.time_index[(times >= begin) & (times <= end)]
+    steps: Array = session.time_index[(times >= begin) & (times <= end)]
+    if not len(steps):
+        raise InvalidArgument(f"the log has no step from {begin:g} s to {end:g} s: draw more of it")
+    return steps
 
 
 def parts_of(

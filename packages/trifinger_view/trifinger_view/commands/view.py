@@ -152,7 +152,7 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
             if live.lines is not shown["lines"]:
                 shown["lines"] = live.lines
                 page.show_state(live.lines)
-                if live.frame is not None:
+                if live.frame is not None and is_watched:
                     page.show_images(live.frame.images)
                 groups = GROUPS.get(live.info.type, ()) if live.info is not None else ()
                 page.show_curves(live.window, groups)

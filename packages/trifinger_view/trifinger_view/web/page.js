@@ -37,7 +37,8 @@ class Page {
       this.scene = new Scene(find("view"), document.body.dataset.parts.includes("plain"));
       find("shadows").checked = !this.scene.isPlain;
     } catch (error) {
-      find("error").textContent = `There is no picture: ${error.message}. A newer browser can show it.`;
+      this.failure = `There is no picture: ${error.message}. A newer browser can show it.`;
+      find("error").textContent = this.failure;
     }
     for (const name of ["ghost", "force", "wall", "frame", "shadows"]) find(name).addEventListener("change", () => this.redraw());
     find("group").addEventListener("change", () => this.drawPlots());

@@ -465,6 +465,7 @@ class Scene {
   pick([x, y], slack) {
     let found = null, least = slack;
     for (const handle of this.handles) {
+      if (!(this.pixelAt(handle.at) > 0)) continue;  // behind the eye
       const at = this.project(handle.at), size = HANDLE * this.pixelAt(handle.at);
       const near = (part, distance) => { if (distance < least) [found, least] = [{handle, part}, distance]; };
       near(3, Math.hypot(x - at[0], y - at[1]) - 6);
@@ -501,6 +502,7 @@ class Scene {
     };
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("dblclick", () => this.goHome());
+    canvas.addEventListener("webglcontextlost", () => location.reload());
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.closer(Math.exp(0.0012 * event.deltaY * (event.deltaMode ? 30 : 1)));
@@ -511,7 +513,7 @@ class Scene {
       const found = event.button === 0 && fingers.size === 1 ? this.pick(place(event), slackOf(event)) : null;
       if (!found) return;
       const start = [...found.handle.at], grip = minus(this.pointOf(place(event), found.part, start), start);
-      this.hot = held = {...found, start, grip};
+      this.hot = held = {...found, start, grip, pointer: event.pointerId};
       held.handle.isHeld = true;
       this.ask();
     });
@@ -524,6 +526,7 @@ class Scene {
         return;
       }
       if (held) {
+        if (held.pointer !== event.pointerId) return;
         held.handle.at = minus(this.pointOf(place(event), held.part, held.start), held.grip);
         this.onDrag(held.handle, held.handle.at);
         this.ask();
@@ -544,7 +547,7 @@ class Scene {
     for (const kind of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(kind, (event) => {
         fingers.delete(event.pointerId);
-        if (!held) return;
+        if (held?.pointer !== event.pointerId) return;
         held.handle.isHeld = false;
         this.onDrop(held.handle);
         held = this.hot = null;

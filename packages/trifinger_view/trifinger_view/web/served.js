@@ -48,11 +48,11 @@ class ServedPage extends Page {
     const socket = this.socket = new WebSocket(`ws://${location.host}/`);
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.hear(event.data);
-    socket.onopen = () => { find("error").textContent = ""; };
+    socket.onopen = () => { find("error").textContent = this.failure ?? ""; };
     socket.onclose = () => {
       this.on_seat(null);
-      find("error").textContent = "The program of this page does not answer: it has ended, or the network is broken. "
-        + "'trifinger view' in a terminal starts it again.";
+      find("error").textContent = "The program of this page does not answer: it has ended, has begun anew with another address, has "
+        + "too many pages already, or the network is broken. 'trifinger view' in a terminal starts it again.";
       setTimeout(() => this.connect(), 1000);
     };
   }
