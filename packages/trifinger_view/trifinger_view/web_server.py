@@ -106,7 +106,7 @@ async def serve(
             asyncio.get_running_loop().call_later(CLOSE_TIMEOUT, _cut, server)
 
 
-def _cut(server: websockets.asyncio.server.Server) -> None:
+def _cut(server: Server) -> None:
     for connection in [*server.handlers]:
         connection.transport.abort()
 
