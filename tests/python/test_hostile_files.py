@@ -124,15 +124,17 @@ USER_FILES = [
     ("log check {}.mcap", 1),
     ("log recover {}.mcap", 1),
     ("run {}.mcap", 1),
-    ("run-policy {}.policy", 1),
+    ("run-policy {}.policy --robot x", 1),
 ]
 
 
 @pytest.mark.parametrize("command", [command for command, _ in USER_FILES])
 @pytest.mark.parametrize(("put", "what"), [(put_fifo, "a FIFO"), (put_link_to_device, "a device")])
 def test_fault_73_a_file_that_a_user_names_must_be_one(
-    tmp_path: Path, command: str, put: Put, what: str
+    tmp_path: Path, start_fake: StartChild, command: str, put: Put, what: str
 ) -> None:
+    if "--robot" in command:
+        start_fake("x")
     words = command.format(tmp_path / "thing").split()
     (path,) = [word for word in words if word.startswith(str(tmp_path))]
     put(Path(path))

@@ -173,7 +173,7 @@ def test_cameras_of_the_file_see_the_scene_and_a_tracker_finds_the_cube(seen: st
 
 def test_a_hand_pulls_an_object_of_a_robot_from_a_file(seen: str) -> None:
     simulation = trifinger.Simulation(seen)
-    assert simulation.bodies == ["cube"]
+    assert simulation.bodies == ["cube", "body1"]
     robot = simulation.connect()
     simulation.pull("cube", [0.3, 0.1, 0.2])
     for _ in range(1000):

@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 import pytest
 import trifinger
-from conftest import StartProgram
+from conftest import StartChild, StartProgram
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from trifinger import policy_file
@@ -725,8 +725,9 @@ def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_no_file_alone_decides_what_is_imported(
-    policy: Any, capsys: pytest.CaptureFixture[str]
+    policy: Any, start_fake: StartChild, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    start_fake("x")
     name = policy("Fingers")
     says = f"runs what is in the module 'finger_tasks': if you would run that, say --task {name}"
     for main in (evaluate.main, run_policy_of_python.main):

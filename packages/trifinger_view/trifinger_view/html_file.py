@@ -2,8 +2,8 @@
 """A log as one page that needs neither a server nor a network: `trifinger view LOG -o run.html`.
 
 The page has the robot in 3D, a time line, images, plots and the state in words, and can be sent to
-others. The poses of all bodies are computed here; the page only draws them, with WebGL and a few
-hundred lines of its own. Its browser is told to load nothing from elsewhere.
+others. The poses of all bodies are computed here; the page only draws them, with WebGL and a
+thousand lines of its own. Its browser is told to load nothing from elsewhere.
 """
 
 from __future__ import annotations
