@@ -114,12 +114,14 @@ std::string hint(const CLI::App& command, const std::string& word) {
 
 std::string help_row(const std::string& name, const std::string& description) {
   std::string text = "  " + name;
-  if (columns_of(text) + 2 > kColumn) text += "\n";
+  if (columns_of(text) + 2 > kColumn) text += '\n';
   const std::string indent(kColumn, ' ');
   for (const std::string& line : wrap(description, kWidth - kColumn)) {
-    text = (text.ends_with('\n') ? text + indent : pad(text, kColumn)) + line + "\n";
+    text = text.ends_with('\n') ? text.append(indent) : pad(text, kColumn);
+    text.append(line) += '\n';
   }
-  return text.ends_with('\n') ? text : text + "\n";
+  if (!text.ends_with('\n')) text += '\n';
+  return text;
 }
 
 void set_up_help(CLI::App& program) {

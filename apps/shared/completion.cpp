@@ -79,6 +79,7 @@ void take_row(Help& help, const std::string& cell, std::string_view heading) {
 Help read_help(const std::string& command) {
   const std::string program = std::filesystem::canonical("/proc/self/exe").string();
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(
+      // NOLINTNEXTLINE(bugprone-command-processor): only names of commands are among the words
       ::popen(fmt::format("'{}'{} --help 2>/dev/null", program, command).c_str(), "r"), &::pclose);
   std::string text;
   for (int c = 0; pipe && (c = std::fgetc(pipe.get())) != EOF;) text += static_cast<char>(c);

@@ -81,7 +81,7 @@ std::string how_to_install(const Command& command) {
 // Returns the heading of a command in --help.
 std::string heading(const Command& command, bool is_there) {
   if (*command.package == '\0') return "Programs of their own";
-  const std::string package = std::string("Python package ") + command.package;
+  std::string package = std::string("Python package ") + command.package;
   if (is_there) return package;
   return std::string("Not installed, 'pip install ") + command.folder +
          "' in the sources of TriFinger adds them";

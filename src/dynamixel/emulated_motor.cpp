@@ -32,7 +32,9 @@ std::int64_t value_in(const Register& which, std::span<const std::uint8_t> bytes
 }  // namespace
 
 EmulatedMotor::EmulatedMotor(const EmulatedMotorOptions& options)
-    : options_(options), temperature_(options.temperature) {
+    : options_(options),
+      supply_(options.supply.value_or(options.model != nullptr ? options.model->voltage : 0.0)),
+      temperature_(options.temperature) {
   using trifinger::detail::require;
   const std::string name = "emulated motor " + std::to_string(options.id);
   require(options.id <= kMaxId, name + " must have a number from 0 to 252");
@@ -44,7 +46,6 @@ EmulatedMotor::EmulatedMotor(const EmulatedMotorOptions& options)
   require(delay >= 0 && delay <= regs::kReturnDelay.highest,
           name + " has a return delay of " + duration_text(options.return_delay) +
               ", must be 0 to 508 µs");
-  supply_ = options.supply.value_or(options.model->voltage);
   table_ = control_table_of(*options.model);
   std::ranges::copy_if(options.model->series->indirect_blocks, std::back_inserter(indirect_blocks_),
                        [&](const IndirectBlock& block) {
