@@ -91,7 +91,7 @@ CLI::Option* add_overrides(CLI::App& command, std::vector<std::string>& value,
                            const std::string& example, const std::string& what) {
   return command.add_option("--set", value, what + ", as in " + example)
       ->allow_extra_args(false)
-      ->option_text("KEY=VALUE ...");
+      ->option_text("KEY=VALUE");
 }
 
 CLI::Option* add_duration(CLI::App& command, const std::string& name, Nanoseconds& value,
