@@ -4,7 +4,6 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <ranges>
 #include <set>
 
 #include "trifinger/base/error.hpp"
@@ -95,7 +94,9 @@ void SceneModel::set_position(std::size_t joint, double position,
     const double moved =
         configuration[static_cast<std::size_t>(follower.leader)] - follower.leader_start;
     double sum = 0.0;
-    for (const double factor : std::views::reverse(follower.factors)) sum = sum * moved + factor;
+    for (auto factor = follower.factors.rbegin(); factor != follower.factors.rend(); ++factor) {
+      sum = sum * moved + *factor;
+    }
     configuration[static_cast<std::size_t>(follower.position)] = follower.start + sum;
   }
 }
