@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "log/repair.hpp"
 #include "log/summary.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/text.hpp"
 #include "trifinger/base/text.hpp"

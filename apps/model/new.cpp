@@ -16,6 +16,7 @@
 #include "base/regular_file.hpp"
 #include "commands.hpp"
 #include "model/new_configuration.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/model_file.hpp"

@@ -13,6 +13,7 @@
 #include "commands.hpp"
 #include "robot/maintenance.hpp"
 #include "shared/external_command.hpp"
+#include "shared/options.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::apps {

@@ -7,6 +7,7 @@ is what that package always needs.
 """
 
 import re
+import shlex
 from importlib import metadata, util
 
 from trifinger.errors import Error
@@ -52,4 +53,4 @@ def how_to_install(extra: str) -> str:
         own = [each for each in requirements if "extra ==" not in each]
     else:
         own = [marker.sub("", each).strip() for each in requirements if marker.search(each)]
-    return f"pip install {' '.join(own)}"
+    return shlex.join(["pip", "install", *own])  # a shell takes "<" for something else
