@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <numeric>
 #include <set>
 
 #include "trifinger/base/error.hpp"
@@ -93,10 +94,9 @@ void SceneModel::set_position(std::size_t joint, double position,
   for (const Follower& follower : motors_[joint].followers) {
     const double moved =
         configuration[static_cast<std::size_t>(follower.leader)] - follower.leader_start;
-    double sum = 0.0;
-    for (auto factor = follower.factors.rbegin(); factor != follower.factors.rend(); ++factor) {
-      sum = sum * moved + *factor;
-    }
+    const double sum =
+        std::accumulate(follower.factors.rbegin(), follower.factors.rend(), 0.0,
+                        [moved](double rest, double factor) { return rest * moved + factor; });
     configuration[static_cast<std::size_t>(follower.position)] = follower.start + sum;
   }
 }
