@@ -21,8 +21,8 @@ namespace trifinger {
 
 /// What the shapes of a URDF are for.
 enum class UrdfCollision : std::uint8_t {
-  kHull,    ///< Its <collision> shapes touch, meshes as their convex hulls.
-  kVisual,  ///< Its <visual> shapes touch instead, likewise.
+  kHull,    ///< Its `collision` shapes touch, meshes as their convex hulls.
+  kVisual,  ///< Its `visual` shapes touch instead, likewise.
   kNone,    ///< Nothing of the robot touches anything.
 };
 
@@ -44,7 +44,7 @@ struct ModelFileOptions {
   bool exclude_overlaps{false};
   /// Names of the joints that motors drive, in this order: hinges, slides, and fixed tendons, which
   /// couple some of these. Default: what the actuators of the file drive; if it has none, every
-  /// hinge and slide that does not follow another one (<mimic> of a URDF, <equality> of MJCF).
+  /// hinge and slide that does not follow another one (`mimic` of a URDF, `equality` of MJCF).
   std::vector<std::string> joints{};
   /// Length of a step of the robot. The physics does the smallest number of steps in it of which
   /// none is longer than the file's `timestep`. Default: the file's `timestep`.
