@@ -189,7 +189,7 @@ TEST(MotorGroup, RefusesModesWithCurrentsForMotorsWithoutThem) {
       const std::string refusal =
           "motor 0 (" + std::string(model.name) +
           ") neither measures nor limits its current, so it has no mode \"" +
-          std::string(name_of(mode)) + "\"; use the mode \"position\" without a largest current";
+          std::string(name_of(mode)) + "\"; set mode: position and max_current: .inf";
       EXPECT_EQ(text, model.has(mode) ? "nothing" : refusal);
     }
   }
