@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cmath>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -20,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+using detail::is_said;
 using detail::JointProposal;
 using detail::key_of;
 using detail::number_text;
@@ -143,8 +143,6 @@ std::string places_of(const detail::RobotProposal& proposal) {
   }
   return text;
 }
-
-bool is_said(double value) { return !std::isnan(value); }
 
 // The values of a joint that its file does not say.
 std::vector<std::string> values_of(const NamedJoint& joint, const JointProposal& proposal) {

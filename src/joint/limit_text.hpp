@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <string_view>
 
 namespace trifinger::detail {
+
+// A limit that nobody has said is not a number.
+[[nodiscard]] inline bool is_said(double value) noexcept { return !std::isnan(value); }
 
 // The shortest text that reads back as this number, in YAML: also ".inf".
 [[nodiscard]] std::string number_text(double number);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
@@ -100,11 +99,10 @@ void read_joint_limits(const config::Node& section, std::span<JointLimit> limits
 namespace {
 
 using config::Node;
+using detail::is_said;
 using detail::kEveryJoint;
 
 constexpr std::string_view kPlausibility = "plausibility.";
-
-bool is_said(double value) { return !std::isnan(value); }
 
 bool is_place(const JointLimitField& field) {
   return field.allowed == JointLimitField::kAny;  // A soft or a hard limit.

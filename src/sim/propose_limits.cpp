@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "in_seconds.hpp"
+#include "joint/limit_text.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::detail {
@@ -33,8 +34,6 @@ constexpr double kShareOfVelocity = 0.2;  // by which the motor changes the spee
 constexpr double kMaxChange = 1.0;        // likewise [rad/s], the band in which the chain brakes
 constexpr double kSpareTorque = 3.0;      // of a motor, times the weight of the links
 constexpr double kLinear = 0.1;           // so many metres of a slide count as a radian
-
-bool is_said(double value) { return !std::isnan(value); }
 
 // The nearest number with so many digits.
 double rounded(double number, int digits) {
