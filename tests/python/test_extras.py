@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import shlex
 import sys
 import tomllib
 from importlib import metadata
@@ -33,7 +34,7 @@ def test_names_what_is_missing_and_how_to_get_it(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(trifinger.Error) as missing:
         extras.require("film")
-    install = " ".join(PROJECT["optional-dependencies"]["film"])
+    install = shlex.join(PROJECT["optional-dependencies"]["film"])
     assert str(missing.value) == f"OpenGL and av are missing: pip install {install}"
     with pytest.raises(trifinger.Error, match=r"^av is missing: pip install "):
         extras.require("film", "av")

@@ -73,15 +73,18 @@ def test_every_public_name_of_the_package_has_an_entry() -> None:
 
 def test_programs_show_the_commands_below_them() -> None:
     helps = {
-        "trifinger": "T\nSubcommands:\n  log         Logs\n\nPrograms of their own:\n  job   J\n",
-        "trifinger log": "L\nSubcommands:\n  info        Info\n\nExample:\n  log info x\n",
+        "trifinger": "T\nCommands:\n  log         Logs\n              and more\n  run         R\n\n"
+        "Programs of their own:\n  job   J\n",
+        "trifinger log": "L\nCommands:\n  info        Info\n\nExample:\n  log info x\n",
         "trifinger log info": "I\n",
+        "trifinger run": "R\n",
         "trifinger job": "J\n",
         "./run": "R\n",
     }
     found = programs.pages(lambda words: helps[" ".join(words)])
     assert "## `trifinger log info`\n\n```text\nI\n" in found["reference/programs/log"]
-    assert set(found) == {f"reference/programs/{x}" for x in ("log", "job", "run_verbs", "index")}
+    names = ("log", "run", "job", "run_verbs", "index")
+    assert set(found) == {f"reference/programs/{name}" for name in names}
 
 
 def test_every_fault_and_every_header_has_its_place() -> None:
