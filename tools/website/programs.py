@@ -12,7 +12,7 @@ from tracked_files import ROOT
 from .pages import ORPHAN, Pages, list_of
 
 # The lists of commands in the help of a command have titles such as these.
-LIST = re.compile(r"^(?:Commands|Tasks|Programs|Python package)[^\n]*:\n((?: .*\n)+)", re.MULTILINE)
+LIST = re.compile(r"^(?:Commands|Programs|Python package)[^\n]*:\n((?: .*\n)+)", re.MULTILINE)
 ENTRY = re.compile(r"^  (\S+)  +(.*)$", re.MULTILINE)
 FOLDER = "reference/programs"
 
