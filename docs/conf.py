@@ -12,6 +12,7 @@ templates_path: list[str] = []
 html_theme = "furo"
 html_title = "TriFinger"
 html_static_path = [str(ROOT / "docs/static")]
+html_extra_path = [str(ROOT / "build/docs/extra")]
 html_css_files = ["site.css"]
 html_search_scorer = str(ROOT / "docs/static/scorer.js")
 html_copy_source = False

@@ -30,6 +30,8 @@ DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # on Debian, wi
 FILM_RATE = 30  # rate of films that skip steps [images/s]
 MARK_RADIUS = 0.01  # [m]
 MARK_COLOUR = (0.95, 0.75, 0.1, 1.0)
+INK_RADIUS = 0.0006  # [m]
+INK_COLOUR = (0.05, 0.1, 0.35, 1.0)
 
 
 # Azimuth and elevation of views for every model [degrees]: between two fingers, or from above.
@@ -267,22 +269,22 @@ class Painter:
             from mujoco.gl_context import GLContext
 
         self._mujoco = mujoco
-        self._model = model_of(mjcf, look_of)
+        self.model = model_of(mjcf, look_of)
         view = view or View()
         self.size = (view.width, view.height)
-        self._model.vis.quality.offsamples = 0
-        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = self.size
-        self._data = mujoco.MjData(self._model)
-        self.placement = Placement(self._model)
-        self._scene_camera = SceneCamera(self._model, view)
+        self.model.vis.quality.offsamples = 0
+        self.model.vis.global_.offwidth, self.model.vis.global_.offheight = self.size
+        self._data = mujoco.MjData(self.model)
+        self.placement = Placement(self.model)
+        self._scene_camera = SceneCamera(self.model, view)
         self._last: tuple[Array, NDArray[np.uint8]] = np.empty(0), np.empty(0, np.uint8)
         self._options = mujoco.MjvOption()
         self._options.sitegroup[:] = 0
-        self._scene = mujoco.MjvScene(self._model, maxgeom=MOST_SHAPES)
+        self._scene = mujoco.MjvScene(self.model, maxgeom=MOST_SHAPES)
         with explained():
             self._screen = GLContext(*self.size)
             self._screen.make_current()
-            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_50)
+            self._context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_50)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
 
@@ -291,18 +293,23 @@ class Painter:
         return self._scene_camera.path(configurations)
 
     def draw(
-        self, configuration: ArrayLike, marks: ArrayLike = (), place: ArrayLike | None = None
+        self,
+        configuration: ArrayLike,
+        marks: ArrayLike = (),
+        place: ArrayLike | None = None,
+        ink: ArrayLike = (),
     ) -> NDArray[np.uint8]:
         """The scene as an image, height x width x 3.
 
         `configuration` begins with MuJoCo's qpos, as `placement` makes it. `marks` are the centres
         of balls that show goals: a row x, y, z for each [m]. `place` is one of `path`, or between
-        two of them; without it the camera sees the start pose, and all objects.
+        two of them; without it the camera sees the start pose, and all objects. `ink` has the two
+        ends of each line that was written [m], float[n, 2, 3].
         """
-        mujoco, model, data = self._mujoco, self._model, self._data
+        mujoco, model, data = self._mujoco, self.model, self._data
         scene_camera, scene = self._scene_camera, self._scene
         place = scene_camera.place_for(configuration) if place is None else place
-        drawn = np.concatenate([np.ravel(one) for one in (configuration, place, marks)])
+        drawn = np.concatenate([np.ravel(one) for one in (configuration, place, marks, ink)])
         before, pixels = self._last
         if drawn.shape == before.shape and np.abs(drawn - before).max() < SAME:
             return pixels.copy()
@@ -315,6 +322,7 @@ class Painter:
         camera, every = scene_camera.camera, mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(model, data, self._options, None, camera, every, scene)
         draw_marks(scene, marks, keep=scene.ngeom)
+        draw_ink(scene, ink)
         scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._context.shadowClip = scene_camera.reach
         self._context.fogStart, self._context.fogEnd = FOG * scene_camera.reach
@@ -389,6 +397,18 @@ def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
             np.eye(3).ravel(),
             np.array(MARK_COLOUR, np.float32),
         )
+        scene.ngeom += 1
+
+
+def draw_ink(scene: Any, ink: ArrayLike) -> None:
+    """Adds lines to a scene, each from one of its two ends to the other [m], float[n, 2, 3]."""
+    import mujoco
+
+    for begin, end in np.reshape(np.asarray(ink, float), (-1, 2, 3))[: scene.maxgeom - scene.ngeom]:
+        shape, capsule = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
+        colour = np.array(INK_COLOUR, np.float32)
+        mujoco.mjv_initGeom(shape, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+        mujoco.mjv_connector(shape, capsule, INK_RADIUS, begin, end)
         scene.ngeom += 1
 
 

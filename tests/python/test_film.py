@@ -12,9 +12,11 @@ import trifinger
 from conftest import PROGRAM, StartProgram
 from trifinger.commands import film
 from trifinger.commands.film import find_session
+from trifinger.foreign_models import model_of
 from trifinger.log.film import Scene
+from trifinger.log.ink import TOUCH, written
 from trifinger.log.manipulation import Trace
-from trifinger.picture import View
+from trifinger.picture import Painter, View
 
 
 def record_session(steps: int) -> None:
@@ -202,7 +204,7 @@ def test_a_thrown_ball_is_seen_to_land(
     scene = Scene(trifinger.Log(tmp_path / "log").session(), View(width=320, height=240))
     pictures = [scene.image(int(step)).astype(int) for step in scene.steps]
     scene.close()
-    model, data = scene._painter._model, scene._painter._data
+    model, data = scene._painter.model, scene._painter._data
     ball = int(np.flatnonzero(model.jnt_type == 0)[0])
     assert data.xpos[model.jnt_bodyid[ball], 2] < 0.05  # it lies on the ground at the end
     # In every picture, something is as orange as the ball.
@@ -218,3 +220,33 @@ def test_film_of_the_newest_session(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert capsys.readouterr().out.splitlines() == [
         f"{output / name} written." for name in ("film.mp4", "strip.png")
     ]
+
+
+def test_a_nib_writes_where_it_touches_the_table() -> None:
+    words = [PROGRAM, "model", "export", "--format", "mjcf", "--object", "stick", "cube"]
+    model = model_of(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    steps = np.arange(0, 500, 10)
+    length = model.geom("stick").size[:2].sum()
+    upright = np.array([1, 0, 1, 0])  # x looks down
+    pose = np.zeros((50, 7))
+    pose[:, 0] = np.linspace(0, 0.049, 50)
+    pose[:, 3:] = upright * np.where(steps % 20 == 0, 1, -2)[:, None]  # the same turn
+    pose[:, 2] = length + np.where((steps >= 200) & (steps < 300), 2, 0.5) * TOUCH
+    ends, lines = written(model, steps, {"stick": pose, "cube": pose})
+    assert ends.tolist() == [*range(10, 200, 10), *range(310, 500, 10)]
+    np.testing.assert_allclose(np.diff(lines[:, :, 0], axis=1), 0.001, atol=1e-9)
+    np.testing.assert_allclose(lines[:, :, 1], 0, atol=1e-9)
+
+
+def test_ink_is_seen() -> None:
+    words = [PROGRAM, "model", "export", "--format", "mjcf", "--object", "stick"]
+    mjcf = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    painter = Painter(mjcf, View("90,-60", 960, 720))
+    start = painter.placement.qpos()
+    blank = painter.draw(start).astype(int)
+    line = [[[-0.1, -0.12, 0], [0.1, -0.12, 0]]]
+    drawn = painter.draw(start, ink=line).astype(int)
+    painter.close()
+    rows, columns = np.nonzero(np.abs(drawn - blank).max(axis=2) > 20)
+    assert len(rows) > 20
+    assert np.ptp(columns) > 10 * np.ptp(rows)  # a level line

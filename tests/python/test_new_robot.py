@@ -7,13 +7,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, output_of
 
 # The survey types `trifinger`.
 SEARCHES_HERE = os.environ | {"PATH": f"{Path(PROGRAM).parent}:{os.environ['PATH']}"}
-SURVEY = Path(__file__).parents[2] / "benchmarks/survey_robots.py"
+ROOT = Path(__file__).parents[2]
+SURVEY = ROOT / "benchmarks/survey_robots.py"
+FETCHED = ROOT / "build/robots"
 
 MJCF = """<mujoco model="gantry">
   <compiler angle="radian"/>
@@ -265,3 +268,32 @@ def test_the_survey_says_which_robots_run(tmp_path: Path) -> None:
     assert "3 descriptions with a joint: 2 read, 2 held, 2 moved, 1 refused" in done.stdout
     assert "3 of 3 joints came where they were sent; 2 of 2 robots held" in done.stdout
     assert "it is no XML: the end of an element is missing" in done.stdout
+
+
+SHARE = "cmeel.prefix/share"
+
+
+@pytest.mark.parametrize(
+    ("file", "meshes", "way"),
+    [
+        ("airo_models/grippers/robotiq_2f_85/urdf/robotiq_2f_85.urdf", [], [0.1]),
+        (
+            f"{SHARE}/example-robot-data/robots/panda_description/urdf/panda.urdf",
+            ["--meshes", FETCHED / SHARE],
+            [*[0.1] * 7, 0.01],
+        ),
+    ],
+    ids=["2f_85", "panda"],
+)
+def test_joints_that_follow_are_no_motors(
+    file: str, meshes: list[str | Path], way: list[float], tmp_path: Path
+) -> None:
+    if not (FETCHED / file).exists():
+        pytest.skip("the robot is missing: python tools/fetch_robots.py --all")
+    new_robot("follows", "--from", FETCHED / file, *meshes, "-o", tmp_path)
+    robot = trifinger.simulate(str(tmp_path / "follows.yml"))
+    assert robot.new_action().torque.shape == (len(way),)
+    begin = robot.latest_observation().position
+    for _ in range(1000):
+        t = robot.append_desired_action(robot.new_action(position=begin + way))
+    assert (robot.get_observation(t).position - begin > 0.5 * np.array(way)).all()

@@ -125,9 +125,9 @@ def test_the_frame_is_there_where_it_hides_nothing():
 
 def test_shadows_have_soft_edges():
     painter = Painter(mjcf_of("edu"), view=View("top"))
-    configuration = painter._model.key_qpos[0].copy()
+    configuration = painter.model.key_qpos[0].copy()
     shaded = painter.draw(configuration).astype(int).sum(axis=2)
-    painter._model.light(LAMP).castshadow = False
+    painter.model.light(LAMP).castshadow = False
     lit = painter.draw(configuration + 1e-3).astype(int).sum(axis=2)
     painter.close()
     darkening = (lit - shaded)[lit - shaded > 3]
@@ -234,7 +234,7 @@ FOREIGN = """
 )
 def test_a_robot_from_a_file_stands_in_light_on_a_floor(ground, height):
     painter = Painter(FOREIGN.format(ground=ground), View("front", 160, 120))
-    picture = painter.draw(painter._model.qpos0).astype(int)
+    picture = painter.draw(painter.model.qpos0).astype(int)
     floor = painter._data.geom(FLOOR).xpos[2]
     painter.close()
     assert floor == pytest.approx(height, abs=0.01)
@@ -247,7 +247,7 @@ def test_a_robot_from_a_file_stands_in_light_on_a_floor(ground, height):
 
 def test_what_does_not_move_is_not_drawn_again():
     painter = Painter(mjcf_of("edu"), view=View("front", 64, 48))
-    start = painter._model.key_qpos[0].copy()
+    start = painter.model.key_qpos[0].copy()
     first = painter.draw(start)
     first[:] = 0  # pictures belong to who asked for them
     again = painter.draw(start + 1e-6)
@@ -259,7 +259,7 @@ def test_what_does_not_move_is_not_drawn_again():
 
 def test_cameras_of_the_platform_have_their_names():
     painter = Painter(mjcf_of("edu"), view=View("camera180", 100, 100))
-    picture = painter.draw(painter._model.key_qpos[0])
+    picture = painter.draw(painter.model.key_qpos[0])
     painter.close()
     assert picture.shape == (100, 100, 3)
     assert picture.std() > 20

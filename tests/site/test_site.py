@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from chromium import open_browser
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 from website.contents import SEARCHED
 
 ROOT = Path(__file__).parents[2]
@@ -145,3 +145,18 @@ def test_no_page_is_wider_than_a_telephone(browser: Browser, pages: dict[Path, R
                 wide.append(str(path.relative_to(SITE)))
     context.close()
     assert wide == []
+
+
+def test_films_of_the_first_page_play_beside_a_log_that_moves(browser: Browser) -> None:
+    context = browser.new_context(viewport={"width": 1400, "height": 2000})
+    context.set_default_timeout(60_000)
+    page = context.new_page()
+    page.goto(f"file://{SITE}/index.html")
+    films = page.locator("video")
+    assert films.count() == len(list((ROOT / "docs/images/films").glob("*.webm")))
+    page.wait_for_function("[...document.querySelectorAll('video')].every(f => f.currentTime > 0)")
+    log = page.frame_locator("iframe")
+    before = log.locator("#clock").inner_text()
+    log.locator("#later").click()
+    expect(log.locator("#clock")).not_to_have_text(before)
+    context.close()

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes the sources of the site into a folder: python -m website FOLDER."""
 
+import re
 import shutil
 import sys
+from pathlib import Path
 
 from tracked_files import ROOT, tracked_files
 
-from . import configuration, cpp_reference, faults, figures, programs, python_reference
+from . import configuration, cpp_reference, faults, figures, films, programs, python_reference
 from .contents import CONTENTS, SEARCHED
 from .pages import (
     COPIED,
@@ -33,8 +35,17 @@ def reference() -> Pages:
     }
 
 
+STILL = re.compile(r"!\[([^\]]*)\]\(/(images/films/\w+)\.jpg\)")
+FILM = (
+    r'<video src="\2.webm" poster="\2.jpg" aria-label="\1" autoplay loop muted playsinline></video>'
+)
+LOG_PAGE = re.compile(r"\[!\[([^\]]*)\]\([^)]*log\.jpg\)\]\([^)]*\)")
+LOG_FRAME = r'<iframe src="log.html" title="\1" loading="lazy"></iframe>'
+
+
 def home(text: str) -> str:
-    """Returns the first page with the side bar's lists behind it."""
+    """Returns the first page with films for its pictures, and the side bar's lists behind it."""
+    text = STILL.sub(FILM, LOG_PAGE.sub(LOG_FRAME, text))
     for caption, names in CONTENTS.items():
         entries = "\n".join(name if "<" in name else f"/{name}" for name in names)
         text += f"\n```{{toctree}}\n:hidden:\n:caption: '{caption}'\n\n{entries}\n```\n"
@@ -68,6 +79,13 @@ def site() -> tuple[Pages, Copies]:
     return pages | generated | shown_files(linked), copies
 
 
+def write_extra(folder: Path) -> None:
+    """Writes what the site has as it is beside its pages: films, and a log to play with."""
+    shutil.copytree(films.FOLDER, folder / "images/films", dirs_exist_ok=True)
+    films.log_page(folder / "log.html")
+
+
 if __name__ == "__main__":
+    write_extra(ROOT / "build/docs/extra")
     cpp_reference.tidy(ROOT / "build/docs/doxygen/xml")
     write(*site(), ROOT / sys.argv[1])

@@ -18,6 +18,7 @@ from trifinger._trifinger import LoggedSession
 from trifinger.arrays import Array
 from trifinger.element_text import positions_field
 from trifinger.errors import InvalidArgument
+from trifinger.log.ink import written
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.steps import steps_between
 from trifinger.picture import Painter, View
@@ -61,12 +62,14 @@ class Scene:
         """Steps of the pictures of a film."""
         self.rate = Fraction(1.0 / (every * session.period)).limit_denominator(1000)
         """Pictures in a second at real speed."""
+        self._ends, self._ink = written(self._painter.model, self._times, self._objects)
         self._places = self._painter.path([self._configuration(step) for step in self.steps])
 
     def image(self, step: int) -> Array:
         """The scene at a step: height x width x 3."""
         place = [np.interp(step, self.steps, column) for column in self._places.T]
-        return self._painter.draw(self._configuration(step), place=place)
+        ink = self._ink[self._ends <= step]
+        return self._painter.draw(self._configuration(step), place=place, ink=ink)
 
     def _configuration(self, step: int) -> Array:
         objects = {

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a pen has written: a stick whose nib, the end along its x axis, touched the table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from trifinger.arrays import Array
+
+TOUCH = 0.001  # height up to which a nib writes, more than seen poses are wrong [m]
+LIFT = 0.0003  # height of the ink, so that it is not in the table [m]
+
+
+def written(model: Any, steps: Array, objects: Mapping[str, Array]) -> tuple[Array, Array]:
+    """The steps at which lines were written, and for each line its two ends [m], float[n, 2, 3].
+
+    `model` is a `mujoco.MjModel`; `objects` are poses by name, a row of position and quaternion
+    w, x, y, z for each of `steps`. An object is a stick if a capsule has its name.
+    """
+    ends, lines = [np.empty(0)], [np.empty((0, 2, 3))]
+    for name, poses in objects.items():
+        length = _length(model, name)
+        if length is None or len(steps) < 2:
+            continue
+        w, x, y, z = (poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1)[:, None]).T
+        axis = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], 1)
+        nib = poses[:, :3] + length * axis
+        touches = nib[:, 2] < TOUCH
+        both = touches[1:] & touches[:-1]
+        nib[:, 2] = LIFT
+        ends.append(steps[1:][both])
+        lines.append(np.stack([nib[:-1], nib[1:]], 1)[both])
+    return np.concatenate(ends), np.concatenate(lines)
+
+
+def _length(model: Any, name: str) -> float | None:
+    """From the middle of a stick to its nib; None if the object is no stick."""
+    import mujoco
+
+    shape = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+    if shape < 0 or model.geom_type[shape] != mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return None
+    return float(model.geom_size[shape, :2].sum())

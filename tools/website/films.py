@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Makes the films of the first page, in docs/images/films: python -m website.films [NAME ...]
+
+Each is a skill of a simulated robot, drawn from its log. `push` is a trained policy: it needs the
+training of `./run evaluate push`.
+"""
+
+import contextlib
+import itertools
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import numpy as np
+import trifinger
+from numpy.typing import NDArray
+from PIL import Image
+from tracked_files import ROOT
+from trifinger.environments import Environment
+from trifinger.log.film import Scene
+from trifinger.picture import FILM_RATE, View
+from trifinger.training import Plan, Training
+
+FOLDER = ROOT / "docs/images/films"
+TRAINING = ROOT / "build/learning/push"
+EPISODES = 3  # of the training
+SIZE = (480, 360)  # pixels
+PROGRAM = str(ROOT / ".venv/bin/trifinger")
+
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A skill, and how it is filmed."""
+
+    config: str
+    task: str
+    camera: str
+    speed: float  # of the film, 1 is real
+    part: tuple[float, float, float] = (0.5, 0.5, 1.0)  # middle and size of what of it is shown
+    still: float = 0.6  # when the still picture is taken, as a share of the film
+
+
+SHOTS = {
+    "draw": Shot("sim_pen", "draw", "90,-50", 4.0, (0.5, 0.72, 0.5), 0.97),
+    "flip": Shot("pushing", "flip", "front", 0.5, (0.5, 0.6, 0.8), 0.45),
+    "throw": Shot("throw", "throw", "front", 0.5),
+    "turn": Shot("sim", "turn", "front", 3.0, (0.5, 0.6, 0.8)),
+}
+
+
+def record(shot: Shot, folder: Path) -> Path:
+    """Lets a simulated robot do what is filmed, and returns the folder of its log."""
+    name = f"film_{shot.task}"
+    run = [PROGRAM, "run", shot.config, "--name", name, "--record", "logs", "--non-real-time"]
+    with subprocess.Popen(run, cwd=folder, stdout=subprocess.PIPE, text=True) as robot:
+        try:
+            for line in robot.stdout or ():
+                if "waits for a user" in line:
+                    break
+            do = [PROGRAM, "manipulate", shot.task, "--robot", name, "-o", "report"]
+            subprocess.run(do, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        finally:
+            robot.terminate()
+    return folder / "logs"
+
+
+def log_page(path: Path) -> None:
+    """Writes the page of a log to play with."""
+    with tempfile.TemporaryDirectory() as folder:
+        logs = record(SHOTS["flip"], Path(folder))
+        subprocess.run([PROGRAM, "view", logs, "-o", path], check=True, stdout=subprocess.DEVNULL)
+
+
+def pictures(shot: Shot, logs: Path) -> Iterator[Picture]:
+    """Draws the session of a log."""
+    session = trifinger.Log(logs).session()
+    x, y, share = shot.part
+    width, height = (round(length / share) for length in SIZE)
+    left, top = round(x * width - SIZE[0] / 2), round(y * height - SIZE[1] / 2)
+    with contextlib.closing(Scene(session, View(shot.camera, width, height))) as scene:
+        first, last = scene.steps[0], scene.steps[-1]
+        for step in np.arange(first, last, shot.speed / session.period / FILM_RATE):
+            yield scene.image(int(step))[top : top + SIZE[1], left : left + SIZE[0]]
+
+
+def pushes() -> Iterator[Picture]:
+    """Draws some episodes of a training that come to their goals."""
+    training = Training(Plan.of_folder(TRAINING), TRAINING, print)
+    view = View("front", *SIZE)
+    environment = Environment(**training.plan.environment, render_mode="rgb_array", view=view)
+    with contextlib.closing(environment):
+        shown = 0
+        for seed in itertools.count():
+            images: list[Picture] = []
+            observation, _ = environment.reset(seed=seed)
+            has_ended = False
+            while not has_ended:
+                action = training.act(np.reshape(np.asarray(observation), (1, -1))).ravel()
+                observation, _, terminated, truncated, info = environment.step(action)
+                has_ended = terminated or truncated
+                images.append(np.asarray(environment.render()))
+            if info["is_success"]:
+                yield from images[:: round(environment.metadata["render_fps"] / FILM_RATE)]
+                shown += 1
+            if shown == EPISODES:
+                return
+
+
+def save(images: list[Picture], name: str, still: float) -> None:
+    """Writes a film for browsers, and a picture of it."""
+    with av.open(str(FOLDER / f"{name}.webm"), "w") as container:
+        stream = container.add_stream("libvpx-vp9", rate=FILM_RATE)
+        stream.width, stream.height = SIZE
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "34", "b": "0", "deadline": "good", "cpu-used": "2"}
+        for image in images:
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    Image.fromarray(images[int(still * (len(images) - 1))]).save(
+        FOLDER / f"{name}.jpg", quality=82, optimize=True
+    )
+
+
+def main(names: list[str]) -> None:
+    """Makes the films with these names, or all."""
+    for name in names or [*SHOTS, "push"]:
+        if name == "push":
+            save(list(pushes()), name, 0.5)
+            continue
+        shot = SHOTS[name]
+        with tempfile.TemporaryDirectory() as folder:
+            save(list(pictures(shot, record(shot, Path(folder)))), name, shot.still)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
