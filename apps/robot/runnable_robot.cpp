@@ -90,9 +90,11 @@ RunnableRobot make_replay(const std::string& path, const std::vector<std::string
   return robot;
 }
 
+// A folder with the name of a configuration does not hide it.
 bool is_log(const std::string& robot) {
   std::error_code ignored;
-  return robot.ends_with(".mcap") || std::filesystem::is_directory(robot, ignored);
+  return robot.ends_with(".mcap") || (std::filesystem::is_directory(robot, ignored) &&
+                                      std::ranges::count(config_names(), robot) == 0);
 }
 
 SimulationState read_state(const std::filesystem::path& path) {

@@ -331,3 +331,12 @@ def test_a_dead_robot_is_known_to_be_worth_a_rescue(start_fake: StartChild) -> N
     backend.kill()
     assert "trifinger log rescue left" in run("status", "left", "--once")
     assert "no whole step of 'left'" in run("log", "rescue", "left")
+
+
+def test_a_folder_with_the_name_of_a_configuration_does_not_hide_it(
+    start_program: StartProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sim").mkdir()
+    monkeypatch.chdir(tmp_path)
+    robot = start_program("run", "sim", "--non-real-time")
+    robot.wait_for("sim: holds its pose and waits for a user")
