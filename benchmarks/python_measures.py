@@ -352,6 +352,55 @@ def environment(effort: Effort) -> list[Row]:
     return [beside_cpp(measure, samples, "actions/s", reference, **more)]
 
 
+def python_task(effort: Effort) -> list[Row]:
+    """Steps 64 robots of the same task in Python and in C++, in turns."""
+    from trifinger.environments import Options, VectorEnvironment
+    from trifinger.tasks import Task, View
+
+    class Reach(Task):
+        options = Options(action="position", duration=2.0)
+        goal_low = (-0.05, -0.05, 0.05) * 3
+        goal_high = (0.05, 0.05, 0.15) * 3
+
+        def achieve(self, view: View) -> np.ndarray:
+            return view.tips.reshape(len(view.tips), 9)
+
+        def reward(self, achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
+            apart = np.linalg.norm((achieved - desired).reshape(-1, 3, 3), axis=2)
+            return -apart.mean(axis=1)
+
+        def is_success(self, achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
+            apart = np.linalg.norm((achieved - desired).reshape(-1, 3, 3), axis=2)
+            return (apart <= 0.02).all(axis=1)
+
+    robots = {task: VectorEnvironment(task, 64) for task in (Reach(), "reach")}
+    random = np.random.default_rng(1)
+    walks = np.cumsum(0.2 * random.normal(size=(100, 64, 9)), axis=0)
+    actions = np.clip(walks, -1, 1).astype(np.float32)
+    speeds: dict[object, list[float]] = {task: [] for task in robots}
+    for _ in in_rounds(effort.rounds):
+        for task, vector in robots.items():
+            vector.reset(seed=0)
+            begin = time.perf_counter()
+            for rows in actions:
+                vector.step(rows)
+            speeds[task].append(actions[..., 0].size / (time.perf_counter() - begin))
+    mine, cpp = speeds.values()
+    ratio = statistics.median(a / b for a, b in zip(mine, cpp, strict=True))
+    return [
+        Row.of(
+            "own task in Python, 64 x reach at 50 Hz",
+            mine,
+            "actions/s",
+            reference="the task in C++, in turns; median of the ratios",
+            reference_value=statistics.median(cpp),
+            ratio=ratio,
+            reach=">= 0.7x",
+            holds=ratio >= 0.7,
+        )
+    ]
+
+
 def live_view(effort: Effort) -> list[Row]:
     """Shows a simulated robot with its object, which moves at 1 kHz, in three viewers."""
     rounds = -(-effort.windows // live_view_measure.WINDOWS)
@@ -390,6 +439,7 @@ MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
     "python_loop": loop,
     "python_inline_loop": inline_loop,
     "python_environment": environment,
+    "python_task": python_task,
     "compat": compat,
     "python_log": log,
     "data_set": data_set,

@@ -50,6 +50,7 @@ MEASURES = (
     Measure("vector_environment_2_threads", "figures"),
     Measure("environment", "figures"),
     Measure("python_environment", "figures", is_python=True, reference="environment"),
+    Measure("python_task", "figures", is_python=True),
     Measure("any_robot", "figures"),
     Measure("compat", "figures", is_python=True),
     Measure("lift", "figures"),
