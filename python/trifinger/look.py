@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FLOOR = "floor of the look"
 LAMP = "lamp of the look"
@@ -106,6 +109,36 @@ def landing_height(model: Any, data: Any) -> float | None:
 
     ground = (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)) & (model.geom_bodyid == 0)
     ground &= data.geom_xmat[:, 8] > 0.999
-    ground[model.geom(FLOOR).id] = False
+    ground &= np.arange(model.ngeom) != mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, FLOOR)
     model.geom_rgba[ground, 3] = 0.0
     return float(data.geom_xpos[ground, 2].max()) if ground.any() else None
+
+
+def are_free(model: Any) -> NDArray[np.bool_]:
+    """Which shapes belong to objects that can move freely."""
+    import mujoco
+
+    roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
+    return np.asarray((roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE)))
+
+
+def lowest_height(model: Any, data: Any) -> float:
+    """The height of the lowest visible part of the robot and what is around it [m]."""
+    from mujoco import mjtGeom as Kind
+
+    is_seen = (model.geom_group <= LOOKS_GROUP) | (model.geom_group == FINE_GROUP)
+    low = np.inf
+    for shape in np.flatnonzero(is_seen & ~are_free(model) & (model.geom_rbound > 0)):
+        (radius, half), up = model.geom_size[shape, :2], data.geom_xmat[shape, 6:]
+        kind, mesh = model.geom_type[shape], model.geom_dataid[shape]
+        middle, box = np.split(model.geom_aabb[shape], 2)
+        depth = np.abs(up) @ box - up @ middle
+        if kind == Kind.mjGEOM_MESH:
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            depth = -(model.mesh_vert[first : first + count] @ up).min()
+        elif kind in (Kind.mjGEOM_SPHERE, Kind.mjGEOM_CAPSULE):
+            depth = radius + half * abs(up[2]) * (kind == Kind.mjGEOM_CAPSULE)
+        elif kind == Kind.mjGEOM_CYLINDER:
+            depth = radius * np.hypot(*up[:2]) + half * abs(up[2])
+        low = min(low, float(data.geom_xpos[shape, 2] - depth))
+    return low if np.isfinite(low) else 0.0

@@ -27,8 +27,10 @@ from trifinger.look import (
     LAMP,
     LOOKS_GROUP,
     TO_LAMP,
+    are_free,
     landing_height,
     look_with_coarse_shapes,
+    lowest_height,
 )
 from trifinger.placement import Placement
 from trifinger.whole_file import whole_file
@@ -101,11 +103,8 @@ class SceneCamera:
             shapes = np.isin(model.geom_group, (LOOKS_GROUP, FINE_GROUP)) & (model.geom_rbound > 0)
             largest = model.geom_rbound[shapes & moving].max(initial=0.0)
             shapes &= moving | (model.geom_rbound < 2 * largest)
-        roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
-        free = (roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE))
-        self._shapes, self._objects = np.flatnonzero(shapes), np.flatnonzero(shapes & free)
-        is_fixed = np.isin(model.geom_group, (0, SURROUND_GROUP, LOOKS_GROUP, FINE_GROUP)) & ~free
-        self._fixed = np.flatnonzero(is_fixed & (model.geom_rbound > 0))  # planes have no bound
+        self._shapes = np.flatnonzero(shapes)
+        self._objects = np.flatnonzero(shapes & are_free(model))
         self._surround = np.flatnonzero(model.geom_group == SURROUND_GROUP)
         self._opacity = model.geom_rgba[self._surround, 3].copy()
         self.camera = mujoco.MjvCamera()
@@ -201,8 +200,8 @@ class SceneCamera:
             low = np.inf
             for configuration in configurations:
                 self._move(configuration)
-                low = min(low, self._corners(self._fixed)[:, 2].min(initial=np.inf))
-            ground = low if np.isfinite(low) else 0.0
+                low = min(low, lowest_height(self._model, self._data))
+            ground = low
         self._model.geom(FLOOR).pos[2] = ground - BELOW
         rows = []
         for configuration in configurations:

@@ -215,7 +215,7 @@ class Scene {
 
   // Forgets bodies, arrows and handles; onDrag(handle, point) and onDrop(handle) say what the mouse does
   // with a handle. `home` is where the camera begins: a sphere that fills the picture, and the
-  // direction from it to the eye; and the height of a floor where the bodies have none.
+  // direction from it to the eye; and the height of the floor.
   begin(home) {
     for (const {mesh} of this.bodies) {
       this.gl.deleteVertexArray(mesh.array);
@@ -403,11 +403,9 @@ class Scene {
       gl.uniform1f(places.grid, thing.grid ?? 0);
       this.drawMesh(thing.mesh);
     };
-    if (this.home.floor !== null) {
-      const size = 12 * radius, [x, y] = this.middle, grid = 10 ** Math.floor(Math.log10(radius) + 0.3);
-      paint({mesh: this.square, opacity: 1, tint: [...colour("--floor"), 1], grid,
-        matrix: new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, 1, 0, x, y, this.home.floor, 1])});
-    }
+    const size = 12 * radius, [x, y] = this.middle, grid = 10 ** Math.floor(Math.log10(radius) + 0.3);
+    paint({mesh: this.square, opacity: 1, tint: [...colour("--floor"), 1], grid,
+      matrix: new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, 1, 0, x, y, this.home.floor, 1])});
     things.filter((thing) => !thing.isFaint).forEach(paint);
     // Of a body that one sees through, only the nearest surface is drawn: first its depth, then its colour.
     gl.enable(gl.BLEND);
