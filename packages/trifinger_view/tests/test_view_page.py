@@ -17,7 +17,9 @@ from playwright.sync_api import Browser, Page, expect
 from trifinger_view import page as viewed
 from trifinger_view.authentication import Authentication
 from trifinger_view.commands import view
+from trifinger_view.frame import Frame
 from trifinger_view.page_server import PageServer
+from trifinger_view.scene import Scene
 from trifinger_view.words import Line
 from viewing import StartView
 
@@ -239,6 +241,92 @@ def test_the_camera_goes_after_what_walks_away_and_not_after_what_waves(page: Pa
         assert follow(0.3 * radius) == 0.0
         assert 9.5 * radius < follow(10 * radius) < 10 * radius
         server.stop()
+
+
+ARM = """<mujoco><worldbody><body name="{0}"><joint axis="0 0 1"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0.4 0 {1}"/></body></worldbody></mujoco>"""
+KNOWN = "what-all-servers-know"
+
+
+class Served:
+    """A server of a page that shows an arm, at the port of the one before."""
+
+    def __init__(self, port: int = 0, robot: str = "arm", **told: object) -> None:
+        self.authentication = Authentication(port=port, token=KNOWN)
+        self.server = PageServer(self.authentication, viewed.document_of(robot))
+        self.shown = viewed.Page(self.server)
+        self.show(robot, 1, **told)
+
+    def show(self, robot: str, step: int, height: float = 0.0, **told: object) -> None:
+        """Begins a session, whose first frame is that of this step."""
+        self.shown.begin(Scene(ARM.format(robot, height)), robot, **told)
+        self.shown.show(Frame(time_index=step, time=0.0, position=np.zeros(1)))
+
+    def end(self) -> int:
+        """Ends the server; returns its port."""
+        self.server.stop()
+        self.authentication.close()
+        return self.authentication.port
+
+
+def shows(page: Page, step: int) -> None:
+    """Waits until the page shows a step."""
+    expect(page.locator("body")).to_have_attribute("data-step", str(step), timeout=NEVER)
+
+
+def camera_of(page: Page) -> list[float]:
+    """How the camera looks at the middle of the scene."""
+    return page.evaluate(  # type: ignore[no-any-return]
+        "() => { const {azimuth, elevation, zoom, target, middle} = trifingerPage.scene;"
+        " return [azimuth, elevation, zoom, ...minus(target, middle)]; }"
+    )
+
+
+def turn(page: Page) -> list[float]:
+    page.evaluate(
+        "() => { const {scene} = trifingerPage;"
+        " scene.turn(80, 30); scene.closer(0.5); scene.shift(20, 10); }"
+    )
+    return camera_of(page)
+
+
+def test_the_camera_stays_as_it_was_turned_until_there_is_another_robot(page: Page) -> None:
+    served = Served()
+    page.goto(served.authentication.url)
+    shows(page, 1)
+    home = camera_of(page)
+    turned = turn(page)
+    assert turned[0] != home[0]
+    served.shown.begin(None, "arm")  # it does not run
+    served.show("arm", 2, height=0.2)
+    shows(page, 2)
+    assert camera_of(page) == pytest.approx(turned)
+    page.evaluate("() => { delete document.body.dataset.step; trifingerPage.socket.close(); }")
+    shows(page, 2)
+    assert camera_of(page) == pytest.approx(turned)
+    served.show("another arm", 3)
+    shows(page, 3)
+    assert camera_of(page) == pytest.approx(home)
+    served.end()
+
+
+def test_a_page_that_finds_another_server_shows_what_that_one_has(page: Page) -> None:
+    line = {"position": 0.0, "isPlaying": False, "isLooping": False, "speed": 1.0}
+    served = Served(line={"end": 9.0, "fault": 5.0, **line})
+    page.goto(served.authentication.url)
+    shows(page, 1)
+    expect(page.locator("footer")).to_be_visible(timeout=NEVER)
+    turned = turn(page)
+    served = Served(served.end())  # the robot that was in the log
+    expect(page.locator("footer")).to_be_hidden(timeout=NEVER)
+    shows(page, 1)
+    assert camera_of(page) == pytest.approx(turned)
+    served = Served(served.end(), "another arm", line={"end": 2.0, "fault": None, **line})
+    expect(page).to_have_title("another arm", timeout=NEVER)
+    shows(page, 1)
+    expect(page.locator("#time")).to_have_attribute("max", "2", timeout=NEVER)
+    assert camera_of(page)[0] != pytest.approx(turned[0])
+    served.end()
 
 
 # ---- the command line ----
