@@ -7,6 +7,8 @@ import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from trifinger_view.commands import view
 from trifinger_view.frame import Frame
 from trifinger_view.page_server import PageServer
 from trifinger_view.scene import Scene
+from trifinger_view.to_browser import message
 from trifinger_view.words import Line
 from viewing import StartView
 
@@ -327,6 +330,68 @@ def test_a_page_that_finds_another_server_shows_what_that_one_has(page: Page) ->
     expect(page.locator("#time")).to_have_attribute("max", "2", timeout=NEVER)
     assert camera_of(page)[0] != pytest.approx(turned[0])
     served.end()
+
+
+def test_two_fingers_at_two_handles_move_each_its_own(browser: Browser) -> None:
+    context = browser.new_context(viewport={"width": 640, "height": 400}, has_touch=True)
+    page = context.new_page()
+    touch = context.new_cdp_session(page)
+    served, messages = Served(), SimpleQueue[dict[str, Any]]()
+    served.server.on_message = lambda _, asked: messages.put(asked)
+    handles, points = [{"frame": 0}, {"frame": 1}], [[0.0, 0.0, 0.1], [0.4, 0.0, 0.1]]
+    seat = message("seat", isDriver=True, words="", joints=None, handles=handles)
+    served.server.put("seat", seat)
+    served.server.put("targets", message("targets", joints=[], points=points))
+    page.goto(served.authentication.url)
+    shows(page, 1)
+    page.evaluate(
+        "() => new Promise((done) => { const look = () => trifingerPage.scene.handles.length"
+        " ? done() : setTimeout(look, 10); look(); })"
+    )
+    camera, corner = camera_of(page), page.locator("#view").bounding_box()
+    assert corner is not None
+
+    def pixel(point: list[float]) -> list[float]:
+        x, y = page.evaluate("point => trifingerPage.scene.project(point)", point)
+        return [x + corner["x"], y + corner["y"]]
+
+    def fingers(kind: str, **places: list[float]) -> None:
+        points = [{"x": x, "y": y, "id": int(name[1:])} for name, (x, y) in places.items()]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def wait_for_drags(*ends: tuple[int, list[float]]) -> None:
+        """Waits until these frames are dragged to these pixels; each moves along one line."""
+        left = dict(ends)
+        while left:
+            asked = messages.get()
+            if asked["do"] == "drag":
+                at, frame = pixel(asked["point"]), asked["frame"]
+                along = 1 - frame  # the first finger moves across, the second one up
+                assert at[along] == pytest.approx(starts[frame][along], abs=1)
+                if at == pytest.approx(left.get(frame), abs=1):
+                    del left[frame]
+
+    first, second = starts = [pixel(point) for point in points]
+    there, up = [first[0] + 40, first[1]], [second[0], second[1] - 40]
+    farther = [first[0] + 60, first[1]]
+    fingers("touchStart", _0=first)
+    fingers("touchStart", _0=first, _1=second)
+    fingers("touchMove", _0=there, _1=up)
+    wait_for_drags((0, there), (1, up))
+    fingers("touchEnd", _1=up)
+    while messages.get()["do"] != "drop":
+        pass
+    again = messages.get()  # a hand has let go of the other, and pulls at this one
+    assert (again["do"], again["frame"]) == ("drag", 0)
+    fingers("touchMove", _0=farther)
+    wait_for_drags((0, farther))
+    assert page.evaluate("trifingerPage.handles.map((handle) => Boolean(handle.isHeld))") == [1, 0]
+    fingers("touchEnd", _0=farther)
+    while messages.get()["do"] != "drop":
+        pass
+    assert camera_of(page) == camera
+    served.end()
+    context.close()
 
 
 # ---- the command line ----

@@ -492,8 +492,7 @@ class Scene {
   }
 
   listen() {
-    const canvas = this.canvas, fingers = new Map();
-    let held = null;
+    const canvas = this.canvas, fingers = new Map(), held = new Map();  // both by the number of the pointer
     const place = (event) => [event.offsetX, event.offsetY];
     const slackOf = (event) => event.pointerType === "touch" ? 22 : 9;
     const spread = () => {
@@ -510,11 +509,12 @@ class Scene {
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, place(event));
-      const found = event.button === 0 && fingers.size === 1 ? this.pick(place(event), slackOf(event)) : null;
-      if (!found) return;
+      const found = event.button === 0 && fingers.size === held.size + 1 ? this.pick(place(event), slackOf(event)) : null;
+      if (!found || found.handle.isHeld) return;
       const start = [...found.handle.at], grip = minus(this.pointOf(place(event), found.part, start), start);
-      this.hot = held = {...found, start, grip, pointer: event.pointerId};
-      held.handle.isHeld = true;
+      this.hot = {...found, start, grip};
+      held.set(event.pointerId, this.hot);
+      found.handle.isHeld = true;
       this.requestDraw();
     });
     canvas.addEventListener("pointermove", (event) => {
@@ -525,16 +525,17 @@ class Scene {
         if (this.handles.length) this.requestDraw();
         return;
       }
-      if (held) {
-        if (held.pointer !== event.pointerId) return;
-        held.handle.at = minus(this.pointOf(place(event), held.part, held.start), held.grip);
-        this.onDrag(held.handle, held.handle.at);
-        this.requestDraw();
-        return;
-      }
       const [x, y] = minus(place(event), before);
       const was = fingers.size === 2 ? spread() : 0;
       fingers.set(event.pointerId, place(event));
+      if (held.size) {
+        const own = held.get(event.pointerId);
+        if (!own) return;
+        own.handle.at = minus(this.pointOf(place(event), own.part, own.start), own.grip);
+        this.onDrag(own.handle, own.handle.at);
+        this.requestDraw();
+        return;
+      }
       if (fingers.size === 2) {
         this.closer(was / spread());
         this.shift(x / 2, y / 2);
@@ -546,11 +547,14 @@ class Scene {
     });
     for (const kind of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(kind, (event) => {
+        const own = held.get(event.pointerId);
         fingers.delete(event.pointerId);
-        if (held?.pointer !== event.pointerId) return;
-        held.handle.isHeld = false;
-        this.onDrop(held.handle);
-        held = this.hot = null;
+        held.delete(event.pointerId);
+        if (!own) return;
+        own.handle.isHeld = false;
+        this.onDrop(own.handle);
+        for (const {handle} of held.values()) this.onDrag(handle, handle.at);  // a hand pulls at one alone
+        this.hot = null;
         this.requestDraw();
       });
     }
