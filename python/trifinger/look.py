@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FLOOR = "floor of the look"
 LAMP = "lamp of the look"
@@ -14,6 +17,10 @@ TO_SIDE = np.array([-0.45, 0.55, 0.4]) / np.linalg.norm([-0.45, 0.55, 0.4])  # l
 SKY, HORIZON = (0.66, 0.74, 0.84), (0.92, 0.93, 0.95)
 SQUARES = (0.80, 0.81, 0.83), (0.77, 0.78, 0.80)
 SHADOW_SIZE = 1024  # of the picture of the lamp [pixels]
+LOOKS_GROUP = 2  # MuJoCo's group of shapes that only look
+FINE_GROUP, COARSE_GROUP = 4, 5  # and of those with many faces, and of what is in their shadows
+MANY_FACES = 2000  # of a mesh
+CELLS = 32  # along a coarse mesh, which has one corner in each
 BELOW = 0.002  # the floor lies this far below what lies on it, which hides it [m]
 
 
@@ -33,7 +40,11 @@ def look_of(spec: Any) -> None:
         name=FLOOR, texuniform=True, texrepeat=[2, 2], specular=0, shininess=0
     )
     floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
-    ground: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [30, 30, 1], "group": 2}
+    ground: dict[str, Any] = {
+        "type": mujoco.mjtGeom.mjGEOM_PLANE,
+        "size": [30, 30, 1],
+        "group": LOOKS_GROUP,
+    }
     # With a place of its own: MuJoCo would not look at one that is given later.
     ground |= {"pos": [0, 0, -1], "quat": [1, 0, 0, 0], "rgba": [1, 1, 1, 1]}
     ground |= {"contype": 0, "conaffinity": 0}
@@ -63,6 +74,32 @@ def look_of(spec: Any) -> None:
     visual.quality.numslices, visual.quality.numstacks, visual.quality.numquads = 24, 10, 1
 
 
+def look_with_coarse_shapes(spec: Any) -> None:
+    """Also adds a coarse shape for each that has many faces: a shadow needs no more of them."""
+    import mujoco
+
+    look_of(spec)
+    shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    for geom in [one for one in spec.geoms if one.meshname and one.group == LOOKS_GROUP]:
+        mesh, name = spec.mesh(geom.meshname), f"{geom.meshname} (coarse)"
+        corners, faces = np.reshape(mesh.uservert, (-1, 3)), np.reshape(mesh.userface, (-1, 3))
+        if len(faces) <= MANY_FACES:
+            continue
+        if spec.mesh(name) is None:
+            cells = np.round(corners * CELLS / np.ptp(corners, axis=0).max())
+            _, kept, own = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+            faces = own.ravel()[faces]
+            faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+            fewer = {"uservert": corners[kept].ravel(), "userface": faces.ravel()}
+            place = {"scale": mesh.scale, "refpos": mesh.refpos, "refquat": mesh.refquat}
+            spec.add_mesh(name=name, inertia=shell, **fewer, **place)
+        looks = {"type": geom.type, "material": geom.material, "rgba": geom.rgba}
+        place = {"pos": geom.pos, "quat": geom.quat}
+        coarse = geom.parent.add_geom(meshname=name, group=COARSE_GROUP, **looks, **place)
+        coarse.alt, coarse.mass, coarse.contype, coarse.conaffinity = geom.alt, 0, 0, 0
+        geom.group = FINE_GROUP
+
+
 def landing_height(model: Any, data: Any) -> float | None:
     """The height of the highest level ground of a scene [m]; None if it has none.
 
@@ -72,6 +109,36 @@ def landing_height(model: Any, data: Any) -> float | None:
 
     ground = (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)) & (model.geom_bodyid == 0)
     ground &= data.geom_xmat[:, 8] > 0.999
-    ground[model.geom(FLOOR).id] = False
+    ground &= np.arange(model.ngeom) != mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, FLOOR)
     model.geom_rgba[ground, 3] = 0.0
     return float(data.geom_xpos[ground, 2].max()) if ground.any() else None
+
+
+def are_free(model: Any) -> NDArray[np.bool_]:
+    """Which shapes belong to objects that can move freely."""
+    import mujoco
+
+    roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
+    return np.asarray((roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE)))
+
+
+def lowest_height(model: Any, data: Any) -> float:
+    """The height of the lowest visible part of the robot and what is around it [m]."""
+    from mujoco import mjtGeom as Kind
+
+    is_seen = (model.geom_group <= LOOKS_GROUP) | (model.geom_group == FINE_GROUP)
+    low = np.inf
+    for shape in np.flatnonzero(is_seen & ~are_free(model) & (model.geom_rbound > 0)):
+        (radius, half), up = model.geom_size[shape, :2], data.geom_xmat[shape, 6:]
+        kind, mesh = model.geom_type[shape], model.geom_dataid[shape]
+        middle, box = np.split(model.geom_aabb[shape], 2)
+        depth = np.abs(up) @ box - up @ middle
+        if kind == Kind.mjGEOM_MESH:
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            depth = -(model.mesh_vert[first : first + count] @ up).min()
+        elif kind in (Kind.mjGEOM_SPHERE, Kind.mjGEOM_CAPSULE):
+            depth = radius + half * abs(up[2]) * (kind == Kind.mjGEOM_CAPSULE)
+        elif kind == Kind.mjGEOM_CYLINDER:
+            depth = radius * np.hypot(*up[:2]) + half * abs(up[2])
+        low = min(low, float(data.geom_xpos[shape, 2] - depth))
+    return low if np.isfinite(low) else 0.0

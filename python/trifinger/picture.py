@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -18,7 +19,19 @@ from trifinger import extras
 from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
 from trifinger.foreign_models import model_of
-from trifinger.look import BELOW, FLOOR, LAMP, TO_LAMP, landing_height, look_of
+from trifinger.look import (
+    BELOW,
+    COARSE_GROUP,
+    FINE_GROUP,
+    FLOOR,
+    LAMP,
+    LOOKS_GROUP,
+    TO_LAMP,
+    are_free,
+    landing_height,
+    look_with_coarse_shapes,
+    lowest_height,
+)
 from trifinger.placement import Placement
 from trifinger.whole_file import whole_file
 
@@ -39,6 +52,8 @@ CAMERAS = {"front": (90.0, -20.0), "side": (210.0, -20.0), "top": (90.0, -89.9)}
 LARGEST = 4096  # largest width and height [pixels]
 MARGIN = 1.06  # size of the picture, relative to that of robot and objects in it
 TABLE = ((0.1, 0.1, 0.0), (0.1, -0.1, 0.0), (-0.1, 0.1, 0.0), (-0.1, -0.1, 0.0))  # always seen [m]
+SAMPLES = 4  # of a pixel on a graphics card, so that edges are smooth
+SOFTWARE = "llvmpipe|softpipe|SwiftShader"  # draws without a card, and would take twice as long
 COARSE = 2  # pixels of a picture in one of its shadows, along each side
 FOG = np.array([1.5, 4.0])  # where the floor begins and ends to fade, in reaches of the lamp
 SAME = 1e-4  # a scene that moves less is not drawn again [m], [rad]
@@ -48,7 +63,6 @@ FOLLOW = 15  # pictures before and after, which a camera that follows sees
 STEEP = 60.0  # elevation from which a view is steep [degrees]
 BEHIND = 0.05  # parts of frame and wall are drawn if they are this far behind the middle [m]
 SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
-LOOKS_GROUP = 2  # and of those that only look
 
 
 @dataclass(frozen=True)
@@ -88,14 +102,11 @@ class SceneCamera:
         self._is_of_ours = bool(shapes.any())  # a robot from a file has shapes that look alone
         if not self._is_of_ours:
             # With its base, which may be a part of the world, but without the walls of a room.
-            shapes = (model.geom_group == LOOKS_GROUP) & (model.geom_rbound > 0)
+            shapes = np.isin(model.geom_group, (LOOKS_GROUP, FINE_GROUP)) & (model.geom_rbound > 0)
             largest = model.geom_rbound[shapes & moving].max(initial=0.0)
             shapes &= moving | (model.geom_rbound < 2 * largest)
-        roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
-        free = (roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE))
-        self._shapes, self._objects = np.flatnonzero(shapes), np.flatnonzero(shapes & free)
-        is_fixed = (model.geom_group <= LOOKS_GROUP) & ~free
-        self._fixed = np.flatnonzero(is_fixed & (model.geom_rbound > 0))  # planes have no bound
+        self._shapes = np.flatnonzero(shapes)
+        self._objects = np.flatnonzero(shapes & are_free(model))
         self._surround = np.flatnonzero(model.geom_group == SURROUND_GROUP)
         self._opacity = model.geom_rgba[self._surround, 3].copy()
         self.camera = mujoco.MjvCamera()
@@ -191,8 +202,8 @@ class SceneCamera:
             low = np.inf
             for configuration in configurations:
                 self._move(configuration)
-                low = min(low, self._corners(self._fixed)[:, 2].min(initial=np.inf))
-            ground = low if np.isfinite(low) else 0.0
+                low = min(low, lowest_height(self._model, self._data))
+            ground = low
         self._model.geom(FLOOR).pos[2] = ground - BELOW
         rows = []
         for configuration in configurations:
@@ -269,10 +280,9 @@ class Painter:
             from mujoco.gl_context import GLContext
 
         self._mujoco = mujoco
-        self.model = model_of(mjcf, look_of)
+        self.model = model_of(mjcf, look_with_coarse_shapes)
         view = view or View()
         self.size = (view.width, view.height)
-        self.model.vis.quality.offsamples = 0
         self.model.vis.global_.offwidth, self.model.vis.global_.offheight = self.size
         self._data = mujoco.MjData(self.model)
         self.placement = Placement(self.model)
@@ -284,6 +294,10 @@ class Painter:
         with explained():
             self._screen = GLContext(*self.size)
             self._screen.make_current()
+            from OpenGL.GL import GL_RENDERER, glGetString  # type: ignore[import-untyped]
+
+            has_card = not re.search(SOFTWARE, glGetString(GL_RENDERER).decode())
+            self.model.vis.quality.offsamples = SAMPLES * has_card
             self._context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_50)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
@@ -307,7 +321,7 @@ class Painter:
         ends of each line that was written [m], float[n, 2, 3].
         """
         mujoco, model, data = self._mujoco, self.model, self._data
-        scene_camera, scene = self._scene_camera, self._scene
+        scene_camera = self._scene_camera
         place = scene_camera.place_for(configuration) if place is None else place
         drawn = np.concatenate([np.ravel(one) for one in (configuration, place, marks, ink)])
         before, pixels = self._last
@@ -319,21 +333,29 @@ class Painter:
         for move in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon):
             move(model, data)
         scene_camera.clear(data)
-        camera, every = scene_camera.camera, mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(model, data, self._options, None, camera, every, scene)
-        draw_marks(scene, marks, keep=scene.ngeom)
-        draw_ink(scene, ink)
-        scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._context.shadowClip = scene_camera.reach
         self._context.fogStart, self._context.fogEnd = FOG * scene_camera.reach
         self._screen.make_current()
+        self._update(marks, FINE_GROUP)
+        draw_ink(self._scene, ink)
         lit = self._pixels(*self.size, shadows=False)
         # The shadows alone: where, and by how much, they make a smaller picture darker.
         small = [-(-length // COARSE) for length in self.size]
+        self._update(marks, COARSE_GROUP)
         bright, dark = (self._pixels(*small, shadows=shadows) for shadows in (False, True))
         pixels = shadowed(lit, bright, dark)
         self._last = drawn, pixels
         return pixels.copy()
+
+    def _update(self, marks: ArrayLike, group: int) -> None:
+        """Takes what is to be drawn: of fine shapes and coarse ones those of a group."""
+        mujoco, scene, camera = self._mujoco, self._scene, self._scene_camera.camera
+        for one in (FINE_GROUP, COARSE_GROUP):
+            self._options.geomgroup[one] = one == group
+        every = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self.model, self._data, self._options, None, camera, every, scene)
+        draw_marks(scene, marks, keep=scene.ngeom)
+        scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
 
     def _pixels(self, width: int, height: int, *, shadows: bool) -> NDArray[np.uint8]:
         mujoco = self._mujoco

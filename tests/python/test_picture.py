@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import PROGRAM
-from trifinger import InvalidArgument
+from trifinger import InvalidArgument, look, picture
 from trifinger.foreign_models import model_of
 from trifinger.look import FLOOR, LAMP, look_of
 from trifinger.picture import (
@@ -243,6 +243,54 @@ def test_a_robot_from_a_file_stands_in_light_on_a_floor(ground, height):
     assert picture[-2:].min() > 100
     is_blue = picture[..., 2] > picture[..., 0] + 60
     assert 0.01 < is_blue.mean() < 0.5
+
+
+def ball_of_many_faces(turns=160, slices=160):
+    """A robot from a file that is a mesh of a ball, turned and moved in its body."""
+    up, around = np.linspace(0, np.pi, slices), np.linspace(0, 2 * np.pi, turns, endpoint=False)
+    up, around = np.meshgrid(up, around, indexing="ij")
+    ball = np.stack([np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up)], axis=-1)
+    row, column = np.mgrid[: slices - 1, :turns]
+    here, there = row * turns + column, row * turns + (column + 1) % turns
+    low = np.stack([here, here + turns, there + turns], axis=-1)[:-1]
+    high = np.stack([here, there + turns, there], axis=-1)[1:]
+    faces = np.concatenate([low.reshape(-1, 3), high.reshape(-1, 3)])
+    texts = (" ".join(map(str, one.ravel())) for one in (ball, faces))
+    mesh = '<mesh name="ball" scale="0.1 0.1 0.3" vertex="{}" face="{}"/>'.format(*texts)
+    shape = '<geom type="mesh" mesh="ball" pos="0.2 0 -0.3" euler="30 60 0" mass="1"/>'
+    return FOREIGN.format(ground=f"<body><joint/>{shape}</body>").replace(
+        "<worldbody>", f"<asset>{mesh}</asset><worldbody>"
+    )
+
+
+def test_shadows_need_few_of_the_faces_of_a_mesh_and_look_the_same(monkeypatch):
+    import mujoco
+
+    pictures, faces = [], []
+    for many in (look.MANY_FACES, 10**9):
+        monkeypatch.setattr(look, "MANY_FACES", many)
+        painter = Painter(ball_of_many_faces())
+        pictures.append(painter.draw(painter.model.qpos0).astype(int))
+        drawn = painter._scene.geoms[: painter._scene.ngeom]
+        kind = int(mujoco.mjtGeom.mjGEOM_MESH)
+        meshes = [one.dataid // 2 for one in drawn if one.type == kind]
+        faces.append(painter.model.mesh_facenum[meshes].sum())
+        painter.close()
+    assert 0 < faces[0] < faces[1] / 2
+    difference = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    assert (difference > 20).mean() < 1e-3
+    assert difference.mean() < 0.1
+
+
+def test_edges_are_smooth_where_a_graphics_card_draws(monkeypatch):
+    pictures = []
+    for software in ("", "no renderer is called so"):
+        monkeypatch.setattr(picture, "SOFTWARE", software)
+        painter = Painter(FOREIGN.format(ground=""), View("front", 160, 120))
+        pictures.append(painter.draw(painter.model.qpos0).astype(int))
+        painter.close()
+    differing = (np.abs(pictures[0] - pictures[1]).max(axis=2) > 10).mean()
+    assert 0.001 < differing < 0.05
 
 
 def test_what_does_not_move_is_not_drawn_again():

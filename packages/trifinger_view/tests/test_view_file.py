@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -16,8 +16,10 @@ from chromium import open_browser
 from conftest import BUILD
 from playwright.sync_api import Browser, Page
 from trifinger.errors import InvalidArgument
+from trifinger_view import logged, page as viewed
 from trifinger_view.commands import view
 from trifinger_view.html_file import write_html
+from trifinger_view.log_page import LogPage
 from trifinger_view.logged import LoggedRun
 from trifinger_view.playing import FASTEST, SLOWEST, TimeLine
 from trifinger_view.to_browser import GHOST_ANGLE, smaller
@@ -114,6 +116,24 @@ class Opened:
 
 
 Open = Callable[[Path], Opened]
+INFORMED, WARNED = 0.3, 1.0  # when the steps of a log begin that have marks [s]
+COLOURS = """time => {
+  const word = getComputedStyle(find("state").firstChild).color.match(/[0-9.]+/g).map(Number);
+  const {line} = trifingerPage.controls, canvas = find("marks"), margin = 8;
+  const at = margin + time / (line.end - line.begin) * (canvas.width - 2 * margin);
+  const {data} = canvas.getContext("2d").getImageData(at - 5, 3, 11, 1);
+  const pixels = Array.from({length: 11}, (_, i) => [...data.slice(4 * i, 4 * i + 4)]);
+  return [word.slice(0, 3), pixels.reduce((a, b) => b[3] > a[3] ? b : a)];
+}"""
+
+
+class Nobody:
+    """A server that no browser uses."""
+
+    browsers = ()
+
+    def put(self, kind: str, message: bytes) -> None:
+        """Forgets it."""
 
 
 @pytest.fixture
@@ -358,6 +378,55 @@ def test_images_of_the_cameras_are_shown_as_they_had_arrived(
         assert np.abs(found - expected).mean() < 8  # JPEG, and at most 0.2 s older
         frame = run.frame_at(run.end)
         np.testing.assert_array_equal(frame.images[name], images[name])
+
+
+RED, AMBER = (lambda r, g, _: g < 0.62 * r), (lambda r, g, b: 0.55 * r < g < 0.8 * r and b < g)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_faults_are_red_warnings_amber_and_information_neither(
+    scheme: Literal["light", "dark"],
+    run: LoggedRun,
+    tmp_path: Path,
+    open_page: Open,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begins = [run.session.get_status(run.step_at(time))["time"] for time in (INFORMED, WARNED)]
+    ends = [run.session.get_status(run.step_at(time + 0.1))["time"] for time in (INFORMED, WARNED)]
+
+    def bits(statuses: Any) -> np.ndarray:
+        marks = np.zeros(len(statuses), np.uint8)
+        for bit, begin, end in zip((4, 1), begins, ends, strict=True):
+            marks[(begin <= statuses["time"]) & (statuses["time"] < end)] = bit
+        return marks
+
+    monkeypatch.setattr(logged, "_bits", bits)
+    write_html(run, tmp_path / "run.html")
+    opened = open_page(tmp_path / "run.html")
+    opened.page.emulate_media(color_scheme=scheme)
+    opened.ask("() => new Promise(requestAnimationFrame)")
+    assert run.fault is not None
+    served = LogPage(viewed.Page(Nobody()), run)  # type: ignore[arg-type]
+    for time, text, level, is_coloured in (
+        (INFORMED + 0.05, "action used its own observation", "", None),
+        (WARNED + 0.05, "action repeated", "warning", AMBER),
+        (run.fault.time, "", "bad", RED),
+    ):
+        opened.go_to(time)
+        line = served._lines(run.frame_at(time))[0]
+        assert (text in line.text, line.level) == (True, level)
+        assert text in opened.state
+        assert opened.page.get_attribute(".says-state", "class") == f"says-state {level}"
+        word, mark = opened.ask(COLOURS, time)
+        if is_coloured is None:
+            assert mark[3] == 0
+            assert max(word) - min(word) < 30  # the colour of any text
+        else:
+            assert mark[3] > 0
+            assert is_coloured(*word)
+            assert is_coloured(*mark[:3])
+    fault = next(line for line in served._lines(run.frame_at(0.0)) if line.label == "fault")
+    assert fault.level == "bad"
 
 
 def test_a_robot_without_a_model_has_its_plots(tmp_path: Path, open_page: Open) -> None:

@@ -7,6 +7,8 @@ import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,10 @@ from playwright.sync_api import Browser, Page, expect
 from trifinger_view import page as viewed
 from trifinger_view.authentication import Authentication
 from trifinger_view.commands import view
+from trifinger_view.frame import Frame
 from trifinger_view.page_server import PageServer
+from trifinger_view.scene import Scene
+from trifinger_view.to_browser import message
 from trifinger_view.words import Line
 from viewing import StartView
 
@@ -239,6 +244,154 @@ def test_the_camera_goes_after_what_walks_away_and_not_after_what_waves(page: Pa
         assert follow(0.3 * radius) == 0.0
         assert 9.5 * radius < follow(10 * radius) < 10 * radius
         server.stop()
+
+
+ARM = """<mujoco><worldbody><body name="{0}"><joint axis="0 0 1"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0.4 0 {1}"/></body></worldbody></mujoco>"""
+KNOWN = "what-all-servers-know"
+
+
+class Served:
+    """A server of a page that shows an arm, at the port of the one before."""
+
+    def __init__(self, port: int = 0, robot: str = "arm", **told: object) -> None:
+        self.authentication = Authentication(port=port, token=KNOWN)
+        self.server = PageServer(self.authentication, viewed.document_of(robot))
+        self.shown = viewed.Page(self.server)
+        self.show(robot, 1, **told)
+
+    def show(self, robot: str, step: int, height: float = 0.0, **told: object) -> None:
+        """Begins a session, whose first frame is that of this step."""
+        self.shown.begin(Scene(ARM.format(robot, height)), robot, **told)
+        self.shown.show(Frame(time_index=step, time=0.0, position=np.zeros(1)))
+
+    def end(self) -> int:
+        """Ends the server; returns its port."""
+        self.server.stop()
+        self.authentication.close()
+        return self.authentication.port
+
+
+def shows(page: Page, step: int) -> None:
+    """Waits until the page shows a step."""
+    expect(page.locator("body")).to_have_attribute("data-step", str(step), timeout=NEVER)
+
+
+def camera_of(page: Page) -> list[float]:
+    """How the camera looks at the middle of the scene."""
+    return page.evaluate(  # type: ignore[no-any-return]
+        "() => { const {azimuth, elevation, zoom, target, middle} = trifingerPage.scene;"
+        " return [azimuth, elevation, zoom, ...minus(target, middle)]; }"
+    )
+
+
+def turn(page: Page) -> list[float]:
+    page.evaluate(
+        "() => { const {scene} = trifingerPage;"
+        " scene.turn(80, 30); scene.closer(0.5); scene.shift(20, 10); }"
+    )
+    return camera_of(page)
+
+
+def test_the_camera_stays_as_it_was_turned_until_there_is_another_robot(page: Page) -> None:
+    served = Served()
+    page.goto(served.authentication.url)
+    shows(page, 1)
+    home = camera_of(page)
+    turned = turn(page)
+    assert turned[0] != home[0]
+    served.shown.begin(None, "arm")  # it does not run
+    served.show("arm", 2, height=0.2)
+    shows(page, 2)
+    assert camera_of(page) == pytest.approx(turned)
+    page.evaluate("() => { delete document.body.dataset.step; trifingerPage.socket.close(); }")
+    shows(page, 2)
+    assert camera_of(page) == pytest.approx(turned)
+    served.show("another arm", 3)
+    shows(page, 3)
+    assert camera_of(page) == pytest.approx(home)
+    served.end()
+
+
+def test_a_page_that_finds_another_server_shows_what_that_one_has(page: Page) -> None:
+    line = {"position": 0.0, "isPlaying": False, "isLooping": False, "speed": 1.0}
+    served = Served(line={"end": 9.0, "fault": 5.0, **line})
+    page.goto(served.authentication.url)
+    shows(page, 1)
+    expect(page.locator("footer")).to_be_visible(timeout=NEVER)
+    turned = turn(page)
+    served = Served(served.end())  # the robot that was in the log
+    expect(page.locator("footer")).to_be_hidden(timeout=NEVER)
+    shows(page, 1)
+    assert camera_of(page) == pytest.approx(turned)
+    served = Served(served.end(), "another arm", line={"end": 2.0, "fault": None, **line})
+    expect(page).to_have_title("another arm", timeout=NEVER)
+    shows(page, 1)
+    expect(page.locator("#time")).to_have_attribute("max", "2", timeout=NEVER)
+    assert camera_of(page)[0] != pytest.approx(turned[0])
+    served.end()
+
+
+def test_two_fingers_at_two_handles_move_each_its_own(browser: Browser) -> None:
+    context = browser.new_context(viewport={"width": 640, "height": 400}, has_touch=True)
+    page = context.new_page()
+    touch = context.new_cdp_session(page)
+    served, messages = Served(), SimpleQueue[dict[str, Any]]()
+    served.server.on_message = lambda _, asked: messages.put(asked)
+    handles, points = [{"frame": 0}, {"frame": 1}], [[0.0, 0.0, 0.1], [0.4, 0.0, 0.1]]
+    seat = message("seat", isDriver=True, words="", joints=None, handles=handles)
+    served.server.put("seat", seat)
+    served.server.put("targets", message("targets", joints=[], points=points))
+    page.goto(served.authentication.url)
+    shows(page, 1)
+    page.evaluate(
+        "() => new Promise((done) => { const look = () => trifingerPage.scene.handles.length"
+        " ? done() : setTimeout(look, 10); look(); })"
+    )
+    camera, corner = camera_of(page), page.locator("#view").bounding_box()
+    assert corner is not None
+
+    def pixel(point: list[float]) -> list[float]:
+        x, y = page.evaluate("point => trifingerPage.scene.project(point)", point)
+        return [x + corner["x"], y + corner["y"]]
+
+    def fingers(kind: str, **places: list[float]) -> None:
+        points = [{"x": x, "y": y, "id": int(name[1:])} for name, (x, y) in places.items()]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def wait_for_drags(*ends: tuple[int, list[float]]) -> None:
+        """Waits until these frames are dragged to these pixels; each moves along one line."""
+        left = dict(ends)
+        while left:
+            asked = messages.get()
+            if asked["do"] == "drag":
+                at, frame = pixel(asked["point"]), asked["frame"]
+                along = 1 - frame  # the first finger moves across, the second one up
+                assert at[along] == pytest.approx(starts[frame][along], abs=1)
+                if at == pytest.approx(left.get(frame), abs=1):
+                    del left[frame]
+
+    first, second = starts = [pixel(point) for point in points]
+    there, up = [first[0] + 40, first[1]], [second[0], second[1] - 40]
+    farther = [first[0] + 60, first[1]]
+    fingers("touchStart", _0=first)
+    fingers("touchStart", _0=first, _1=second)
+    fingers("touchMove", _0=there, _1=up)
+    wait_for_drags((0, there), (1, up))
+    fingers("touchEnd", _1=up)
+    while messages.get()["do"] != "drop":
+        pass
+    again = messages.get()  # a hand has let go of the other, and pulls at this one
+    assert (again["do"], again["frame"]) == ("drag", 0)
+    fingers("touchMove", _0=farther)
+    wait_for_drags((0, farther))
+    assert page.evaluate("trifingerPage.handles.map((handle) => Boolean(handle.isHeld))") == [1, 0]
+    fingers("touchEnd", _0=farther)
+    while messages.get()["do"] != "drop":
+        pass
+    assert camera_of(page) == camera
+    served.end()
+    context.close()
 
 
 # ---- the command line ----

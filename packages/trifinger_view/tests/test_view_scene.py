@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 import trifinger
 from trifinger import Simulation
+from trifinger.foreign_models import model_of
+from trifinger.look import BELOW, FLOOR, look_of
+from trifinger.picture import SceneCamera, View
 from trifinger_view.frame import frame_of
 from trifinger_view.scene import Scene, scene_of
 
@@ -113,12 +116,41 @@ def test_shapes_are_sorted_by_what_hides_others_and_hidden_groups_are_left_out()
     assert stone.object == "stone"
 
 
-def test_a_floor_is_missing_only_where_the_model_has_none():
-    assert Scene(SHAPES).missing_floor() is None
-    without = SHAPES.replace('<geom type="plane" size="1 2 0.1"/>', "").replace(
-        '<geom type="hfield" hfield="hills"/>', ""
-    )
-    np.testing.assert_allclose(Scene(without).missing_floor(), -0.5, atol=1e-6)  # the capsule
+def without_ground(mjcf):
+    plane, hills = '<geom type="plane" size="1 2 0.1"/>', '<geom type="hfield" hfield="hills"/>'
+    return mjcf.replace(plane, "").replace(hills, "")
+
+
+def test_the_floor_is_the_ground_or_below_the_robot_in_every_moment():
+    high = SHAPES.replace('size="1 2 0.1"/>', 'size="1 2 0.1" pos="0 0 0.3"/>')
+    here = [(None, {})]
+    assert Scene(high).floor(here) == pytest.approx(0.3 - BELOW)
+    alone = Scene(without_ground(SHAPES))
+    assert alone.floor(here) == pytest.approx(-0.5 - BELOW)  # the capsule, but not the stone
+    tilting = Scene(without_ground(SHAPES).replace('axis="0 0 1"', 'axis="0 1 0"'))
+    lying = [([np.pi / 2], {})]
+    box = tilting.bodies[0].meshes[0].vertices[:, 0].max()
+    assert tilting.floor(lying) == pytest.approx(-box - BELOW, abs=1e-3)
+    assert tilting.floor(here + lying) == tilting.floor(lying)
+
+
+@pytest.mark.parametrize(
+    "robot", ["sim", "dclaw", "a file without ground", "a file with ground that is not drawn"]
+)
+def test_films_and_pages_have_the_same_floor(robot):
+    mjcf = without_ground(SHAPES)
+    if robot.endswith("drawn"):
+        mjcf = SHAPES.replace('size="1 2 0.1"/>', 'size="1 2 0.1" pos="0 0 0.1" group="3"/>')
+    elif not robot.startswith("a file"):
+        with trifinger.simulate(robot) as simulated:
+            mjcf = simulated.documents()["model.xml"]
+    model = model_of(mjcf, look_of)
+    SceneCamera(model, View())
+    scene = Scene(mjcf)
+    assert scene.floor([(None, {})]) == pytest.approx(model.geom(FLOOR).pos[2], abs=1e-6)
+    # Nothing else is drawn there.
+    low = min(np.ptp(mesh.vertices[:, 2]) for body in scene.bodies for mesh in body.meshes)
+    assert low > 0
 
 
 def test_a_picture_has_room_for_all_moments():

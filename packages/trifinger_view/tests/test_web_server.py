@@ -24,7 +24,7 @@ from trifinger_view import web_server
 from trifinger_view.authentication import Authentication
 from trifinger_view.page import document_of
 from trifinger_view.page_server import PageServer
-from trifinger_view.to_browser import message
+from trifinger_view.to_browser import Numbers, message
 from viewing import StartView, Viewing
 from websockets.sync.client import ClientConnection, connect
 
@@ -248,6 +248,53 @@ def test_fault_76_a_server_says_once_that_files_are_missing_and_ends_in_order(
     said = capsys.readouterr().err
     assert said == "trifinger: a connection could not be taken: Too many open files\n"
     assert "another mistake" in caplog.text
+
+
+# ---- clients of a page that read nothing, say nothing, or say nonsense ----
+
+FRAMES = 40
+FRAME = Numbers()
+FRAME.add_file(bytes(240_000))  # all frames together are more than buffers hold
+LARGE = b"\x81\xfe\xff\xff" + bytes(4)  # a text of 64 KB begins
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        b"",
+        b"GET / HTTP/1.1\r\nHost: 127",
+        bytes(range(128, 256)),
+        b"{request}",
+        b"{request}" + bytes(range(256)),  # no frame of a websocket
+        b"{request}\x82",  # half a frame
+        b"{request}" + LARGE + bytes(1000),  # half a message
+        b"{request}\x81\x85" + bytes(4) + b"[1,2}",  # a message that is none
+        b"{request}\x88\x80" + bytes(4),  # the end, whose answer it does not read
+    ],
+    ids=lambda says: repr(says)[2:30],
+)
+def test_a_client_that_reads_nothing_holds_up_neither_the_others_nor_the_end(says: bytes) -> None:
+    authentication = Authentication(port=0)
+    server = PageServer(authentication, document_of("test"))
+    server.put("frame", message("frame", FRAME, number=-1))
+    request = (
+        f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{authentication.port}\r\nUpgrade: websocket\r\n"
+        f"Origin: http://127.0.0.1:{authentication.port}\r\nConnection: Upgrade\r\n"
+        f"Cookie: {authentication.cookie}={authentication.token}\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    )
+    says = says.replace(b"{request}", request.encode())
+    with browse(authentication) as browser, socket.socket() as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.connect(("127.0.0.1", authentication.port))
+        client.sendall(says)
+        for number in range(FRAMES):
+            server.put("frame", message("frame", FRAME, number=number))
+            wait_for(browser, "frame", number=number)
+        server.stop()  # pytest's watchdog ends it if it hangs
+        for _ in browser:  # until its end, which is in order
+            pass
+    authentication.close()
 
 
 # ---- port scans and requests that are none ----

@@ -25,7 +25,7 @@ from trifinger.log.plot.panels import Panel, names_of_groups, time_unit, title_o
 from trifinger.progress import shown
 from trifinger.whole_file import whole_file
 
-from trifinger_view.logged import MARKS, LoggedRun
+from trifinger_view.logged import MARKS, WARNINGS, LoggedRun
 from trifinger_view.to_browser import MOMENTS, Numbers, Place, document, jpeg, placed, session_of
 
 MAX_BYTES = 100_000_000
@@ -156,6 +156,7 @@ class _Page:
             "fault": fault and {"time": min(fault.time, end), "text": fault.text},
             "ends": {"text": run.end_text()} if has_end else None,
             "marks": MARKS,
+            "warnings": WARNINGS,
             "frames": self._frames(),
             **self._scene(),
             "title": headline,
@@ -202,7 +203,7 @@ class _Page:
             ghosts[frame] = here.poses if here.ghosts is None else here.ghosts
             is_ghostly[frame] = here.ghosts is not None
             forces.append(here.forces)
-        told = session_of(scene, self._numbers, scene.sphere(self._moments()))
+        told = session_of(scene, self._numbers, [*self._moments()])
         for number, body in enumerate(scene.bodies):
             own = told["bodies"][number]
             last = None if body.is_moving else 1

@@ -15,7 +15,7 @@ from trifinger.log.plot.panels import GROUPS
 
 from trifinger_view.curves import SECONDS, Window, series_of
 from trifinger_view.frame import Frame
-from trifinger_view.logged import LoggedRun
+from trifinger_view.logged import MARKS, WARNINGS, LoggedRun
 from trifinger_view.page import Page
 from trifinger_view.playing import TimeLine
 from trifinger_view.to_browser import MOMENTS, message
@@ -135,13 +135,15 @@ class LogPage:
     def _lines(self, frame: Frame) -> list[Line]:
         run = self._run
         is_bad = frame.fault is not None and frame.fault.needs_recovery
+        marks = enumerate(MARKS)
+        is_wrong = any(WARNINGS >> bit & 1 and mark in frame.status for bit, mark in marks)
         lines = [
-            Line("state", frame.status, "bad" if is_bad else ""),
+            Line("state", frame.status, "bad" if is_bad else "warning" if is_wrong else ""),
             Line("step", f"{frame.time_index}"),
             Line("time", f"{frame.time:.3f} of {run.end:.3f} s"),
         ]
         if run.fault is not None and not is_bad:
-            lines.append(Line("fault", f"{run.fault.text} (at {run.fault.time:.3f} s)"))
+            lines.append(Line("fault", f"{run.fault.text} (at {run.fault.time:.3f} s)", "bad"))
         if run.scene is None:
             lines.append(Line("model", "the robot has no model to show"))
         return lines

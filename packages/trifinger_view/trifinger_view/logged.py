@@ -40,7 +40,9 @@ MARKS = (
     "action used its own observation",
     "periods left out",
 )
-"""What can go wrong in a step. Bit i of a frame's marks is MARKS[i]."""
+"""What a step can be marked with. Bit i of a frame's marks is MARKS[i]."""
+WARNINGS = 0b1011
+"""The bits of what goes wrong; the other one only informs."""
 _FLAGS = (Status.ACTION_REPEATED, Status.ACTION_REJECTED, Status.ACAUSAL)
 _SLACK = 1e-6  # [s], so that the time of a step, as a number, is not before the step
 

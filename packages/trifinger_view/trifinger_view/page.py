@@ -16,15 +16,21 @@ from trifinger_view.curves import Window
 from trifinger_view.frame import Frame
 from trifinger_view.page_server import PageServer
 from trifinger_view.scene import Scene
-from trifinger_view.to_browser import Document, Numbers, document, jpeg, message, placed, session_of
+from trifinger_view.to_browser import (
+    Document,
+    Moment,
+    Numbers,
+    document,
+    jpeg,
+    message,
+    placed,
+    session_of,
+)
 from trifinger_view.words import Line
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-    from trifinger.arrays import Array
-
-    Moment = tuple[Array | None, Mapping[str, Array]]
 
 IMAGE_WIDTH = 320  # of what cameras see [pixels]
 
@@ -79,9 +85,9 @@ class Page:
         if self._is_new:
             self._is_new = False
             numbers = Numbers()
-            sphere = scene.sphere(self._moments or [(frame.position, frame.objects)])
+            moments = self._moments or [(frame.position, frame.objects)]
             more = {"hasGhost": True, "hasForces": bool(scene.tip_names)}
-            told = session_of(scene, numbers, sphere)
+            told = session_of(scene, numbers, moments)
             self._send("session", numbers, **told, **more, **self._told)
         here = placed(scene, frame.position, frame.desired, frame.objects, frame.tip_force)
         numbers = Numbers()

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from trifinger.foreign_models import model_of
+from trifinger.look import BELOW, landing_height, lowest_height
 from trifinger.placement import Placement
 
 if TYPE_CHECKING:
@@ -79,6 +80,8 @@ class Scene:
         self._placement = Placement(model)
         self.joint_names = self._placement.joint_names
         """Names of the joints, in the order of the positions."""
+        self._place(None, {})
+        self._ground = landing_height(model, self._data)
         self._shown: Array = np.array([], int)
         self.bodies: tuple[Body, ...] = ()
         """All bodies that can be seen, in the order of the model."""
@@ -131,19 +134,13 @@ class Scene:
         low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
         return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
 
-    def missing_floor(self) -> float | None:
-        """The height of the lowest part of all at the start [m]; None if the model has a floor."""
-        model = self._model
-        kinds = (self._mujoco.mjtGeom.mjGEOM_PLANE, self._mujoco.mjtGeom.mjGEOM_HFIELD)
-        shown = np.isin(model.geom_group, VISIBLE_GROUPS)
-        if np.any(shown & np.isin(model.geom_type, kinds)):
-            return None
-        heights = [
-            (mesh.vertices @ _matrix(turn).T + place)[:, 2].min()
-            for body, place, turn in zip(self.bodies, *self.poses(), strict=True)
-            for mesh in body.meshes
-        ]
-        return float(min(heights, default=0.0))
+    def floor(self, moments: Iterable[tuple[Array | None, Mapping[str, Array]]]) -> float:
+        """The height of the floor [m]: that of the ground, or below the robot in some moments."""
+        heights = [] if self._ground is None else [self._ground]
+        for moment in moments if self._ground is None else ():
+            self._place(*moment)
+            heights.append(lowest_height(self._model, self._data))
+        return min(heights) - BELOW
 
     def bounds(
         self, position: Array | None = None, objects: Mapping[str, Array] | None = None

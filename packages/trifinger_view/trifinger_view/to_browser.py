@@ -33,6 +33,8 @@ JPEG_QUALITY = 75
 MOMENTS = 24
 """Frames of a log for which the camera has room at first."""
 FOLDER = Path(__file__).parent / "web"
+Moment = tuple["Array | None", "Mapping[str, Array]"]
+"""Positions of the joints and poses of the objects, as in Frame."""
 Place = tuple[int, int]
 """Where an array is in the numbers of a message: its offset [bytes] and how many it has."""
 
@@ -108,9 +110,9 @@ def document(
     return Document("".join([page, *held, *run, "</body>\n</html>\n"]), policy)
 
 
-def session_of(scene: Scene, numbers: Numbers, sphere: tuple[Array, float]) -> dict[str, Any]:
-    """The bodies of a scene, and the camera that looks at a sphere: its centre and radius [m]."""
-    middle, radius = sphere
+def session_of(scene: Scene, numbers: Numbers, moments: Sequence[Moment]) -> dict[str, Any]:
+    """The bodies of a scene, its floor, and the camera that sees some moments of it."""
+    middle, radius = scene.sphere(moments)
     return {
         "bodies": [
             {
@@ -127,7 +129,7 @@ def session_of(scene: Scene, numbers: Numbers, sphere: tuple[Array, float]) -> d
             "azimuth": float(AZIMUTH),
             "elevation": float(ELEVATION),
             "fieldOfView": FIELD_OF_VIEW,
-            "floor": scene.missing_floor(),
+            "floor": scene.floor(moments),
         },
     }
 

@@ -33,7 +33,7 @@ def missing(name: str) -> list[Line]:
     """What to say while there is no robot."""
     what = f"no robot '{name}' runs" if name else "no robot runs"
     return [
-        Line("state", f"{what}; this page shows it as soon as it does", "warning"),
+        Line("state", f"{what}; this page shows it as soon as it does"),
         Line("start one", f"trifinger run {name or 'sim'}"),
     ]
 

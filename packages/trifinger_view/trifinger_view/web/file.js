@@ -61,7 +61,7 @@ class FilePage extends Page {
     this.ghostIsThere = numbers.floats(index.ghost, Uint8Array);
     this.forces = index.forces.map((place) => numbers.floats(place));
     this.cameras = index.images.map((camera) => ({...camera, shown: -1}));
-    this.controls = new Controls(this.line, [...this.times].filter((_, i) => this.marks[i]));
+    this.controls = new Controls(this.line, [...this.times].filter((_, i) => this.marks[i] & index.warnings));
     this.showPlots(index.plots.map((plot) => ({
       ...plot, times: numbers.floats(plot.times, Float64Array),
       lines: plot.lines.map((line) => ({...line, low: numbers.floats(line.low), high: numbers.floats(line.high)})),
@@ -126,7 +126,7 @@ class FilePage extends Page {
     let text = marks.length ? marks.join(", ") : "running";
     if (frame === this.times.length - 1 && index.ends) text = index.ends.text;
     if (isFault) text = index.fault.text;
-    this.say([{label: "state", text, level: isFault ? "bad" : marks.length ? "warning" : ""},
+    this.say([{label: "state", text, level: isFault ? "bad" : this.marks[frame] & index.warnings ? "warning" : ""},
       {label: "step", text: String(this.steps[frame]), level: ""}]);
   }
 }

@@ -42,7 +42,7 @@ class Page {
     }
     for (const name of ["ghost", "force", "wall", "frame", "shadows"]) find(name).addEventListener("change", () => this.redraw());
     find("group").addEventListener("change", () => this.drawPlots());
-    const draw = () => { this.drawPlots(); this.scene?.ask(); };
+    const draw = () => { this.drawPlots(); this.scene?.requestDraw(); };
     window.addEventListener("resize", draw);
     window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   }
@@ -62,7 +62,9 @@ class Page {
     find("frame").parentElement.hidden = !parts.some((part) => part.isSurround && !part.isTransparent);
     find("shadows").parentElement.hidden = !parts.length;
     if (!this.scene) return;
-    this.scene.begin(told.home ?? this.scene.home);
+    const robot = told.bodies.length ? JSON.stringify([told.title, told.bodies.map(({name}) => name)]) : this.robot;
+    this.scene.begin(told.home ?? this.scene.home, robot === this.robot);
+    this.robot = robot;
     this.bodies = told.bodies.map(({name, parts, isMoving}) => {
       const meshes = parts.map((part) => this.scene.upload({
         positions: numbers.floats(part.positions),
@@ -100,7 +102,7 @@ class Page {
       if (moving.length) this.scene.follow(scaled(moving.reduce(added), 1 / moving.length));
     }
     this.scene.isPlain = !find("shadows").checked;
-    this.scene.ask();
+    this.scene.requestDraw();
   }
 
   redraw() { if (this.placed) this.place(...this.placed); }

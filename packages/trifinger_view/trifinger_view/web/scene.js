@@ -210,19 +210,21 @@ class Scene {
     this.toLamp = unit([0.45, -0.55, 1.1]);
     this.begin({middle: [0, 0, 0.2], radius: 0.5, azimuth: 5.15, elevation: 0.42, fieldOfView: 0.66, floor: 0});
     this.listen();
-    new ResizeObserver(() => this.ask()).observe(canvas);
+    new ResizeObserver(() => this.requestDraw()).observe(canvas);
   }
 
   // Forgets bodies, arrows and handles; onDrag(handle, point) and onDrop(handle) say what the mouse does
   // with a handle. `home` is where the camera begins: a sphere that fills the picture, and the
-  // direction from it to the eye; and the height of a floor where the bodies have none.
-  begin(home) {
+  // direction from it to the eye; and the height of the floor. If the camera stays, it is as somebody turned it.
+  begin(home, cameraStays = false) {
     for (const {mesh} of this.bodies) {
       this.gl.deleteVertexArray(mesh.array);
       for (const buffer of mesh.buffers) this.gl.deleteBuffer(buffer);
     }
+    const target = cameraStays ? added(this.target, minus(home.middle, this.middle)) : null;
     Object.assign(this, {bodies: [], arrows: [], handles: [], anchor: null, home, middle: home.middle});
-    this.goHome();
+    if (cameraStays) Object.assign(this, {target}); else this.goHome();
+    this.requestDraw();
   }
 
   program(vertex, fragment) {
@@ -277,7 +279,7 @@ class Scene {
     return {array, buffers, count: triangles.length};
   }
 
-  // A body has these properties; whoever changes them calls ask(). Of a body that surrounds the others,
+  // A body has these properties; whoever changes them calls requestDraw(). Of a body that surrounds the others,
   // the part in front of them is not drawn.
   add(mesh, more) {
     const body = {mesh, pose: [0, 0, 0, 1, 0, 0, 0], isVisible: true, isFaint: false, isSurround: false,
@@ -287,15 +289,15 @@ class Scene {
   }
 
   // Draws once before the browser's next picture.
-  ask() {
-    if (this.isAsked) return;
-    this.isAsked = true;
-    requestAnimationFrame(() => { this.isAsked = false; this.draw(); });
+  requestDraw() {
+    if (this.isDrawRequested) return;
+    this.isDrawRequested = true;
+    requestAnimationFrame(() => { this.isDrawRequested = false; this.draw(); });
   }
 
   goHome() {
     Object.assign(this, {azimuth: this.home.azimuth, elevation: this.home.elevation, target: this.middle, zoom: 1});
-    this.ask();
+    this.requestDraw();
   }
 
   // Goes after bodies that walk away; small movements of their middle do not move the camera.
@@ -403,11 +405,9 @@ class Scene {
       gl.uniform1f(places.grid, thing.grid ?? 0);
       this.drawMesh(thing.mesh);
     };
-    if (this.home.floor !== null) {
-      const size = 12 * radius, [x, y] = this.middle, grid = 10 ** Math.floor(Math.log10(radius) + 0.3);
-      paint({mesh: this.square, opacity: 1, tint: [...colour("--floor"), 1], grid,
-        matrix: new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, 1, 0, x, y, this.home.floor, 1])});
-    }
+    const size = 12 * radius, [x, y] = this.middle, grid = 10 ** Math.floor(Math.log10(radius) + 0.3);
+    paint({mesh: this.square, opacity: 1, tint: [...colour("--floor"), 1], grid,
+      matrix: new Float32Array([size, 0, 0, 0, 0, size, 0, 0, 0, 0, 1, 0, x, y, this.home.floor, 1])});
     things.filter((thing) => !thing.isFaint).forEach(paint);
     // Of a body that one sees through, only the nearest surface is drawn: first its depth, then its colour.
     gl.enable(gl.BLEND);
@@ -447,18 +447,18 @@ class Scene {
   turn(x, y) {
     this.azimuth -= 0.008 * x;
     this.elevation = Math.min(Math.max(this.elevation + 0.008 * y, -1.5), 1.55);
-    this.ask();
+    this.requestDraw();
   }
 
   shift(x, y) {
     const step = this.pixelAt(this.target), {right, up} = this.view;
     this.target = added(this.target, added(scaled(right, -x * step), scaled(up, y * step)));
-    this.ask();
+    this.requestDraw();
   }
 
   closer(factor) {
     this.zoom = Math.min(Math.max(this.zoom * factor, 0.05), 12);
-    this.ask();
+    this.requestDraw();
   }
 
   // The part of a handle at a pixel: an arrow 0, 1, 2, or 3, the ball, which moves in the plane of the picture.
@@ -492,8 +492,7 @@ class Scene {
   }
 
   listen() {
-    const canvas = this.canvas, fingers = new Map();
-    let held = null;
+    const canvas = this.canvas, fingers = new Map(), held = new Map();  // both by the number of the pointer
     const place = (event) => [event.offsetX, event.offsetY];
     const slackOf = (event) => event.pointerType === "touch" ? 22 : 9;
     const spread = () => {
@@ -510,31 +509,33 @@ class Scene {
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, place(event));
-      const found = event.button === 0 && fingers.size === 1 ? this.pick(place(event), slackOf(event)) : null;
-      if (!found) return;
+      const found = event.button === 0 && fingers.size === held.size + 1 ? this.pick(place(event), slackOf(event)) : null;
+      if (!found || found.handle.isHeld) return;
       const start = [...found.handle.at], grip = minus(this.pointOf(place(event), found.part, start), start);
-      this.hot = held = {...found, start, grip, pointer: event.pointerId};
-      held.handle.isHeld = true;
-      this.ask();
+      this.hot = {...found, start, grip};
+      held.set(event.pointerId, this.hot);
+      found.handle.isHeld = true;
+      this.requestDraw();
     });
     canvas.addEventListener("pointermove", (event) => {
       const before = fingers.get(event.pointerId);
       if (!before) {
         this.hot = this.pick(place(event), slackOf(event));
         canvas.classList.toggle("hot", Boolean(this.hot));
-        if (this.handles.length) this.ask();
-        return;
-      }
-      if (held) {
-        if (held.pointer !== event.pointerId) return;
-        held.handle.at = minus(this.pointOf(place(event), held.part, held.start), held.grip);
-        this.onDrag(held.handle, held.handle.at);
-        this.ask();
+        if (this.handles.length) this.requestDraw();
         return;
       }
       const [x, y] = minus(place(event), before);
       const was = fingers.size === 2 ? spread() : 0;
       fingers.set(event.pointerId, place(event));
+      if (held.size) {
+        const own = held.get(event.pointerId);
+        if (!own) return;
+        own.handle.at = minus(this.pointOf(place(event), own.part, own.start), own.grip);
+        this.onDrag(own.handle, own.handle.at);
+        this.requestDraw();
+        return;
+      }
       if (fingers.size === 2) {
         this.closer(was / spread());
         this.shift(x / 2, y / 2);
@@ -546,12 +547,15 @@ class Scene {
     });
     for (const kind of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(kind, (event) => {
+        const own = held.get(event.pointerId);
         fingers.delete(event.pointerId);
-        if (held?.pointer !== event.pointerId) return;
-        held.handle.isHeld = false;
-        this.onDrop(held.handle);
-        held = this.hot = null;
-        this.ask();
+        held.delete(event.pointerId);
+        if (!own) return;
+        own.handle.isHeld = false;
+        this.onDrop(own.handle);
+        for (const {handle} of held.values()) this.onDrag(handle, handle.at);  // a hand pulls at one alone
+        this.hot = null;
+        this.requestDraw();
       });
     }
   }

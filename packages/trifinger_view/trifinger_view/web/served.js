@@ -6,18 +6,18 @@ const TOUCHED = 1000;  // for so long after a touch a slider does not follow [ms
 
 // The time line of a log, which is the server's: pages of all browsers share it.
 class ServedLine {
-  constructor(told, ask) {
-    Object.assign(this, told, {begin: 0, touched: -Infinity, ask});
+  constructor(told, send) {
+    Object.assign(this, told, {begin: 0, touched: -Infinity, send});
   }
-  toggle() { this.ask({do: "toggle"}); }
-  step(steps) { this.ask({do: "step", steps}); }
-  skip(seconds) { this.ask({do: "skip", seconds}); }
-  setSpeed(speed) { this.ask({do: "speed", speed}); }
-  setLooping(isLooping) { this.ask({do: "loop", isLooping}); }
-  goToFault() { this.ask({do: "fault"}); }
+  toggle() { this.send({do: "toggle"}); }
+  step(steps) { this.send({do: "step", steps}); }
+  skip(seconds) { this.send({do: "skip", seconds}); }
+  setSpeed(speed) { this.send({do: "speed", speed}); }
+  setLooping(isLooping) { this.send({do: "loop", isLooping}); }
+  goToFault() { this.send({do: "fault"}); }
   moveTo(time) {
     Object.assign(this, {position: time, touched: performance.now()});
-    this.ask({do: "move", time});
+    this.send({do: "move", time});
   }
   // Takes what the server says, but does not move the slider under a hand.
   take(told) {
@@ -32,14 +32,18 @@ class ServedPage extends Page {
     this.sliders = [];
     const asks = {take: "take", release: "release", recover: "recover", home: "mode", hold: "mode", float: "mode"};
     for (const [name, what] of Object.entries(asks)) {
-      find(name).addEventListener("click", () => this.ask(what === "mode" ? {do: "mode", mode: name} : {do: what}));
+      find(name).addEventListener("click", () => this.send(what === "mode" ? {do: "mode", mode: name} : {do: what}));
     }
     if (this.scene) {
+      const [robot, camera] = JSON.parse(sessionStorage.getItem("camera") ?? "[]");
+      sessionStorage.removeItem("camera");
+      Object.assign(this.scene, camera);
+      this.robot = robot;
       this.scene.onDrag = (handle, point) => {
         handle.point = point;
         handle.next ??= requestAnimationFrame(() => this.drag(handle));
       };
-      this.scene.onDrop = (handle) => { this.drag(handle); this.ask({do: "drop"}); };
+      this.scene.onDrop = (handle) => { this.drag(handle); this.send({do: "drop"}); };
     }
     this.connect();
   }
@@ -57,12 +61,12 @@ class ServedPage extends Page {
     };
   }
 
-  ask(what) { if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(what)); }
+  send(what) { if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(what)); }
 
   drag(handle) {
     cancelAnimationFrame(handle.next);
     handle.next = null;
-    if (handle.point) this.ask({do: "drag", ...handle.name, point: handle.point});
+    if (handle.point) this.send({do: "drag", ...handle.name, point: handle.point});
     handle.point = null;
   }
 
@@ -73,10 +77,19 @@ class ServedPage extends Page {
     this[`on_${told.kind}`](told, new Numbers(bytes, 4 + size));
   }
 
+  // Another server than before may show something else, by other scripts.
+  on_server({id}) {
+    if ((this.server ??= id) === id) return;
+    const {azimuth, elevation, target, zoom, middle} = this.scene ?? {};
+    sessionStorage.setItem("camera", JSON.stringify([this.robot, {azimuth, elevation, target, zoom, middle}]));
+    this.socket.onmessage = null;
+    location.reload();
+  }
+
   on_session(told, numbers) {
     this.begin(told, numbers);
     this.session = told.session;
-    if (told.line && !this.controls) this.controls = new Controls(new ServedLine(told.line, (what) => this.ask(what)));
+    if (told.line && !this.controls) this.controls = new Controls(new ServedLine(told.line, (what) => this.send(what)));
   }
 
   on_frame(told, numbers) {
@@ -122,7 +135,7 @@ class ServedPage extends Page {
     if (this.scene) Object.assign(this.scene, {handles: [], hot: null});
     find("seat").hidden = !told?.isDriver;
     find("control").classList.toggle("mine", Boolean(told?.isDriver));
-    if (!told?.isDriver) { this.scene?.ask(); return; }
+    if (!told?.isDriver) { this.scene?.requestDraw(); return; }
     find("seat").firstElementChild.textContent = told.words;
     for (const name of ["home", "hold", "float"]) find(name).hidden = !told.joints;
     find("seat").lastElementChild.hidden = !told.joints?.length;
@@ -131,7 +144,7 @@ class ServedPage extends Page {
       slider.addEventListener("input", () => {
         slider.touched = performance.now();
         value.textContent = slider.valueAsNumber.toFixed(3);
-        this.ask({do: "joint", joint, position: slider.valueAsNumber});
+        this.send({do: "joint", joint, position: slider.valueAsNumber});
       });
       return {slider, value, row: make("label", {}, make("span", {textContent: `${name} [${unit}]`}), slider, value)};
     });
@@ -149,7 +162,7 @@ class ServedPage extends Page {
     if (!this.scene || find("seat").hidden) return;
     for (const [i, handle] of this.handles.entries()) if (!handle.isHeld) handle.at = told.points[i];
     this.scene.handles = this.handles.filter((handle) => handle.at);
-    this.scene.ask();
+    this.scene.requestDraw();
   }
 }
 
