@@ -203,7 +203,7 @@ class _Page:
             ghosts[frame] = here.poses if here.ghosts is None else here.ghosts
             is_ghostly[frame] = here.ghosts is not None
             forces.append(here.forces)
-        told = session_of(scene, self._numbers, [*self._moments()])
+        told = session_of(scene, self._numbers, [*self._moments()], self._run.ink)
         for number, body in enumerate(scene.bodies):
             own = told["bodies"][number]
             last = None if body.is_moving else 1

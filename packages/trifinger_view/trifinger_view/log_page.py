@@ -50,6 +50,7 @@ class LogPage:
             run.session.name,
             run.log.files[0].name,
             moments=self._moments(),
+            ink=run.ink,
             line={"end": run.end, "fault": self.line.fault, **self._state()},
         )
         page.server.on_message = lambda _, asked: self.do(asked)

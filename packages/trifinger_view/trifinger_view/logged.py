@@ -24,13 +24,14 @@ from trifinger._trifinger import Log, LoggedSession, Status, lateness_of
 from trifinger.arrays import Array
 from trifinger.element_text import positions_field
 from trifinger.errors import CameraLost, InvalidArgument, NotInLog
+from trifinger.log.film import object_poses
 from trifinger.log.images import LoggedCameras
 from trifinger.log.plot.panels import Contents, contents_of
 from trifinger.log.steps import parts_of
 from trifinger.log.types import Steps
 
 from trifinger_view.frame import Frame, frame_of
-from trifinger_view.scene import Scene, scene_of
+from trifinger_view.scene import Mesh, Scene, scene_of
 
 OBJECTS = "object"
 CAMERAS = "cameras"
@@ -133,6 +134,10 @@ class LoggedRun:
         self._objects = self.session.companion(OBJECTS) if OBJECTS in names else None
         self.scene: Scene | None = scene_of(self.session.documents)
         """Robot and objects; None if the robot has no model. One thread may use it."""
+        self.ink: tuple[Array, Mesh] | None = None
+        """What pens have written, as `Scene.ink` has it; None without a pen."""
+        if self.scene is not None and self._objects is not None and self.scene.has_pen:
+            self.ink = self.scene.ink(*object_poses(self.session))
         self.cameras = LoggedCameras(self.session) if CAMERAS in names else None
         """What its cameras saw; None if it has no cameras."""
 

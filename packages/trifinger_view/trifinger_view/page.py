@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from trifinger_view.curves import Window
 from trifinger_view.frame import Frame
 from trifinger_view.page_server import PageServer
-from trifinger_view.scene import Scene
+from trifinger_view.scene import Mesh, Scene
 from trifinger_view.to_browser import (
     Document,
     Moment,
@@ -31,6 +31,7 @@ from trifinger_view.words import Line
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+    from trifinger.arrays import Array
 
 IMAGE_WIDTH = 320  # of what cameras see [pixels]
 
@@ -51,6 +52,7 @@ class Page:
         self._session = 0
         self._told: dict[str, Any] = {}
         self._moments: list[Moment] = []
+        self._ink: tuple[Array, Mesh] | None = None
         self._is_new = False
         self._lines: Sequence[Line] = ()
         self._sent: dict[str, bytes] = {}  # the newest message of each kind
@@ -63,6 +65,7 @@ class Page:
         facts: str = "",
         *,
         moments: Iterable[Moment] = (),
+        ink: tuple[Array, Mesh] | None = None,
         **told: Any,
     ) -> None:
         """Shows another session: its scene, or none if it has no model.
@@ -71,7 +74,7 @@ class Page:
         frame, and goes after the robot. `told` is more that the page must know.
         """
         self._scene, self._session = scene, self._session + 1
-        self._moments = list(moments)
+        self._moments, self._ink = list(moments), ink
         self._told = {"title": title, "facts": facts, "follows": not self._moments, **told}
         self._is_new = scene is not None
         if scene is None:
@@ -87,7 +90,7 @@ class Page:
             numbers = Numbers()
             moments = self._moments or [(frame.position, frame.objects)]
             more = {"hasGhost": True, "hasForces": bool(scene.tip_names)}
-            told = session_of(scene, numbers, moments)
+            told = session_of(scene, numbers, moments, self._ink)
             self._send("session", numbers, **told, **more, **self._told)
         here = placed(scene, frame.position, frame.desired, frame.objects, frame.tip_force)
         numbers = Numbers()

@@ -22,7 +22,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from trifinger.foreign_models import model_of
+from trifinger.log.ink import stick_length, written
 from trifinger.look import BELOW, landing_height, lowest_height
+from trifinger.picture import INK_COLOUR, INK_RADIUS
 from trifinger.placement import Placement
 
 if TYPE_CHECKING:
@@ -90,6 +92,35 @@ class Scene:
         self._tips = np.array(tips, int)
         self.tip_names = tuple(model.site(i).name for i in tips)
         """Names of the tips, in the order of the forces; empty if the robot has none."""
+
+    @property
+    def has_pen(self) -> bool:
+        """Whether an object is a stick, which leaves ink."""
+        return any(stick_length(self._model, name) for name in self.object_names)
+
+    def ink(self, steps: Array, objects: Mapping[str, Array]) -> tuple[Array, Mesh]:
+        """What sticks have written: the step of each line, and two triangles for each of them.
+
+        The arguments are those of `trifinger.log.ink.written`.
+        """
+        ends, lines = written(self._model, steps, objects)
+        along = np.diff(lines, axis=1)[:, 0]
+        aside = np.cross([0.0, 0.0, 1.0], along)
+        lengths = np.linalg.norm(along, axis=1, keepdims=True)
+        aside *= np.divide(INK_RADIUS, lengths, out=np.zeros_like(lengths), where=lengths > 0)
+        begin, end = lines[:, 0], lines[:, 1]
+        corners = np.stack([begin - aside, end - aside, end + aside, begin + aside], axis=1)
+        faces = 4 * np.arange(len(lines))[:, None, None] + [[0, 1, 2], [0, 2, 3]]
+        count = 4 * len(lines)
+        mesh = Mesh(
+            corners.reshape(-1, 3).astype(np.float32),
+            np.tile(np.array([0, 0, 1], np.float32), (count, 1)),
+            np.tile(np.round(255 * np.array(INK_COLOUR)).astype(np.uint8), (count, 1)),
+            faces.reshape(-1, 3).astype(np.uint32),
+            is_transparent=False,
+            is_surround=False,
+        )
+        return ends, mesh
 
     @property
     def object_names(self) -> tuple[str, ...]:

@@ -110,8 +110,10 @@ def document(
     return Document("".join([page, *held, *run, "</body>\n</html>\n"]), policy)
 
 
-def session_of(scene: Scene, numbers: Numbers, moments: Sequence[Moment]) -> dict[str, Any]:
-    """The bodies of a scene, its floor, and the camera that sees some moments of it."""
+def session_of(
+    scene: Scene, numbers: Numbers, moments: Sequence[Moment], ink: tuple[Array, Mesh] | None
+) -> dict[str, Any]:
+    """The bodies of a scene, its floor, its ink, and the camera that sees some moments of it."""
     middle, radius = scene.sphere(moments)
     return {
         "bodies": [
@@ -122,6 +124,7 @@ def session_of(scene: Scene, numbers: Numbers, moments: Sequence[Moment]) -> dic
             }
             for body in scene.bodies
         ],
+        "ink": ink and {"steps": numbers.add(ink[0], "<f8"), **_part(ink[1], numbers)},
         "metresPerNewton": METRES_PER_NEWTON,
         "home": {
             "middle": [float(number) for number in middle],

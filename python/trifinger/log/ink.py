@@ -22,7 +22,7 @@ def written(model: Any, steps: Array, objects: Mapping[str, Array]) -> tuple[Arr
     """
     ends, lines = [np.empty(0)], [np.empty((0, 2, 3))]
     for name, poses in objects.items():
-        length = _length(model, name)
+        length = stick_length(model, name)
         if length is None or len(steps) < 2:
             continue
         w, x, y, z = (poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1)[:, None]).T
@@ -36,8 +36,8 @@ def written(model: Any, steps: Array, objects: Mapping[str, Array]) -> tuple[Arr
     return np.concatenate(ends), np.concatenate(lines)
 
 
-def _length(model: Any, name: str) -> float | None:
-    """From the middle of a stick to its nib; None if the object is no stick."""
+def stick_length(model: Any, name: str) -> float | None:
+    """From the middle of a stick to its nib [m]; None if the object is no stick."""
     import mujoco
 
     shape = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)

@@ -105,7 +105,7 @@ class FilePage extends Page {
     this.frame = frame;
     const poses = (courses) => Float32Array.from(this.courses.flatMap((course, i) => [...this.poseAt(courses[i] ?? course, time)]));
     const forces = this.forces.flatMap((numbers) => Array.from({length: 6}, (_, k) => numbers[k * count + frame]));
-    this.place(poses(this.courses), this.ghostIsThere[frame] ? poses(this.ghosts) : null, Float32Array.from(forces));
+    this.place(poses(this.courses), this.ghostIsThere[frame] ? poses(this.ghosts) : null, Float32Array.from(forces), this.steps[frame]);
     const images = new Map();
     for (const camera of this.cameras) {
       const number = camera.times[0] <= time ? before(camera.times, time) : -1;

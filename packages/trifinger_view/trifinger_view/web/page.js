@@ -65,13 +65,15 @@ class Page {
     const robot = told.bodies.length ? JSON.stringify([told.title, told.bodies.map(({name}) => name)]) : this.robot;
     this.scene.begin(told.home ?? this.scene.home, robot === this.robot);
     this.robot = robot;
+    const upload = (part) => this.scene.upload({
+      positions: numbers.floats(part.positions),
+      normals: numbers.floats(part.normals, Int8Array),
+      colours: numbers.floats(part.colours, Uint8Array),
+      triangles: numbers.floats(part.triangles, Uint32Array),
+    });
+    this.ink = told.ink && {...this.scene.add(upload(told.ink)), steps: numbers.floats(told.ink.steps, Float64Array)};
     this.bodies = told.bodies.map(({name, parts, isMoving}) => {
-      const meshes = parts.map((part) => this.scene.upload({
-        positions: numbers.floats(part.positions),
-        normals: numbers.floats(part.normals, Int8Array),
-        colours: numbers.floats(part.colours, Uint8Array),
-        triangles: numbers.floats(part.triangles, Uint32Array),
-      }));
+      const meshes = parts.map(upload);
       const own = parts.map((part, i) => this.scene.add(meshes[i], {isVisible: false, isFaint: part.isTransparent, isSurround: part.isSurround}));
       const ghosts = told.hasGhost && isMoving ? own.flatMap((part) => part.isSurround ? [] : [this.scene.add(part.mesh,
         {isVisible: false, isFaint: true, opacity: 0.5, tint: [0.1, 0.36, 0.95, 1]})]) : [];
@@ -81,8 +83,8 @@ class Page {
 
   // Moves the bodies: seven numbers for each, not numbers for a body that was never seen; the same for the
   // desired pose, or null; and for each tip where it is and its force.
-  place(poses, ghosts, forces) {
-    this.placed = [poses, ghosts, forces];
+  place(poses, ghosts, forces, step) {
+    this.placed = [poses, ghosts, forces, step];
     if (!this.scene) return;
     const at = (numbers, i) => numbers.subarray(7 * i, 7 * i + 7);
     for (const [i, body] of this.bodies.entries()) {
@@ -101,6 +103,8 @@ class Page {
       const moving = this.bodies.flatMap((body, i) => body.isMoving ? [[...at(poses, i).subarray(0, 3)]] : []);
       if (moving.length) this.scene.follow(scaled(moving.reduce(added), 1 / moving.length));
     }
+    // Two triangles for each line that had been written by then.
+    if (this.ink) this.ink.mesh.count = this.ink.steps[0] <= step ? 6 * (before(this.ink.steps, step) + 1) : 0;
     this.scene.isPlain = !find("shadows").checked;
     this.scene.requestDraw();
   }

@@ -94,7 +94,7 @@ class ServedPage extends Page {
 
   on_frame(told, numbers) {
     if (told.session !== this.session) return;
-    this.place(numbers.floats(told.poses), told.ghosts && numbers.floats(told.ghosts), numbers.floats(told.forces));
+    this.place(numbers.floats(told.poses), told.ghosts && numbers.floats(told.ghosts), numbers.floats(told.forces), told.step);
     document.body.dataset.step = told.step;
   }
 
