@@ -33,8 +33,6 @@ JPEG_QUALITY = 75
 MOMENTS = 24
 """Frames of a log for which the camera has room at first."""
 FOLDER = Path(__file__).parent / "web"
-Moment = tuple["Array | None", "Mapping[str, Array]"]
-"""Positions of the joints and poses of the objects, as in Frame."""
 Place = tuple[int, int]
 """Where an array is in the numbers of a message: its offset [bytes] and how many it has."""
 
@@ -110,7 +108,9 @@ def document(
     return Document("".join([page, *held, *run, "</body>\n</html>\n"]), policy)
 
 
-def session_of(scene: Scene, numbers: Numbers, moments: Sequence[Moment]) -> dict[str, Any]:
+def session_of(
+    scene: Scene, numbers: Numbers, moments: Sequence[tuple[Array | None, Mapping[str, Array]]]
+) -> dict[str, Any]:
     """The bodies of a scene, its floor, and the camera that sees some moments of it."""
     middle, radius = scene.sphere(moments)
     return {
