@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 FLOOR = "floor of the look"
 LAMP = "lamp of the look"
@@ -40,11 +37,7 @@ def look_of(spec: Any) -> None:
         name=FLOOR, texuniform=True, texrepeat=[2, 2], specular=0, shininess=0
     )
     floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = FLOOR
-    ground: dict[str, Any] = {
-        "type": mujoco.mjtGeom.mjGEOM_PLANE,
-        "size": [30, 30, 1],
-        "group": LOOKS_GROUP,
-    }
+    ground: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [30, 30, 1], "group": 2}
     # With a place of its own: MuJoCo would not look at one that is given later.
     ground |= {"pos": [0, 0, -1], "quat": [1, 0, 0, 0], "rgba": [1, 1, 1, 1]}
     ground |= {"contype": 0, "conaffinity": 0}
@@ -87,8 +80,9 @@ def look_with_coarse_shapes(spec: Any) -> None:
             continue
         if spec.mesh(name) is None:
             cells = np.round(corners * CELLS / np.ptp(corners, axis=0).max())
-            _, kept, own = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-            faces = own.ravel()[faces]
+            numbers = cells @ [1, 1e5, 1e10]  # each cell has its own
+            _, kept, own = np.unique(numbers, return_index=True, return_inverse=True)
+            faces = own[faces]
             faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
             fewer = {"uservert": corners[kept].ravel(), "userface": faces.ravel()}
             place = {"scale": mesh.scale, "refpos": mesh.refpos, "refquat": mesh.refquat}
@@ -114,21 +108,12 @@ def landing_height(model: Any, data: Any) -> float | None:
     return float(data.geom_xpos[ground, 2].max()) if ground.any() else None
 
 
-def are_free(model: Any) -> NDArray[np.bool_]:
-    """Which shapes belong to objects that can move freely."""
-    import mujoco
-
-    roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
-    return np.asarray((roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE)))
-
-
-def lowest_height(model: Any, data: Any) -> float:
-    """The height of the lowest visible part of the robot and what is around it [m]."""
+def lowest_height(model: Any, data: Any, shapes: Any) -> float:
+    """The height of the lowest point of some shapes [m]; infinity without shapes."""
     from mujoco import mjtGeom as Kind
 
-    is_seen = (model.geom_group <= LOOKS_GROUP) | (model.geom_group == FINE_GROUP)
     low = np.inf
-    for shape in np.flatnonzero(is_seen & ~are_free(model) & (model.geom_rbound > 0)):
+    for shape in shapes:
         (radius, half), up = model.geom_size[shape, :2], data.geom_xmat[shape, 6:]
         kind, mesh = model.geom_type[shape], model.geom_dataid[shape]
         middle, box = np.split(model.geom_aabb[shape], 2)
@@ -141,4 +126,4 @@ def lowest_height(model: Any, data: Any) -> float:
         elif kind == Kind.mjGEOM_CYLINDER:
             depth = radius * np.hypot(*up[:2]) + half * abs(up[2])
         low = min(low, float(data.geom_xpos[shape, 2] - depth))
-    return low if np.isfinite(low) else 0.0
+    return low

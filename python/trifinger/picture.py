@@ -15,23 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trifinger import extras
+from trifinger import extras, look
 from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
 from trifinger.foreign_models import model_of
-from trifinger.look import (
-    BELOW,
-    COARSE_GROUP,
-    FINE_GROUP,
-    FLOOR,
-    LAMP,
-    LOOKS_GROUP,
-    TO_LAMP,
-    are_free,
-    landing_height,
-    look_with_coarse_shapes,
-    lowest_height,
-)
 from trifinger.placement import Placement
 from trifinger.whole_file import whole_file
 
@@ -98,15 +85,18 @@ class SceneCamera:
         self._data = mujoco.MjData(model)
         model.stat.extent = 1.0  # what counts in extents now counts in metres
         moving = model.geom_bodyid > 0
-        shapes = moving & (model.geom_group == 0)
+        shapes, looks = moving & (model.geom_group == 0), (look.LOOKS_GROUP, look.FINE_GROUP)
         self._is_of_ours = bool(shapes.any())  # a robot from a file has shapes that look alone
         if not self._is_of_ours:
             # With its base, which may be a part of the world, but without the walls of a room.
-            shapes = np.isin(model.geom_group, (LOOKS_GROUP, FINE_GROUP)) & (model.geom_rbound > 0)
+            shapes = np.isin(model.geom_group, looks) & (model.geom_rbound > 0)
             largest = model.geom_rbound[shapes & moving].max(initial=0.0)
             shapes &= moving | (model.geom_rbound < 2 * largest)
-        self._shapes = np.flatnonzero(shapes)
-        self._objects = np.flatnonzero(shapes & are_free(model))
+        roots = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
+        free = (roots >= 0) & (model.jnt_type[roots] == int(mujoco.mjtJoint.mjJNT_FREE))
+        self._shapes, self._objects = np.flatnonzero(shapes), np.flatnonzero(shapes & free)
+        is_fixed = np.isin(model.geom_group, (0, SURROUND_GROUP, *looks)) & ~free
+        self._fixed = np.flatnonzero(is_fixed & (model.geom_rbound > 0))  # planes have no bound
         self._surround = np.flatnonzero(model.geom_group == SURROUND_GROUP)
         self._opacity = model.geom_rgba[self._surround, 3].copy()
         self.camera = mujoco.MjvCamera()
@@ -130,7 +120,7 @@ class SceneCamera:
         self._slopes = slope * np.array([view.width / view.height, 1.0])
         start = np.array(model.key_qpos[0] if model.nkey else model.qpos0)
         self._move(start)
-        self._landing = landing_height(model, self._data)
+        self._landing = look.landing_height(model, self._data)
         self._start = self._needs([start])[0]
         self.look(self._places(self._start))
         self._middle = self.camera.lookat.copy()
@@ -187,7 +177,7 @@ class SceneCamera:
         place = np.asarray(place)
         self.reach = 1.8 * float(np.hypot(_distance(place) * self._slopes.max(), place[4]))
         target = place[[0, 1, 3]] @ self._axes
-        self._model.light(LAMP).pos = target + 3 * self.reach * TO_LAMP
+        self._model.light(look.LAMP).pos = target + 3 * self.reach * look.TO_LAMP
         if self.camera.type == self._mujoco.mjtCamera.mjCAMERA_FREE:
             self.camera.lookat[:], self.camera.distance = target, _distance(place)
 
@@ -202,9 +192,9 @@ class SceneCamera:
             low = np.inf
             for configuration in configurations:
                 self._move(configuration)
-                low = min(low, lowest_height(self._model, self._data))
-            ground = low
-        self._model.geom(FLOOR).pos[2] = ground - BELOW
+                low = min(low, look.lowest_height(self._model, self._data, self._fixed))
+            ground = low if np.isfinite(low) else 0.0
+        self._model.geom(look.FLOOR).pos[2] = ground - look.BELOW
         rows = []
         for configuration in configurations:
             self._move(configuration)
@@ -280,7 +270,7 @@ class Painter:
             from mujoco.gl_context import GLContext
 
         self._mujoco = mujoco
-        self.model = model_of(mjcf, look_with_coarse_shapes)
+        self.model = model_of(mjcf, look.look_with_coarse_shapes)
         view = view or View()
         self.size = (view.width, view.height)
         self.model.vis.global_.offwidth, self.model.vis.global_.offheight = self.size
@@ -336,12 +326,12 @@ class Painter:
         self._context.shadowClip = scene_camera.reach
         self._context.fogStart, self._context.fogEnd = FOG * scene_camera.reach
         self._screen.make_current()
-        self._update(marks, FINE_GROUP)
+        self._update(marks, look.FINE_GROUP)
         draw_ink(self._scene, ink)
         lit = self._pixels(*self.size, shadows=False)
         # The shadows alone: where, and by how much, they make a smaller picture darker.
         small = [-(-length // COARSE) for length in self.size]
-        self._update(marks, COARSE_GROUP)
+        self._update(marks, look.COARSE_GROUP)
         bright, dark = (self._pixels(*small, shadows=shadows) for shadows in (False, True))
         pixels = shadowed(lit, bright, dark)
         self._last = drawn, pixels
@@ -350,7 +340,7 @@ class Painter:
     def _update(self, marks: ArrayLike, group: int) -> None:
         """Takes what is to be drawn: of fine shapes and coarse ones those of a group."""
         mujoco, scene, camera = self._mujoco, self._scene, self._scene_camera.camera
-        for one in (FINE_GROUP, COARSE_GROUP):
+        for one in (look.FINE_GROUP, look.COARSE_GROUP):
             self._options.geomgroup[one] = one == group
         every = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self.model, self._data, self._options, None, camera, every, scene)

@@ -8,6 +8,7 @@ own messages by `page.server`.
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -16,22 +17,15 @@ from trifinger_view.curves import Window
 from trifinger_view.frame import Frame
 from trifinger_view.page_server import PageServer
 from trifinger_view.scene import Mesh, Scene
-from trifinger_view.to_browser import (
-    Document,
-    Moment,
-    Numbers,
-    document,
-    jpeg,
-    message,
-    placed,
-    session_of,
-)
+from trifinger_view.to_browser import Document, Numbers, document, jpeg, message, placed, session_of
 from trifinger_view.words import Line
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
     from trifinger.arrays import Array
+
+    Moment = tuple[Array | None, Mapping[str, Array]]
 
 IMAGE_WIDTH = 320  # of what cameras see [pixels]
 
@@ -50,6 +44,7 @@ class Page:
         """Sends what it is told to the browsers."""
         self._scene: Scene | None = None
         self._session = 0
+        self._id = secrets.token_hex(8)
         self._told: dict[str, Any] = {}
         self._moments: list[Moment] = []
         self._ink: tuple[Array, Mesh] | None = None
@@ -76,6 +71,7 @@ class Page:
         self._scene, self._session = scene, self._session + 1
         self._moments, self._ink = list(moments), ink
         self._told = {"title": title, "facts": facts, "follows": not self._moments, **told}
+        self._told["server"] = self._id
         self._is_new = scene is not None
         if scene is None:
             self._send("session", bodies=[], **self._told)

@@ -16,7 +16,6 @@ import itertools
 import json
 import math
 import queue
-import secrets
 import sys
 import threading
 from collections.abc import Callable
@@ -27,25 +26,14 @@ from trifinger.commands.command_line import say
 
 from trifinger_view import PAGE, web_server
 from trifinger_view.authentication import ACTIONS, Authentication, is_plain
-from trifinger_view.to_browser import Document, message
+from trifinger_view.to_browser import Document
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
 ASK_PERIOD = 0.25  # between two questions for a sign of life [s]
-KINDS = (
-    "server",
-    "session",
-    "line",
-    "state",
-    "control",
-    "seat",
-    "frame",
-    "targets",
-    "images",
-    "curves",
-)
+KINDS = ("session", "line", "state", "control", "seat", "frame", "targets", "images", "curves")
 """Kinds of messages, in the order in which a browser gets them."""
 SILENCE = 20.0  # after which a connection is given up [s]
 ON_THE_WAY = 32 * 1024  # sent before the browser must have answered [bytes]
@@ -79,7 +67,6 @@ class PageServer:
         authentication.count_browsers = lambda: len(self._changed)
         self._loop = asyncio.new_event_loop()
         self._is_over = asyncio.Event()
-        self.put("server", message("server", id=secrets.token_hex(8)))
         self._threads = [threading.Thread(target=one) for one in (self._run, self._do_work)]
         for thread in self._threads:
             thread.daemon = True

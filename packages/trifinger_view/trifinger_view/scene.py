@@ -84,6 +84,9 @@ class Scene:
         """Names of the joints, in the order of the positions."""
         self._place(None, {})
         self._ground = landing_height(model, self._data)
+        standing = np.isin(model.geom_group, VISIBLE_GROUPS) & (model.geom_rbound > 0)
+        standing &= ~np.isin(model.geom_bodyid, [*self._placement.object_bodies])
+        self._standing = np.flatnonzero(standing)
         self._shown: Array = np.array([], int)
         self.bodies: tuple[Body, ...] = ()
         """All bodies that can be seen, in the order of the model."""
@@ -170,8 +173,9 @@ class Scene:
         heights = [] if self._ground is None else [self._ground]
         for moment in moments if self._ground is None else ():
             self._place(*moment)
-            heights.append(lowest_height(self._model, self._data))
-        return min(heights) - BELOW
+            heights.append(lowest_height(self._model, self._data, self._standing))
+        low = min(heights)
+        return (low if np.isfinite(low) else 0.0) - BELOW
 
     def bounds(
         self, position: Array | None = None, objects: Mapping[str, Array] | None = None

@@ -33,8 +33,6 @@ JPEG_QUALITY = 75
 MOMENTS = 24
 """Frames of a log for which the camera has room at first."""
 FOLDER = Path(__file__).parent / "web"
-Moment = tuple["Array | None", "Mapping[str, Array]"]
-"""Positions of the joints and poses of the objects, as in Frame."""
 Place = tuple[int, int]
 """Where an array is in the numbers of a message: its offset [bytes] and how many it has."""
 
@@ -111,7 +109,10 @@ def document(
 
 
 def session_of(
-    scene: Scene, numbers: Numbers, moments: Sequence[Moment], ink: tuple[Array, Mesh] | None
+    scene: Scene,
+    numbers: Numbers,
+    moments: Sequence[tuple[Array | None, Mapping[str, Array]]],
+    ink: tuple[Array, Mesh] | None,
 ) -> dict[str, Any]:
     """The bodies of a scene, its floor, its ink, and the camera that sees some moments of it."""
     middle, radius = scene.sphere(moments)

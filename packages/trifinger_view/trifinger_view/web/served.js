@@ -77,16 +77,14 @@ class ServedPage extends Page {
     this[`on_${told.kind}`](told, new Numbers(bytes, 4 + size));
   }
 
-  // Another server than before may show something else, by other scripts.
-  on_server({id}) {
-    if ((this.server ??= id) === id) return;
-    const {azimuth, elevation, target, zoom, middle} = this.scene ?? {};
-    sessionStorage.setItem("camera", JSON.stringify([this.robot, {azimuth, elevation, target, zoom, middle}]));
-    this.socket.onmessage = null;
-    location.reload();
-  }
-
   on_session(told, numbers) {
+    if ((this.server ??= told.server) !== told.server) {  // it may show something else, by other scripts
+      const {azimuth, elevation, target, zoom, middle} = this.scene ?? {};
+      sessionStorage.setItem("camera", JSON.stringify([this.robot, {azimuth, elevation, target, zoom, middle}]));
+      this.socket.onmessage = null;
+      location.reload();
+      return;
+    }
     this.begin(told, numbers);
     this.session = told.session;
     if (told.line && !this.controls) this.controls = new Controls(new ServedLine(told.line, (what) => this.send(what)));
