@@ -9,12 +9,6 @@ from trifinger_compat.robot_types import (
     define as _define,
 )
 
-(
-    Action,
-    Observation,
-    SingleProcessData,
-    MultiProcessData,
-    Frontend,
-    Logger,
-    BinaryLogReader,
-) = _define(__name__, joints=3, tips=1, session_type="finger")
+Action, Observation, SingleProcessData, MultiProcessData, Frontend, Logger, BinaryLogReader = (
+    _define(__name__, joints=3, tips=1, session_type="finger")
+)
