@@ -34,19 +34,23 @@ using Numbers = Array<Eigen::VectorXd>;
   return {Eigen::VectorXd::Map(numbers.data(), static_cast<Eigen::Index>(numbers.size()))};
 }
 
-/// A new array of this shape and of a type such as NPY_DOUBLE, and its memory.
+/// Lengths of an array along its axes.
 using Shape = std::initializer_list<npy_intp>;
+
+/// A new array of this shape and of a type such as NPY_DOUBLE, and its memory.
 [[nodiscard]] std::pair<nanobind::object, void*> new_array(Shape shape, int type);
 
 /// A new array of this shape with these numbers.
 [[nodiscard]] ShownArray copy_of(std::span<const double> numbers, Shape shape);
 
-/// Whatever NumPy accepts as an array of doubles of this shape, in place if it is one; -1: any
-/// length. `array` keeps the numbers.
+/// Numbers, and the array that keeps them.
 struct Doubles {
   nanobind::object array;
   std::span<const double> numbers;
 };
+
+/// Converts whatever NumPy accepts as an array of doubles of this shape, in place if it is one. A
+/// length of -1 may be any.
 /// @throws InvalidArgument about `what`, whatever NumPy raises
 [[nodiscard]] Doubles doubles_of(nanobind::handle object, Shape shape, const std::string& what);
 

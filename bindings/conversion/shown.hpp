@@ -27,6 +27,7 @@ class Shown : public nanobind::object {
   static bool check_(nanobind::handle /*object*/) noexcept { return true; }
 
   using nanobind::object::object;
+  // NOLINTNEXTLINE(misc-explicit-constructor): functions that return one convert an object.
   Shown(nanobind::object shown) noexcept : nanobind::object(std::move(shown)) {}
 };
 
