@@ -38,7 +38,7 @@ class OptionFields:
 def write(path: Path) -> None:
     """Writes the stub of the module that Python finds to `path`."""
     with contextlib.redirect_stdout(io.StringIO()):
-        what = ["--quiet", "--exclude-values", "-m", "trifinger._trifinger"]
+        what = ["--quiet", "-m", "trifinger._trifinger"]
         stubgen.main([*what, "-p", str(PATTERNS), "-o", str(path)])
     path.write_text(HEADER + path.read_text())
 

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <utility>
 
 #include "shared/text.hpp"
 #include "trifinger/core/errors.hpp"

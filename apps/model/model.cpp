@@ -2,10 +2,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
-#include <functional>
-#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "commands.hpp"

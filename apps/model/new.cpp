@@ -3,10 +3,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <filesystem>
-#include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -18,6 +15,7 @@
 #include "model/new_configuration.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
+#include "shared/shipped_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/model_file.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -30,7 +28,7 @@ namespace fs = std::filesystem;
 // The robot that the templates are about.
 constexpr std::string_view kName = "my_robot";
 constexpr std::string_view kStruct = "MyRobot";
-constexpr std::string_view kTemplates = "new_robot";  // a folder of the configurations
+constexpr const char* kTemplates = "new_robot";  // a folder of the configurations
 constexpr std::string_view kVersion = "@TRIFINGER_VERSION@";
 // The files that name the robot last, so that a driver is looked at before what uses it.
 constexpr std::array<std::string_view, 6> kFiles{
@@ -38,11 +36,7 @@ constexpr std::array<std::string_view, 6> kFiles{
 
 struct NewRobotOptions {
   std::string name;
-  std::optional<fs::path> file;
-  std::optional<fs::path> meshes;
-  bool repair_inertia{false};
-  std::string angle;
-  std::string collision;
+  ModelFileOptions file;
   fs::path folder{"."};
 };
 
@@ -106,14 +100,6 @@ std::string without_tests(std::string text) {
   return text;
 }
 
-std::string read_template(std::string_view name) {
-  for (const fs::path& place : config_folders(std::string(kTemplates))) {
-    constexpr std::size_t kMaxSize = 1U << 20U;
-    if (fs::exists(place / name)) return read_file(place / name, kMaxSize);
-  }
-  throw Error(fmt::format("the template {}/{} is missing in this installation", kTemplates, name));
-}
-
 // The template for somebody else's project: it is theirs, so our licence line and our tests go.
 std::string for_robot(std::string text, const std::string& name) {
   if (text.find("SPDX-License-Identifier") < text.find('\n')) text.erase(0, text.find('\n') + 1);
@@ -142,7 +128,7 @@ void write_driver(const NewRobotOptions& options) {
   files.reserve(std::size(kFiles));
   for (const std::string_view file : kFiles) {
     files.emplace_back(folder / replaced(std::string(file), kName, options.name),
-                       for_robot(read_template(file), options.name));
+                       for_robot(read_shipped_file(kTemplates, std::string(file)), options.name));
   }
   require_new(folder);
   make_folder(folder);
@@ -154,29 +140,23 @@ void write_driver(const NewRobotOptions& options) {
 }
 
 void write_configuration(const NewRobotOptions& options) {
-  const SimulatedRobotFiles files{.name = options.name,
-                                  .file = *options.file,
-                                  .meshes = options.meshes,
-                                  .folder = options.folder,
-                                  .repair_inertia = options.repair_inertia,
-                                  .angle_in_radians = options.angle == "radian",
-                                  .collision = options.collision};
-  if (is_urdf(files) && files.angle_in_radians) {
+  const ModelFileOptions& file = options.file;
+  if (is_urdf(file) && file.angle_in_radians) {
     throw UsageError("--angle is for an MJCF: a URDF has radians always");
   }
-  if (!is_urdf(files) && !files.collision.empty()) {
+  if (!is_urdf(file) && file.collision != UrdfCollision::kHull) {
     throw UsageError("--collision is for a URDF: an MJCF says itself what touches");
   }
-  const ModelFile model = model_of(files);
+  const ModelFile model(file);
   const fs::path path = options.folder / (options.name + ".yml");
   require_new(path);
-  const std::string text = configuration_of(files, model);
+  const std::string text = configuration_of(options.name, options.folder, model);
   make_folder(options.folder);
   write_new_file(path, std::as_bytes(std::span(text)));
   const bool is_whole = text.find("FILL_IN") == std::string::npos;
   for (const std::string& sentence : model.repairs()) print_safely("repaired: {}\n", sentence);
   print_safely("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
-               options.file->string());
+               file.path.string());
   if (text.find(kHowToTakeRadians) != std::string::npos) {
     print_safely("Some joints can hardly move: {}.\n", kHowToTakeRadians);
   }
@@ -188,18 +168,10 @@ void write_configuration(const NewRobotOptions& options) {
 
 int make_robot_files(const NewRobotOptions& options) {
   require_usable(options.name);
-  if (options.meshes && !options.file) {
-    throw UsageError("--meshes is for --from: only a robot from a file has meshes");
-  }
-  const bool has_more =
-      options.repair_inertia || !options.angle.empty() || !options.collision.empty();
-  if (has_more && !options.file) {
-    throw UsageError("--repair-inertia, --angle and --collision are for --from");
-  }
-  if (options.file) {
-    write_configuration(options);
-  } else {
+  if (options.file.path.empty()) {
     write_driver(options);
+  } else {
+    write_configuration(options);
   }
   return kDone;
 }
@@ -208,32 +180,34 @@ void add_new_robot(CLI::App& parent, Action& action) {
   const auto& [command, options] = add_command(
       parent, action, "robot", "Write a robot of your own to begin with", make_robot_files);
   command.add_option("NAME", options.name, "Its name, such as my_robot")->required();
+  ModelFileOptions& file = options.file;
+  CLI::Option* const from =
+      command
+          .add_option(
+              "--from", file.path,
+              "Write a configuration that simulates the robot of this MJCF or URDF file, instead "
+              "of a driver")
+          ->option_text("FILE");
   command
-      .add_option(
-          "--from", options.file,
-          "Write a configuration that simulates the robot of this MJCF or URDF file, instead "
-          "of a driver")
-      ->option_text("FILE");
+      .add_option("--meshes", file.mesh_folder,
+                  "With --from: where the meshes are, if not where the file says")
+      ->option_text("FOLDER")
+      ->needs(from);
   command
-      .add_option("--meshes", options.meshes,
-                  "With --from: where the meshes are, if not where the "
-                  "file says")
-      ->option_text("FOLDER");
-  command.add_flag("--repair-inertia", options.repair_inertia,
-                   "With --from: give bodies with an inertia that no body can have the nearest "
-                   "that is possible");
-  command
-      .add_option("--angle", options.angle,
-                  "With --from: the unit of angles in an MJCF that names none: radian or degree. "
-                  "Default: degree")
-      ->check(CLI::IsMember({"radian", "degree"}))
-      ->option_text("UNIT");
-  command
-      .add_option("--collision", options.collision,
-                  "With --from: which shapes of a URDF touch: hull, its collision shapes as convex "
-                  "hulls; visual; none. Default: hull")
-      ->check(CLI::IsMember({"hull", "visual", "none"}))
-      ->option_text("SHAPES");
+      .add_flag("--repair-inertia", file.repair_inertia,
+                "With --from: give bodies with an inertia that no body can have the nearest that "
+                "is possible")
+      ->needs(from);
+  add_choice(command, "--angle", file.angle_in_radians, {{"radian", true}, {"degree", false}},
+             "With --from: the unit of angles in an MJCF that names none. Default: degree")
+      ->needs(from);
+  add_choice(command, "--collision", file.collision,
+             {{"hull", UrdfCollision::kHull},
+              {"visual", UrdfCollision::kVisual},
+              {"none", UrdfCollision::kNone}},
+             "With --from: which shapes of a URDF touch: hull, its collision shapes as convex "
+             "hulls; visual; none. Default: hull")
+      ->needs(from);
   add_output(command, options.folder, "Where to write; default: the working directory", "FOLDER");
   command.footer(
       "Without --from it makes the folder NAME: a driver in one C++ file, its configuration, a "

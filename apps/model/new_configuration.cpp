@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <string_view>
 #include <system_error>
-#include <utility>
 #include <vector>
 
 #include "joint/limit_text.hpp"
@@ -23,6 +22,7 @@ using detail::is_said;
 using detail::JointProposal;
 using detail::key_of;
 using detail::number_text;
+using detail::quoted_text;
 
 constexpr std::string_view kAboutSafety = R"(
 # What the file does not say, proposed for the SIMULATION: from the masses in the file, so that the
@@ -44,18 +44,10 @@ safety:
 )";
 
 // The path to `path` from `folder`; absolute if there is none.
-fs::path relative_path(const fs::path& path, const fs::path& folder) {
+std::string relative_path(const fs::path& path, const fs::path& folder) {
   std::error_code ignored;
   const fs::path relative = fs::relative(fs::absolute(path), fs::absolute(folder), ignored);
-  return relative.empty() ? fs::absolute(path) : relative;
-}
-
-std::string quoted(const fs::path& path) {
-  std::string text = "'";
-  for (const char letter : path.string()) {
-    text += letter == '\'' ? "''" : std::string(1, letter);
-  }
-  return text + "'";
+  return (relative.empty() ? fs::absolute(path) : relative).string();
 }
 
 // A text of the file, for a comment.
@@ -66,28 +58,28 @@ std::string on_one_line(std::string text) {
 }
 
 // What names the robot's file, and how it is read.
-std::string head_of(const SimulatedRobotFiles& files, const ModelFile& model) {
-  // From the folder of the configuration, so that both can be moved together.
-  const fs::path file = relative_path(files.file, files.folder);
+std::string head_of(const std::string& name, const fs::path& folder, const ModelFile& model) {
+  const ModelFileOptions& options = model.options();
   std::string text = fmt::format(
       "# {}, simulated. docs/any_robot.md explains the keys; 'trifinger config {}.yml' checks "
       "them.\n"
       "name: {}\ndriver: simulation\n\nrobot:\n  {}: {}\n",
-      on_one_line(model.name()), files.name, files.name, is_urdf(files) ? "urdf" : "mjcf",
-      quoted(file));
-  if (files.meshes) {
+      on_one_line(model.name()), name, name, is_urdf(options) ? "urdf" : "mjcf",
+      // From the folder of the configuration, so that both can be moved together.
+      quoted_text(relative_path(options.path, folder)));
+  if (options.mesh_folder) {
     // This one counts from the folder of the robot's file.
-    text += fmt::format("  mesh_folder: {}\n",
-                        quoted(relative_path(*files.meshes, files.file.parent_path())));
+    text +=
+        fmt::format("  mesh_folder: {}\n",
+                    quoted_text(relative_path(*options.mesh_folder, options.path.parent_path())));
   }
-  if (files.repair_inertia) {
-    for (const std::string& repaired : model.repairs()) {
-      text += fmt::format("  # {}\n", on_one_line(repaired));
-    }
-    text += "  repair_inertia: true\n";
+  for (const std::string& repaired : model.repairs()) {
+    text += fmt::format("  # {}\n", on_one_line(repaired));
   }
-  if (files.angle_in_radians) text += "  angle: radian\n";
-  if (!files.collision.empty()) text += fmt::format("  collision: {}\n", files.collision);
+  if (options.repair_inertia) text += "  repair_inertia: true\n";
+  if (options.angle_in_radians) text += "  angle: radian\n";
+  if (options.collision == UrdfCollision::kVisual) text += "  collision: visual\n";
+  if (options.collision == UrdfCollision::kNone) text += "  collision: none\n";
   return text;
 }
 
@@ -102,45 +94,35 @@ std::string places_of(const detail::RobotProposal& proposal) {
   std::string text;
   if (!proposal.overlaps.empty()) {
     text += fmt::format(
-        "  # Bodies that are inside each other where the robot begins would throw it. So they "
-        "pass\n"
-        "  # through each other: {}{}.\n  exclude_overlaps: true\n",
+        R"(  # Bodies that are inside each other where the robot begins would throw it. So they pass
+  # through each other: {}{}.
+  exclude_overlaps: true
+)",
         on_one_line(proposal.overlaps.front()),
         proposal.overlaps.size() > 1 ? fmt::format(", {} more", proposal.overlaps.size() - 1) : "");
   }
-  if (proposal.initial_position.empty()) {
-    text +=
-        "  # Where joints begin, if not at zero or in the file's first key frame [rad], [m].\n"
-        "  # initial_position: {JOINT: 0.5}\n";
-  } else {
-    text +=
-        "  # Joints whose place in the file is at a soft limit begin inside, in the middle unless\n"
-        "  # the file has a key frame [rad], [m]. Proposed for the simulation.\n"
-        "  initial_position: " +
-        flow_of(proposal.initial_position,
-                [](const auto& place) {
-                  return key_of(place.first) + ": " + number_text(place.second);
-                }) +
-        "\n";
-  }
-  if (proposal.rotors.empty()) {
-    text +=
-        "  # Inertia of the rotors behind their gears, if the file leaves it out [kgm^2], [kg].\n"
-        "  # armature: {every_joint: 0.1}\n";
-  } else {
-    text +=
-        "  # Inertia of rotors behind their gears [kgm^2], [kg]. The file says none, or so little "
-        "that\n"
-        "  # gains or motors are too strong for the links in steps of this length. Proposed for "
-        "the\n"
-        "  # simulation: as little as suffices.\n"
-        "  armature: " +
-        flow_of(proposal.rotors,
-                [](const auto& rotor) {
-                  return key_of(rotor.joint) + ": " + number_text(rotor.armature);
-                }) +
-        "\n";
-  }
+  const auto write = [](const auto& named) {
+    return key_of(named.first) + ": " + number_text(named.second);
+  };
+  text +=
+      proposal.initial_position.empty()
+          ? R"(  # Where joints begin, if not at zero or in the file's first key frame [rad], [m].
+  # initial_position: {JOINT: 0.5}
+)"
+          : R"(  # Joints whose place in the file is at a soft limit begin inside, in the middle unless
+  # the file has a key frame [rad], [m]. Proposed for the simulation.
+  initial_position: )" +
+                flow_of(proposal.initial_position, write) + "\n";
+  text +=
+      proposal.rotors.empty()
+          ? R"(  # Inertia of the rotors behind their gears, if the file leaves it out [kgm^2], [kg].
+  # armature: {every_joint: 0.1}
+)"
+          : R"(  # Inertia of rotors behind their gears [kgm^2], [kg]. The file says none, or so little that
+  # gains or motors are too strong for the links in steps of this length. Proposed for the
+  # simulation: as little as suffices.
+  armature: )" + flow_of(proposal.rotors, write) +
+                "\n";
   return text;
 }
 
@@ -209,20 +191,11 @@ std::string safety_of(const ModelFile& model, const detail::RobotProposal& propo
 
 }  // namespace
 
-ModelFile model_of(const SimulatedRobotFiles& files) {
-  const UrdfCollision collision = files.collision == "visual" ? UrdfCollision::kVisual
-                                  : files.collision == "none" ? UrdfCollision::kNone
-                                                              : UrdfCollision::kHull;
-  return ModelFile({.path = files.file,
-                    .mesh_folder = files.meshes,
-                    .collision = collision,
-                    .repair_inertia = files.repair_inertia,
-                    .angle_in_radians = files.angle_in_radians});
-}
-
-std::string configuration_of(const SimulatedRobotFiles& files, const ModelFile& model) {
+std::string configuration_of(const std::string& name, const fs::path& folder,
+                             const ModelFile& model) {
   const detail::RobotProposal proposal = detail::propose_limits(model);
-  return head_of(files, model) + places_of(proposal) + safety_of(model, proposal, is_urdf(files));
+  return head_of(name, folder, model) + places_of(proposal) +
+         safety_of(model, proposal, is_urdf(model.options()));
 }
 
 }  // namespace trifinger::apps

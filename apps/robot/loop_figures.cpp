@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "robot/loop_figures.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <vector>

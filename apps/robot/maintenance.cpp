@@ -5,10 +5,8 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <csignal>
 #include <string_view>
-#include <utility>
 
 #include "shared/options.hpp"
 #include "trifinger/base/error.hpp"

@@ -9,7 +9,6 @@
 #include <csignal>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/ipc/process.hpp"

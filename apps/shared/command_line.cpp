@@ -85,31 +85,6 @@ std::vector<NamedRobot>& named_robots() {
   return all;
 }
 
-// Returns the deepest command that `words` name, and how many of them do.
-std::pair<const CLI::App*, std::size_t> command_of(const CLI::App& program,
-                                                   const std::vector<std::string>& words) {
-  const CLI::App* command = &program;
-  std::size_t count = 0;
-  for (; count < words.size(); ++count) {
-    const CLI::App* const next = find_command(*command, words[count]);
-    if (next == nullptr) break;
-    command = next;
-  }
-  return {command, count};
-}
-
-// Says what is meant by a word that `command` does not know.
-std::string hint(const CLI::App& command, const std::string& word) {
-  const auto has = [&command](const char* name) {
-    return command.get_option_no_throw(name) != nullptr;
-  };
-  if ((word == "--to" || word == "--out") && has("--output")) {
-    return "; the output is -o or --output";
-  }
-  if (word == "--robot" && has("NAME")) return "; the robot comes first, without --robot";
-  return !word.starts_with('-') && has("--robot") ? "; a robot is named by --robot" : "";
-}
-
 }  // namespace
 
 std::string help_row(const std::string& name, const std::string& description) {
@@ -149,7 +124,12 @@ const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
 
 std::string full_name(const CLI::App& program, const std::vector<std::string>& words) {
   std::string name = program.get_name();
-  for (std::size_t i = 0; i < command_of(program, words).second; ++i) name += " " + words[i];
+  const CLI::App* command = &program;
+  for (const std::string& word : words) {
+    command = find_command(*command, word);
+    if (command == nullptr) break;
+    name += " " + word;
+  }
   return name;
 }
 
@@ -159,11 +139,8 @@ std::optional<int> parse(CLI::App& program, const std::vector<std::string>& word
   } catch (const CLI::Success& success) {                                   // help or version
     return program.exit(success);
   } catch (const CLI::ParseError& error) {
-    const CLI::App& command = *command_of(program, words).first;
-    const std::vector<std::string> unknown = command.remaining();
-    throw UsageError(fmt::format("{}{}; '{} --help' tells more", error.what(),
-                                 unknown.empty() ? "" : hint(command, unknown.front()),
-                                 full_name(program, words)));
+    throw UsageError(
+        fmt::format("{}; '{} --help' tells more", error.what(), full_name(program, words)));
   }
   for (const auto& [command, name] : named_robots()) {
     if (command->parsed() && name->empty()) *name = running_robot();

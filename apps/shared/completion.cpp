@@ -16,42 +16,18 @@
 
 #include "commands.hpp"
 #include "shared/options.hpp"
+#include "shared/shipped_file.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
 namespace {
 
+const std::vector<std::string> kShells{"bash", "zsh", "fish"};
+
 struct CompletionOptions {
-  const char* script{nullptr};
+  std::string shell;
 };
-
-// All of them ask `complete`.
-constexpr const char* kBash = R"sh(_trifinger() {
-  local IFS=$'\n'
-  COMPREPLY=($(compgen -W "$(trifinger __complete "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null)" \
-    -- "${COMP_WORDS[COMP_CWORD]}"))
-}
-complete -o default -F _trifinger trifinger
-)sh";
-
-constexpr const char* kZsh = R"sh(#compdef trifinger
-_trifinger() {
-  local -a found
-  found=(${(f)"$(trifinger __complete "${(@)words[2,CURRENT]}" 2>/dev/null)"})
-  compadd -a found || _files
-}
-if [[ $funcstack[1] == _trifinger ]]; then _trifinger "$@"; else compdef _trifinger trifinger; fi
-)sh";
-
-constexpr const char* kFish = R"sh(function __trifinger_complete
-  set -l words (commandline -opc)
-  set -e words[1]
-  set -l last (commandline -ct)
-  trifinger __complete $words "$last" 2>/dev/null
-end
-complete -c trifinger -a '(__trifinger_complete)'
-)sh";
 
 // What the help of a command says, in C++ or Python: that is the only list of its words.
 struct Help {
@@ -113,6 +89,8 @@ std::vector<std::string> values_of(const std::string& place, const Help& help) {
       }
     } else if (part == "ROBOT") {
       std::ranges::move(config_names(), std::back_inserter(values));
+    } else if (part == "SHELL") {
+      values = kShells;
     } else if (part == "TASK") {
       std::ranges::copy(help.tasks, std::back_inserter(values));
     } else if (place.find('|') != std::string::npos) {
@@ -123,7 +101,7 @@ std::vector<std::string> values_of(const std::string& place, const Help& help) {
 }
 
 int print_script(const CompletionOptions& options) {
-  fmt::print("{}", options.script);
+  fmt::print("{}", read_shipped_file("completion", "trifinger." + options.shell));
   return kDone;
 }
 
@@ -165,8 +143,9 @@ void add_completion(CLI::App& program, Action& action) {
   const auto& [command, options] =
       add_command(program, action, "completion",
                   "Print a script that lets a shell complete commands and robots", print_script);
-  const Choices<const char*> shells{{"bash", kBash}, {"zsh", kZsh}, {"fish", kFish}};
-  add_choice(command, "SHELL", options.script, shells, "bash, zsh or fish")->required();
+  command.add_option("SHELL", options.shell, "bash, zsh or fish")
+      ->check(CLI::IsMember(kShells))
+      ->required();
   command.footer(
       "Example:\n"
       "  source <(trifinger completion bash)              in ~/.bashrc\n"

@@ -3,8 +3,6 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/vector.h>
 
-#include <array>
-#include <filesystem>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -13,7 +11,8 @@
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
-#include "conversion/numpy.hpp"
+#include "conversion/numbers.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "trifinger/base/error.hpp"
@@ -60,17 +59,8 @@ Eigen::Isometry3d pose_of(const Eigen::Matrix4d& matrix) {
 // Converts whatever NumPy accepts as rows of `N` numbers.
 template <int N>
 RowMajor to_rows(nb::handle object, const char* what) {
-  const nb::object array =
-      nb::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
-  if (!array.is_valid()) throw nb::python_error();
-  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
-  if (PyArray_NDIM(numbers) != 2 || PyArray_DIM(numbers, 1) != N) {
-    throw InvalidArgument(std::string(what) + " has shape " +
-                          nb::str(nb::handle(array).attr("shape")).c_str() + ", must have (n, " +
-                          std::to_string(N) + ")");
-  }
-  return Eigen::Map<const RowMajor>(static_cast<const double*>(PyArray_DATA(numbers)),
-                                    PyArray_DIM(numbers, 0), N);
+  const auto [array, numbers] = doubles_of(object, {-1, N}, what);
+  return Eigen::Map<const RowMajor>(numbers.data(), std::ssize(numbers) / N, N);
 }
 
 Array<RowMajor> project(const Camera& camera, nb::handle points) {
@@ -179,9 +169,8 @@ void bind_camera_calibration(nb::module_& m) {
       .def_ro("cameras", &Calibration::cameras, "In the order of the robot's images.")
       .def("text", &Calibration::text, docs::camera::Calibration::text)
       .def_static(
-          "read", [](const std::filesystem::path& path) { return camera::read_calibration(path); },
-          "path"_a, nb::sig("def read(path: str | os.PathLike[str]) -> CameraCalibration"),
-          docs::camera::read_calibration)
+          "read", [](const ShownPath& path) { return camera::read_calibration(to_path(path)); },
+          "path"_a, docs::camera::read_calibration)
       .def_static("file_of", camera::calibration_file, "robot"_a, docs::camera::calibration_file);
 }
 

@@ -38,17 +38,13 @@ void bind_estimation(nb::module_& m) {
           [](PoseEstimator& estimator, double time, const Pose& pose, const Motion& known) {
             return estimator.update(Seconds(time), pose, known);
           },
-          "time"_a, "pose"_a, "known"_a = Motion{},
-          nb::sig("def update(self, time: float, pose: Pose, known: Motion = ...) -> bool"),
-          docs::PoseEstimator::update)
+          "time"_a, "pose"_a, nb::arg("known").sig("...") = Motion{}, docs::PoseEstimator::update)
       .def(
           "predict",
           [](const PoseEstimator& estimator, double time, const Motion& known) {
             return estimator.predict(Seconds(time), known);
           },
-          "time"_a, "known"_a = Motion{},
-          nb::sig("def predict(self, time: float, known: Motion = ...) -> Motion"),
-          docs::PoseEstimator::predict)
+          "time"_a, nb::arg("known").sig("...") = Motion{}, docs::PoseEstimator::predict)
       .def_prop_ro(
           "last_time", [](const PoseEstimator& estimator) { return estimator.last_time().count(); },
           docs::PoseEstimator::last_time)

@@ -161,7 +161,7 @@ void bind_impedance(nb::module_& m) {
                            .mass = mass});
       },
       "shape"_a, "size"_a, "mass"_a,
-      also(docs::rigid_body, R"(`shape` is "box", "stick" or "ball".)").c_str());
+      also(docs::rigid_body, R"(`shape` is "box", "stick" or "ball".)"));
   m.def("gravity", [] { return Array{gravity()}; }, docs::gravity);
 
   const ObjectGains object;
@@ -182,10 +182,7 @@ void bind_impedance(nb::module_& m) {
       .def_rw("rotational_damping", &ObjectGains::rotational_damping,
               docs::ObjectGains::rotational_damping);
   m.def("object_impedance", &object_impedance, "desired"_a, "pose"_a, "twist"_a, "body"_a,
-        "gains"_a = object,
-        nb::sig("def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, "
-                "gains: ObjectGains = ...) -> Wrench"),
-        docs::object_impedance);
+        nb::arg("gains").sig("...") = object, docs::object_impedance);
 
   const TipGains tip;
   nb::class_<TipGains>(m, "TipGains", docs::TipGains::TipGains)
@@ -203,10 +200,7 @@ void bind_impedance(nb::module_& m) {
          const TipGains& gains) {
         return Array{tip_impedance(desired, position, velocity, gains)};
       },
-      "desired"_a, "position"_a, "velocity"_a, "gains"_a = tip,
-      nb::sig("def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: "
-              "numpy.typing.ArrayLike, gains: TipGains = ...) -> "
-              "numpy.typing.NDArray[numpy.float64]"),
+      "desired"_a, "position"_a, "velocity"_a, nb::arg("gains").sig("...") = tip,
       docs::tip_impedance);
 }
 

@@ -10,6 +10,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/settings.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "limits.hpp"
@@ -61,7 +62,7 @@ void bind_planner(nb::module_& m) {
   nb::class_<GraspPlanner>(m, "GraspPlanner", docs::GraspPlanner::GraspPlanner)
       .def(
           "__init__",
-          [](GraspPlanner* self, const std::string& config, const nb::dict& overrides,
+          [](GraspPlanner* self, const std::string& config, const Overrides& overrides,
              const std::string& object, GraspPlannerConfig settings) {
             const RobotConfig robot = load_config(config, overrides);
             settings.limits = limits_of(robot);
@@ -69,8 +70,6 @@ void bind_planner(nb::module_& m) {
           },
           "config"_a = "sim", "overrides"_a = nb::dict(), "object"_a = "cube",
           nb::arg("settings").sig("...") = Config{},
-          nb::sig("def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, "
-                  "object: str = 'cube', settings: GraspPlannerConfig = ...) -> None"),
           "`config` and `overrides` give the robot, its limits and the scene, as in `Kinematics`. "
           "`object` is\nthe name of the box.")
       .def(
@@ -146,14 +145,13 @@ void bind_controller(nb::module_& m) {
       .def(
           "__init__",
           [](GraspController* self, const RigidBody& body, const std::string& config,
-             const nb::dict& overrides, GraspControllerConfig settings) {
+             const Overrides& overrides, GraspControllerConfig settings) {
             const RobotConfig robot = load_config(config, overrides);
             settings.limits = limits_of(robot);
             new (self) GraspController(description_of(robot), body, settings);
           },
-          "body"_a, "config"_a = "sim", "overrides"_a = nb::dict(), "settings"_a = Config{},
-          nb::sig("def __init__(self, body: RigidBody, config: str = 'sim', overrides: dict[str, "
-                  "object] = {}, settings: GraspControllerConfig = ...) -> None"),
+          "body"_a, "config"_a = "sim", "overrides"_a = nb::dict(),
+          nb::arg("settings").sig("...") = Config{},
           "`body` is the object. `config` and `overrides` give the robot and its limits, as in "
           "`Kinematics`.")
       .def("grasp", &GraspController::grasp, "touches"_a, "object"_a, docs::GraspController::grasp)

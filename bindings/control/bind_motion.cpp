@@ -59,9 +59,8 @@ void bind_poses(nb::module_& m) {
           [](Motion* self, const Pose& pose, const Twist& twist, const Acceleration& acceleration) {
             new (self) Motion{pose, twist, acceleration};
           },
-          "pose"_a = Pose{}, "twist"_a = Twist{}, "acceleration"_a = Acceleration{},
-          nb::sig("def __init__(self, pose: Pose = ..., twist: Twist = ..., acceleration: "
-                  "Acceleration = ...) -> None"))
+          nb::arg("pose").sig("...") = Pose{}, nb::arg("twist").sig("...") = Twist{},
+          nb::arg("acceleration").sig("...") = Acceleration{})
       .def_ro("pose", &Motion::pose)
       .def_ro("twist", &Motion::twist)
       .def_ro("acceleration", &Motion::acceleration);

@@ -17,6 +17,7 @@
 #include "conversion/garbage.hpp"
 #include "conversion/numbers.hpp"
 #include "conversion/settings.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "docstrings.hpp"
@@ -85,10 +86,7 @@ its cost.)");
   const auto numbers = [&batch](const char* name, nb::object PythonBatch::* member,
                                 const char* doc) {
     batch.def_prop_ro(
-        name, [member](const PythonBatch& self) { return self.*member; },
-        nb::sig(
-            (std::string("def ") + name + "(self) -> numpy.typing.NDArray[numpy.float64]").c_str()),
-        doc);
+        name, [member](const PythonBatch& self) { return ShownArray(self.*member); }, doc);
   };
   numbers("positions", &PythonBatch::positions, docs::RolloutBatch::positions);
   numbers("velocities", &PythonBatch::velocities, docs::RolloutBatch::velocities);
@@ -105,8 +103,7 @@ void bind_task(nb::module_& m) {
       also(
           docs::PlanningTask::PlanningTask,
           R"(`batch_cost` gets a `RolloutBatch` and returns an array: what each rollout costs. It is called once
-per round, and once for the plan itself.)")
-          .c_str())
+per round, and once for the plan itself.)"))
       .def(
           "__init__",
           [](PythonTask* self, const nb::iterable& terms, nb::object batch_cost, double late_share,
@@ -188,10 +185,8 @@ void bind_plan(nb::module_& m) {
           auto& all = *nb::inst_ptr<PlannedStates>(self);
           const auto count = static_cast<npy_intp>(all.count);
           const auto size = static_cast<npy_intp>((all.*member).size());
-          return view_of(all.*member, {count, size / count}, self);
+          return ShownArray(view_of(all.*member, {count, size / count}, self));
         },
-        nb::sig(
-            (std::string("def ") + name + "(self) -> numpy.typing.NDArray[numpy.float64]").c_str()),
         doc);
   };
   states
@@ -223,8 +218,7 @@ void bind_predictive_planner(nb::module_& m) {
       also(
           docs::PredictivePlanner::PredictivePlanner,
           R"(Other threads of Python run while it plans. If one of them uses the planner meanwhile, it gets an
-Error.)")
-          .c_str())
+Error.)"))
       .def(
           "__init__",
           [](Planner* self, nb::handle_t<PlanningModel> model, const PythonTask& task,
@@ -232,8 +226,6 @@ Error.)")
             new (self) Planner(nb::borrow(model), task, options);
           },
           "model"_a, "task"_a, nb::arg("options").sig("...") = PlannerOptions{},
-          nb::sig("def __init__(self, model: PlanningModel, task: PlanningTask, options: "
-                  "PlannerOptions = ...) -> None"),
           "Raises InvalidArgument that names the first value that makes no sense.")
       .def(
           "plan", &Planner::plan, "start"_a,
@@ -320,7 +312,7 @@ Raises InvalidArgument as `plan` does.)")
         return weights;
       },
       "costs"_a, "temperature"_a,
-      also(docs::path_integral_weights, "Their sum is 1, or 0 if no cost is finite.").c_str());
+      also(docs::path_integral_weights, "Their sum is 1, or 0 if no cost is finite."));
   m.def(
       "elite_weights",
       [](const Numbers& costs, int count) {
@@ -329,7 +321,7 @@ Raises InvalidArgument as `plan` does.)")
         return weights;
       },
       "costs"_a, "count"_a,
-      also(docs::elite_weights, "Their sum is 1, or 0 if no cost is finite.").c_str());
+      also(docs::elite_weights, "Their sum is 1, or 0 if no cost is finite."));
 }
 
 void bind_online_planner(nb::module_& m) {
@@ -357,8 +349,7 @@ void bind_online_planner(nb::module_& m) {
       also(
           docs::OnlinePlanner::OnlinePlanner,
           R"(Planning needs the interpreter only while a `batch_cost` runs, once per round. A task of terms alone
-never delays Python's loop.)")
-          .c_str())
+never delays Python's loop.)"))
       .def(
           "__init__",
           [](Planner* self, nb::handle_t<PlanningModel> model, const PythonTask& task,
@@ -367,8 +358,6 @@ never delays Python's loop.)")
           },
           "model"_a, "task"_a, nb::arg("options").sig("...") = PlannerOptions{},
           nb::arg("online").sig("...") = OnlinePlannerOptions{},
-          nb::sig("def __init__(self, model: PlanningModel, task: PlanningTask, options: "
-                  "PlannerOptions = ..., online: OnlinePlannerOptions = ...) -> None"),
           "Starts the threads. Returns when they are ready.\n\n"
           "Raises InvalidArgument that names the first value that makes no sense.")
       .def_prop_ro(
@@ -402,12 +391,10 @@ never delays Python's loop.)")
           "terms"_a, docs::OnlinePlanner::set_terms)
       .def(
           "wait_for_plan",
-          [](const Planner& self, std::uint64_t count, nb::handle timeout) {
+          [](const Planner& self, std::uint64_t count, const ShownSeconds& timeout) {
             self.wait_for_plan(count, to_timeout(timeout));
           },
-          "count"_a, "timeout"_a = nb::none(),
-          nb::sig("def wait_for_plan(self, count: int, timeout: float | None = None) -> None"),
-          docs::OnlinePlanner::wait_for_plan);
+          "count"_a, "timeout"_a = nb::none(), docs::OnlinePlanner::wait_for_plan);
 }
 
 }  // namespace

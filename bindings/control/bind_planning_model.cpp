@@ -7,7 +7,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -74,8 +73,7 @@ void bind_spline(nb::module_& m) {
             return view_of(spline.knot(index), {spline.width()}, self);
           },
           "index"_a, nb::sig("def knot(self, index: int) -> numpy.typing.NDArray[numpy.float64]"),
-          also(docs::KnotSpline::knot, "The array shows them in place: changes change the spline.")
-              .c_str())
+          also(docs::KnotSpline::knot, "The array shows them in place: changes change the spline."))
       .def_prop_rw(
           "values",
           [](nb::handle_t<KnotSpline> self) {
@@ -83,18 +81,9 @@ void bind_spline(nb::module_& m) {
             return view_of(spline.values(), {spline.num_knots(), spline.width()}, self);
           },
           [](KnotSpline& self, nb::handle values) {
-            const nb::object array =
-                nb::steal(PyArray_FROM_OTF(values.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
-            if (!array.is_valid()) throw nb::python_error();
-            auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
-            if (PyArray_NDIM(numbers) != 2 || PyArray_DIM(numbers, 0) != self.num_knots() ||
-                PyArray_DIM(numbers, 1) != self.width()) {
-              throw InvalidArgument("values has shape " + text_of(array.attr("shape")) +
-                                    ", must have (" + std::to_string(self.num_knots()) + ", " +
-                                    std::to_string(self.width()) + ")");
-            }
-            std::copy_n(static_cast<const double*>(PyArray_DATA(numbers)), self.values().size(),
-                        self.values().begin());
+            const auto [array, numbers] =
+                doubles_of(values, {self.num_knots(), self.width()}, "values");
+            std::ranges::copy(numbers, self.values().begin());
           },
           nb::for_getter(nb::sig(kArray)),
           nb::for_setter(nb::sig("def values(self, values: numpy.typing.ArrayLike, /) -> None")),
@@ -143,7 +132,7 @@ PlanningModel model_of_file(nb::handle path, const std::vector<PlannedJoint>& jo
 void bind_hand_state(nb::module_& m) {
   nb::class_<PlanningState> state(
       m, "PlanningState",
-      also(docs::PlanningState::PlanningState, "Arrays show the numbers in place.").c_str());
+      also(docs::PlanningState::PlanningState, "Arrays show the numbers in place."));
   state
       .def(
           "__init__",
@@ -230,7 +219,7 @@ Raises InvalidArgument if the file or its joints do not fit.)")
       .def_prop_ro("objects", &PlanningModel::objects, nb::rv_policy::copy,
                    "Objects, in the order of `CostTerm.index`.")
       .def("object", &PlanningModel::object, "name"_a, nb::rv_policy::copy,
-           also("Where the object `name` is in a state.", docs::PlanningModel::object).c_str())
+           also("Where the object `name` is in a state.", docs::PlanningModel::object))
       .def("initial_state", &PlanningModel::initial_state, docs::PlanningModel::initial_state)
       .def(
           "set_joints",

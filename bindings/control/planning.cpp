@@ -78,16 +78,9 @@ PythonBatch python_batch(const RolloutBatch& batch) {
 
 // Adds what a function has returned.
 void add_costs(const nb::object& returned, std::span<double> costs) {
-  const nb::object array =
-      nb::steal(PyArray_FROM_OTF(returned.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
-  if (!array.is_valid()) throw nb::python_error();
-  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
-  if (PyArray_NDIM(numbers) != 1 || std::cmp_not_equal(PyArray_DIM(numbers, 0), costs.size())) {
-    throw InvalidArgument("batch_cost returned an array of shape " + text_of(array.attr("shape")) +
-                          ", must be (" + std::to_string(costs.size()) + ",)");
-  }
-  const auto* const values = static_cast<const double*>(PyArray_DATA(numbers));
-  for (std::size_t i = 0; i < costs.size(); ++i) costs[i] += values[i];
+  const auto [array, numbers] =
+      doubles_of(returned, {std::ssize(costs)}, "what batch_cost returned");
+  std::ranges::transform(costs, numbers, costs.begin(), std::plus());
 }
 
 }  // namespace

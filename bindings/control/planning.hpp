@@ -7,7 +7,6 @@
 #include <memory>
 #include <span>
 #include <thread>
-#include <vector>
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/control/online_planner.hpp"

@@ -77,7 +77,7 @@ void translate(const std::exception_ptr& thrown, void* /*payload*/) {
 
 void register_errors() { nb::register_exception_translator(translate); }
 
-nb::object to_python(const std::optional<Fault>& fault) {
+Shown<"trifinger.session_info.Fault | None"> to_python(const std::optional<Fault>& fault) {
   if (!fault || !*fault) return nb::none();
   const std::string_view code = name_of(fault->code);
   return nb::module_::import_("trifinger.session_info")

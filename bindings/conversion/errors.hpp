@@ -4,8 +4,8 @@
 #include <nanobind/nanobind.h>
 
 #include <optional>
-#include <string>
 
+#include "shown.hpp"
 #include "trifinger/core/fault.hpp"
 
 namespace trifinger::bindings {
@@ -15,6 +15,7 @@ namespace trifinger::bindings {
 void register_errors();
 
 /// Converts to a trifinger.Fault; nothing becomes None.
-[[nodiscard]] nanobind::object to_python(const std::optional<Fault>& fault);
+[[nodiscard]] Shown<"trifinger.session_info.Fault | None"> to_python(
+    const std::optional<Fault>& fault);
 
 }  // namespace trifinger::bindings

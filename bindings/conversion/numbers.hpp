@@ -4,14 +4,15 @@
 #include <nanobind/nanobind.h>
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <cstddef>
 #include <initializer_list>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "array.hpp"
 #include "numpy.hpp"
+#include "shown.hpp"
 #include "trifinger/base/error.hpp"
 
 // Lists of numbers whose length only their owners know.
@@ -33,28 +34,27 @@ using Numbers = Array<Eigen::VectorXd>;
   return {Eigen::VectorXd::Map(numbers.data(), static_cast<Eigen::Index>(numbers.size()))};
 }
 
+/// Lengths of an array along its axes.
+using Shape = std::initializer_list<npy_intp>;
+
+/// A new array of this shape and of a type such as NPY_DOUBLE, and its memory.
+[[nodiscard]] std::pair<nanobind::object, void*> new_array(Shape shape, int type);
+
 /// A new array of this shape with these numbers.
-[[nodiscard]] inline nanobind::object copy_of(std::span<const double> numbers,
-                                              std::initializer_list<npy_intp> shape) {
-  nanobind::object array = nanobind::steal(
-      PyArray_SimpleNew(static_cast<int>(shape.size()), std::data(shape), NPY_DOUBLE));
-  if (!array.is_valid()) throw nanobind::python_error();
-  std::ranges::copy(
-      numbers, static_cast<double*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr()))));
-  return array;
-}
+[[nodiscard]] ShownArray copy_of(std::span<const double> numbers, Shape shape);
+
+/// Numbers, and the array that keeps them.
+struct Doubles {
+  nanobind::object array;
+  std::span<const double> numbers;
+};
+
+/// Converts whatever NumPy accepts as an array of doubles of this shape, in place if it is one. A
+/// length of -1 may be any.
+/// @throws InvalidArgument about `what`, whatever NumPy raises
+[[nodiscard]] Doubles doubles_of(nanobind::handle object, Shape shape, const std::string& what);
 
 /// These numbers in place, as an array of this shape that keeps `owner` alive.
-[[nodiscard]] inline nanobind::object view_of(std::span<double> numbers,
-                                              std::initializer_list<npy_intp> shape,
-                                              nanobind::handle owner) {
-  nanobind::object array = nanobind::steal(PyArray_SimpleNewFromData(
-      static_cast<int>(shape.size()), std::data(shape), NPY_DOUBLE, numbers.data()));
-  if (!array.is_valid()) throw nanobind::python_error();
-  Py_INCREF(owner.ptr());  // the call takes one reference
-  if (PyArray_SetBaseObject(reinterpret_cast<PyArrayObject*>(array.ptr()), owner.ptr()) != 0)
-    throw nanobind::python_error();
-  return array;
-}
+[[nodiscard]] ShownArray view_of(std::span<double> numbers, Shape shape, nanobind::handle owner);
 
 }  // namespace trifinger::bindings

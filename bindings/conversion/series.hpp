@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 
 #include <array>
+#include <string>
 #include <string_view>
 
 #include "trifinger/core/session.hpp"
@@ -16,6 +17,21 @@ inline constexpr std::array kSeries{Series::kDesiredAction, Series::kAppliedActi
 
 /// The series called `name`. @throws InvalidArgument with the existing names
 [[nodiscard]] Series series_of(std::string_view name);
+
+/// What Python calls the elements of a series.
+struct SeriesNames {
+  Series series;
+  std::string one;
+  std::string many;
+  std::string type;
+};
+
+inline const std::array<SeriesNames, 4> kSeriesNames{{
+    {Series::kObservation, "observation", "observations", "Observation"},
+    {Series::kDesiredAction, "desired_action", "desired_actions", "Action"},
+    {Series::kAppliedAction, "applied_action", "applied_actions", "AppliedAction"},
+    {Series::kStatus, "status", "statuses", "StatusElement"},
+}};
 
 /// Binds the layouts of the four series of `T`, which `dtype` gives.
 template <class T>

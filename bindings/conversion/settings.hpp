@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <optional>
 #include <type_traits>
-#include <utility>
 
 #include "array.hpp"
 #include "trifinger/control/motion.hpp"

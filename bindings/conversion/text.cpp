@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "text.hpp"
 
+#include <deque>
+
 #include "base/printable.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -9,9 +11,9 @@ namespace nb = nanobind;
 namespace trifinger::bindings {
 namespace {
 
-nb::object decoded(std::string_view text, const char* errors) {
-  nb::object string =
-      nb::steal(PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), errors));
+nb::str decoded(std::string_view text, const char* errors) {
+  nb::str string = nb::steal<nb::str>(
+      PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), errors));
   if (!string.is_valid()) throw nb::python_error();
   return string;
 }
@@ -22,11 +24,11 @@ std::string bytes_of(nb::handle bytes) {
 
 }  // namespace
 
-nb::object to_str(std::string_view text) { return decoded(text, "surrogateescape"); }
+nb::str to_str(std::string_view text) { return decoded(text, "surrogateescape"); }
 
-nb::object to_text(std::string_view text) { return decoded(text, "replace"); }
+nb::str to_text(std::string_view text) { return decoded(text, "replace"); }
 
-nb::object to_message(std::string_view text) {
+nb::str to_message(std::string_view text) {
   return decoded(printable_lines(text), "backslashreplace");
 }
 
@@ -46,8 +48,13 @@ std::filesystem::path to_path(nb::handle path) {
   return bytes;
 }
 
-nb::object to_python(const std::filesystem::path& path) {
+Shown<"pathlib.Path"> to_python(const std::filesystem::path& path) {
   return nb::module_::import_("pathlib").attr("Path")(to_str(path.native()));
+}
+
+const char* also(const std::string& comment, const char* python) {
+  static std::deque<std::string> texts;
+  return texts.emplace_back(comment + "\n\n" + python).c_str();
 }
 
 bool read_str(nb::handle text, std::string& bytes) noexcept {

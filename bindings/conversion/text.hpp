@@ -8,17 +8,19 @@
 #include <string>
 #include <string_view>
 
+#include "shown.hpp"
+
 // Texts that go from Python to C++ and back. In C++ they are bytes that need not be UTF-8, such as
 // names of files. In Python a byte that is no UTF-8 is a lone surrogate, like in the names of files
 // that Python itself gives ("surrogateescape"). It goes back as the same byte.
 
 namespace trifinger::bindings {
 
-[[nodiscard]] nanobind::object to_str(std::string_view text);
+[[nodiscard]] nanobind::str to_str(std::string_view text);
 /// Converts a text from a file. Bytes that are no UTF-8 become U+FFFD.
-[[nodiscard]] nanobind::object to_text(std::string_view text);
+[[nodiscard]] nanobind::str to_text(std::string_view text);
 /// Converts a text for a message. Bytes that are no UTF-8 are shown like "\xff".
-[[nodiscard]] nanobind::object to_message(std::string_view text);
+[[nodiscard]] nanobind::str to_message(std::string_view text);
 /// Returns str(object) with any characters, for a message.
 [[nodiscard]] std::string text_of(nanobind::handle object);
 
@@ -26,12 +28,11 @@ namespace trifinger::bindings {
 /// @throws TypeError, UnicodeEncodeError, InvalidArgument if it has a zero byte in it.
 [[nodiscard]] std::filesystem::path to_path(nanobind::handle path);
 /// Converts to a pathlib.Path.
-[[nodiscard]] nanobind::object to_python(const std::filesystem::path& path);
+[[nodiscard]] Shown<"pathlib.Path"> to_python(const std::filesystem::path& path);
 
-/// Adds to the comment of C++'s headers what only Python's users need to know.
-[[nodiscard]] inline std::string also(const std::string& comment, const char* python) {
-  return comment + "\n\n" + python;
-}
+/// Adds to the comment of C++'s headers what only Python's users need to know. The text stays as
+/// long as the module.
+[[nodiscard]] const char* also(const std::string& comment, const char* python);
 
 /// Returns false, without setting an error in Python, if `text` is no str or cannot become bytes.
 [[nodiscard]] bool read_str(nanobind::handle text, std::string& bytes) noexcept;

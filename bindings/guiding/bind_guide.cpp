@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -18,6 +19,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "conversion/with.hpp"
 #include "docstrings.hpp"
@@ -80,16 +82,23 @@ int number_of(const char* what, const std::variant<int, std::string>& chosen,
   return static_cast<int>(found - names.begin());
 }
 
-nb::tuple names_of(const std::vector<std::string>& names) {
+nb::typed<nb::tuple, nb::str, nb::ellipsis> names_of(const std::vector<std::string>& names) {
   nb::list list;
   for (const std::string& name : names) list.append(to_message(name));
   return nb::tuple(list);
 }
 
-GuidedJoints limits_of(const Guide& guide, double JointLimit::* limit) {
-  GuidedJoints values(guide.num_joints());
-  std::ranges::transform(guide.robot().limits, values.begin(), limit);
-  return values;
+// Returns a function that asks the guide.
+auto asked(auto question) {
+  return [question](const PythonGuide& guide) { return std::invoke(question, guide.guide()); };
+}
+
+auto limits_of(double JointLimit::* limit) {
+  return asked([limit](const Guide& guide) {
+    Array<GuidedJoints> values{GuidedJoints(guide.num_joints())};
+    std::ranges::transform(guide.robot().limits, values.value.begin(), limit);
+    return values;
+  });
 }
 
 void bind_guide_state(nb::module_& m) {
@@ -98,8 +107,7 @@ void bind_guide_state(nb::module_& m) {
       m, "GuideState",
       also(
           docs::GuideState::GuideState,
-          R"(Arrays of joints have the shape (num_joints,), arrays of frames (number of frames, 3).)")
-          .c_str())
+          R"(Arrays of joints have the shape (num_joints,), arrays of frames (number of frames, 3).)"))
       .def_ro("step", &State::step, docs::GuideState::step)
       .def_prop_ro(
           "mode", [](const State& state) { return std::string(name_of(state.mode)); },
@@ -133,11 +141,10 @@ void bind_guide(nb::module_& m) {
       also(
           docs::Guide::Guide,
           R"(A `with` block calls finish() at its end, also after an exception, which it keeps. trifinger.guide()
-makes a guide of a running robot by its name.)")
-          .c_str());
+makes a guide of a running robot by its name.)"));
   type.def(
           "__init__",
-          [](PythonGuide* self, nb::object frontend, std::vector<std::string> frames,
+          [](PythonGuide* self, Shown<"Frontend"> frontend, std::vector<std::string> frames,
              double joint_speed, double joint_acceleration, double tip_speed, double max_lead,
              const std::string& scheduling) {
             if (!nb::isinstance<PythonFrontend>(frontend)) {
@@ -151,25 +158,16 @@ makes a guide of a running robot by its name.)")
           "frontend"_a, nb::kw_only(), "frames"_a = nb::tuple(),
           "joint_speed"_a = usual.joint_speed, "joint_acceleration"_a = usual.joint_acceleration,
           "tip_speed"_a = usual.tip_speed, "max_lead"_a = usual.max_lead, "scheduling"_a = "try",
-          nb::sig(
-              "def __init__(self, frontend: Frontend, *, frames: collections.abc.Sequence[str] = "
-              "(), joint_speed: float = ..., "
-              "joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., "
-              "scheduling: str = 'try') -> None"),
           also(
               R"(Drives the robot of `frontend`, which must control it. Until the guide has ended, nobody else can
 append actions with `frontend`; everybody can read.)",
-              kSettings)
-              .c_str())
-      .def_prop_ro(
-          "num_joints", [](const PythonGuide& guide) { return guide.guide().num_joints(); },
-          "Number of joints.")
+              kSettings))
+      .def_prop_ro("num_joints", asked(&Guide::num_joints), "Number of joints.")
       .def_prop_ro(
           "joint_names",
           [](const PythonGuide& guide) {
             return names_of(guide.guide().robot().model->joint_names());
           },
-          nb::sig("def joint_names(self) -> tuple[str, ...]"),
           "Names of the joints, in the order of actions.")
       .def_prop_ro(
           "joint_units",
@@ -179,41 +177,31 @@ append actions with `frontend`; everybody can read.)",
               units.emplace_back(joint.is_slide ? "m" : "rad");
             return names_of(units);
           },
-          nb::sig("def joint_units(self) -> tuple[str, ...]"),
           R"(The unit of each joint's position: "rad", or "m" of a joint that slides.)")
-      .def_prop_ro(
-          "soft_lower",
-          [](const PythonGuide& guide) {
-            return Array{limits_of(guide.guide(), &JointLimit::soft_lower)};
-          },
-          "Lower soft limits of the joints [rad], [m].")
-      .def_prop_ro(
-          "soft_upper",
-          [](const PythonGuide& guide) {
-            return Array{limits_of(guide.guide(), &JointLimit::soft_upper)};
-          },
-          "Upper soft limits of the joints [rad], [m].")
+      .def_prop_ro("soft_lower", limits_of(&JointLimit::soft_lower),
+                   "Lower soft limits of the joints [rad], [m].")
+      .def_prop_ro("soft_upper", limits_of(&JointLimit::soft_upper),
+                   "Upper soft limits of the joints [rad], [m].")
       .def_prop_ro(
           "frame_names",
           [](const PythonGuide& guide) { return names_of(guide.guide().robot().frames); },
-          nb::sig("def frame_names(self) -> tuple[str, ...]"),
           "Names of the frames that move_frame() moves.")
       .def_prop_ro(
           "num_fingers",
           [](const PythonGuide& guide) { return guide.guide().robot().frames.size(); },
           "Number of frames; of a TriFinger that of its fingers.")
       .def_prop_ro(
-          "frontend", [](const PythonGuide& guide) { return guide.frontend(); },
-          nb::sig("def frontend(self) -> Frontend"), docs::Guide::frontend)
+          "frontend", [](const PythonGuide& guide) { return Shown<"Frontend">(guide.frontend()); },
+          docs::Guide::frontend)
       .def_prop_ro(
           "realtime_warnings",
           [](const PythonGuide& guide) {
-            nb::list warnings;
+            nb::typed<nb::list, nb::str> warnings;
             for (const std::string& warning : guide.guide().realtime_warnings())
               warnings.append(to_message(warning));
             return warnings;
           },
-          nb::sig("def realtime_warnings(self) -> list[str]"), docs::Guide::realtime_warnings)
+          docs::Guide::realtime_warnings)
       .def(
           "move_frame",
           [](const PythonGuide& guide, const std::variant<int, std::string>& frame,
@@ -222,7 +210,7 @@ append actions with `frontend`; everybody can read.)",
                                      position.value);
           },
           "frame"_a, "position"_a,
-          also(docs::Guide::move_frame, "A frame is given by number or by name.").c_str())
+          also(docs::Guide::move_frame, "A frame is given by number or by name."))
       .def(
           "move_tip",
           [](const PythonGuide& guide, int finger, const Vector3& position) {
@@ -243,36 +231,24 @@ append actions with `frontend`; everybody can read.)",
                 number_of("joint", joint, guide.guide().robot().model->joint_names()), position);
           },
           "joint"_a, "position"_a,
-          also(docs::Guide::move_joint, "A joint is given by number or by name.").c_str())
-      .def(
-          "home", [](const PythonGuide& guide) { guide.guide().home(); }, docs::Guide::home)
-      .def(
-          "hold", [](const PythonGuide& guide) { guide.guide().hold(); }, docs::Guide::hold)
-      .def(
-          "float_freely", [](const PythonGuide& guide) { guide.guide().float_freely(); },
-          docs::Guide::float_freely)
-      .def("state", &PythonGuide::state, "timeout"_a = nb::none(),
-           nb::sig("def state(self, timeout: float | None = None) -> GuideState"),
-           docs::Guide::state)
+          also(docs::Guide::move_joint, "A joint is given by number or by name."))
+      .def("home", asked(&Guide::home), docs::Guide::home)
+      .def("hold", asked(&Guide::hold), docs::Guide::hold)
+      .def("float_freely", asked(&Guide::float_freely), docs::Guide::float_freely)
+      .def("state", &PythonGuide::state, "timeout"_a = nb::none(), docs::Guide::state)
       .def("wait_until_arrived", &PythonGuide::wait_until_arrived, "timeout"_a = nb::none(),
-           nb::sig("def wait_until_arrived(self, timeout: float | None = None) -> None"),
            docs::Guide::wait_until_arrived)
-      .def(
-          "is_running", [](const PythonGuide& guide) { return guide.guide().is_running(); },
-          docs::Guide::is_running)
-      .def(
-          "check", [](const PythonGuide& guide) { guide.guide().check(); }, docs::Guide::check)
-      .def("finish", &PythonGuide::finish, "timeout"_a.none() = 5.0,
-           nb::sig("def finish(self, timeout: float | None = 5.0) -> None"), docs::Guide::finish)
-      .def("stop", &PythonGuide::stop, "timeout"_a.none() = 2.0,
-           nb::sig("def stop(self, timeout: float | None = 2.0) -> None"), docs::Guide::stop);
+      .def("is_running", asked(&Guide::is_running), docs::Guide::is_running)
+      .def("check", asked(&Guide::check), docs::Guide::check)
+      .def("finish", &PythonGuide::finish, "timeout"_a.none() = 5.0, docs::Guide::finish)
+      .def("stop", &PythonGuide::stop, "timeout"_a.none() = 2.0, docs::Guide::stop);
   bind_with(type, "Guide", [](PythonGuide& guide, bool is_clean) { guide.exit(is_clean); });
 
   m.def(
       "guide",
       [](const std::string& name, std::vector<std::string> frames, double joint_speed,
          double joint_acceleration, double tip_speed, double max_lead,
-         const std::string& scheduling, nb::handle timeout) {
+         const std::string& scheduling, const ShownSeconds& timeout) {
         GuideOptions options = options_of(std::move(frames), joint_speed, joint_acceleration,
                                           tip_speed, max_lead, scheduling);
         nb::object frontend = nb::cast(attach(name, {.control = true}, timeout));
@@ -281,10 +257,6 @@ append actions with `frontend`; everybody can read.)",
       "name"_a, nb::kw_only(), "frames"_a = nb::tuple(), "joint_speed"_a = usual.joint_speed,
       "joint_acceleration"_a = usual.joint_acceleration, "tip_speed"_a = usual.tip_speed,
       "max_lead"_a = usual.max_lead, "scheduling"_a = "try", "timeout"_a.none() = 5.0,
-      nb::sig("def guide(name: str, *, frames: collections.abc.Sequence[str] = (), joint_speed: "
-              "float = ..., joint_acceleration: float = ..., "
-              "tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try', timeout: "
-              "float | None = 5.0) -> Guide"),
       also(
           R"(Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`), and
 guides it: see Guide.
@@ -294,8 +266,7 @@ guides it: see Guide.
         guide.wait_until_arrived()
 
 `timeout` is how long to wait for a session that is about to begin [s].)",
-          kSettings)
-          .c_str());
+          kSettings));
 }
 
 }  // namespace trifinger::bindings

@@ -46,25 +46,25 @@ PythonGuide::~PythonGuide() {
   give_back();
 }
 
-guiding::GuideState PythonGuide::state(nb::handle timeout) const {
+guiding::GuideState PythonGuide::state(const ShownSeconds& timeout) const {
   const Timeout limit = to_timeout(timeout);
   const GilRelease release;
   return guide_->state(limit);
 }
 
-void PythonGuide::wait_until_arrived(nb::handle timeout) const {
+void PythonGuide::wait_until_arrived(const ShownSeconds& timeout) const {
   const Timeout limit = to_timeout(timeout);
   const GilRelease release;
   guide_->wait_until_arrived(limit);
 }
 
-void PythonGuide::finish(nb::handle timeout) {
+void PythonGuide::finish(const ShownSeconds& timeout) {
   const Timeout limit = to_timeout(timeout);
   const GilRelease release;
   guide_->finish(limit);
 }
 
-void PythonGuide::stop(nb::handle timeout) {
+void PythonGuide::stop(const ShownSeconds& timeout) {
   const Timeout limit = to_timeout(timeout);
   const GilRelease release;
   guide_->stop(limit);

@@ -4,7 +4,6 @@
 #include <nanobind/nanobind.h>
 
 #include <memory>
-#include <utility>
 
 #include "session/frontend.hpp"
 #include "trifinger/guiding/guide.hpp"
@@ -24,10 +23,10 @@ class PythonGuide {
   [[nodiscard]] guiding::Guide& guide() const noexcept { return *guide_; }
   [[nodiscard]] const nanobind::object& frontend() const noexcept { return frontend_; }
 
-  [[nodiscard]] guiding::GuideState state(nanobind::handle timeout) const;
-  void wait_until_arrived(nanobind::handle timeout) const;
-  void finish(nanobind::handle timeout);
-  void stop(nanobind::handle timeout);
+  [[nodiscard]] guiding::GuideState state(const ShownSeconds& timeout) const;
+  void wait_until_arrived(const ShownSeconds& timeout) const;
+  void finish(const ShownSeconds& timeout);
+  void stop(const ShownSeconds& timeout);
   /// Ends a `with` block: finishes. After an exception in the block its own errors are not raised.
   void exit(bool is_clean);
 

@@ -10,13 +10,12 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <tuple>
-#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -25,6 +24,7 @@
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "episodes.hpp"
@@ -65,64 +65,46 @@ nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) 
   return view(owner, values.data(), values.size(), rows);
 }
 
-nb::list describe_cameras(const std::vector<camera::Camera>& cameras) {
-  nb::list all;
+nb::typed<nb::list, nb::typed<nb::tuple, nb::str, int, int>> describe_cameras(
+    const std::vector<camera::Camera>& cameras) {
+  nb::typed<nb::list, nb::typed<nb::tuple, nb::str, int, int>> all;
   for (const camera::Camera& camera : cameras) {
     all.append(nb::make_tuple(camera.name, camera.format.height, camera.format.width));
   }
   return all;
 }
 
+using EntryTuple = std::tuple<std::string, std::string, std::vector<double>, std::vector<double>>;
+
+EntryTuple tuple_of(const Entry& entry) { return {entry.name, entry.unit, entry.low, entry.high}; }
+
 // What both classes tell of their task.
 template <class T>
 void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(const T&)) {
-  type.def_prop_ro(
-          "entries",
-          [environment_of](const T& self) {
-            nb::list entries;
-            for (const Entry& entry : environment_of(self).entries()) {
-              entries.append(nb::make_tuple(entry.name, entry.unit, entry.low, entry.high));
-            }
-            return entries;
-          },
-          nb::sig("def entries(self) -> list[tuple[str, str, list[float], list[float]]]"),
-          also(docs::Environment::entries, R"(Each is name, unit, low and high.)").c_str())
-      .def_prop_ro(
-          "goal",
-          [environment_of](const T& self) {
-            const Entry& goal = environment_of(self).goal();
-            return nb::make_tuple(goal.name, goal.unit, goal.low, goal.high);
-          },
-          nb::sig("def goal(self) -> tuple[str, str, list[float], list[float]]"))
-      .def_prop_ro("flat_names",
-                   [environment_of](const T& self) { return environment_of(self).flat_names(); })
-      .def_prop_ro(
-          "episode_actions",
-          [environment_of](const T& self) { return environment_of(self).episode_actions(); })
+  const auto told = [environment_of](auto ask) {
+    return [environment_of, ask](const T& self) { return std::invoke(ask, environment_of(self)); };
+  };
+  type.def_prop_ro("entries", told([](const Environment& each) {
+                     std::vector<EntryTuple> entries;
+                     for (const Entry& entry : each.entries()) entries.push_back(tuple_of(entry));
+                     return entries;
+                   }),
+                   also(docs::Environment::entries, R"(Each is name, unit, low and high.)"))
+      .def_prop_ro("goal", told([](const Environment& each) { return tuple_of(each.goal()); }))
+      .def_prop_ro("flat_names", told(&Environment::flat_names))
+      .def_prop_ro("episode_actions", told(&Environment::episode_actions))
       .def_prop_ro(
           "oldest_image_age", [](const T&) { return kOldestImage; },
           "Images that are older count as this old [steps].")
-      .def_prop_ro(
-          "judges_by_truth",
-          [environment_of](const T& self) { return environment_of(self).judges_by_truth(); },
-          docs::Environment::judges_by_truth)
-      .def_prop_ro(
-          "num_parts", [environment_of](const T& self) { return environment_of(self).num_parts(); },
-          docs::Environment::num_parts)
-      .def_prop_ro(
-          "has_goals_of_fingers",
-          [environment_of](const T& self) { return environment_of(self).has_goals_of_fingers(); },
-          docs::Environment::has_goals_of_fingers)
-      .def_prop_ro(
-          "score_names", [environment_of](const T& self) { return environment_of(self).scores(); },
-          docs::Environment::scores)
-      .def_prop_ro("num_joints",
-                   [environment_of](const T& self) { return environment_of(self).num_joints(); })
+      .def_prop_ro("judges_by_truth", told(&Environment::judges_by_truth),
+                   docs::Environment::judges_by_truth)
+      .def_prop_ro("num_parts", told(&Environment::num_parts), docs::Environment::num_parts)
+      .def_prop_ro("has_goals_of_fingers", told(&Environment::has_goals_of_fingers),
+                   docs::Environment::has_goals_of_fingers)
+      .def_prop_ro("score_names", told(&Environment::scores), docs::Environment::scores)
+      .def_prop_ro("num_joints", told(&Environment::num_joints))
       .def_prop_ro("object_name",
-                   [environment_of](const T& self) {
-                     const std::string_view name = environment_of(self).object_name();
-                     return std::string(name);
-                   })
+                   told([](const Environment& each) { return std::string(each.object_name()); }))
       .def(
           "compute_reward",
           [environment_of](const T& self, const Goals& achieved, const Goals& desired) {
@@ -140,26 +122,24 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
           "achieved"_a, "desired"_a, "One reward for each row.");
 }
 
-nb::tuple told(const Episodes& self, const Episodes::Seen& seen) {
+std::tuple<TimeIndex, double, bool, bool, bool, TimeIndex> told(const Episodes& self,
+                                                                const Episodes::Seen& seen) {
   const Outcome& outcome = self.outcome;
-  return nb::make_tuple(seen.time_index, outcome.reward, outcome.terminated, outcome.truncated,
-                        outcome.success, seen.object_age);
+  return {seen.time_index,   outcome.reward,  outcome.terminated,
+          outcome.truncated, outcome.success, seen.object_age};
 }
 
 void bind_episodes(nb::module_& m) {
   nb::class_<Episodes> type(
-      m, "Episodes",
-      also(docs::Environment::Environment, R"(`trifinger.environments` uses it.)").c_str());
+      m, "Episodes", also(docs::Environment::Environment, R"(`trifinger.environments` uses it.)"));
   type.def(
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
-             const std::string& config, const nb::dict& overrides) {
+             const std::string& config, const Overrides& overrides) {
             new (self) Episodes(describe_task(task), read_options(options),
                                 load_config(config, overrides));
           },
-          "task"_a, "options"_a, "config"_a, "overrides"_a,
-          nb::sig("def __init__(self, task: object, options: str, config: str, "
-                  "overrides: dict[str, object]) -> None"))
+          "task"_a, "options"_a, "config"_a, "overrides"_a)
       .def(
           "begin",
           [](Episodes& self, std::uint64_t seed, std::uint64_t number) {
@@ -168,19 +148,16 @@ void bind_episodes(nb::module_& m) {
             const auto list = [](const auto& numbers, std::size_t count) {
               return std::vector<double>(numbers.begin(), numbers.begin() + count);
             };
-            return nb::make_tuple(list(start.position, self.environment.num_joints()),
-                                  list(start.object.position, 3), list(start.object.orientation, 4),
-                                  list(start.object_velocity.linear, 3), start.variation,
-                                  start.random.episode, self.model_positions());
+            return std::tuple(list(start.position, self.environment.num_joints()),
+                              list(start.object.position, 3), list(start.object.orientation, 4),
+                              list(start.object_velocity.linear, 3), start.variation,
+                              start.random.episode, self.model_positions());
           },
           "seed"_a, "number"_a,
-          nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
-                  "list[float], list[float], Variation, int, list[float]]"),
           also(
               docs::Environment::begin,
               R"(Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation,
-the series of random numbers, and positions of the first hinges and slides of a robot from a file; NaN: as always.)")
-              .c_str())
+the series of random numbers, and positions of the first hinges and slides of a robot from a file; NaN: as always.)"))
       .def(
           "check_robot",
           [](Episodes& self, const std::optional<std::string>& configuration) {
@@ -207,11 +184,9 @@ the series of random numbers, and positions of the first hinges and slides of a 
               self.environment.approach_point({from.value.data(), size}, self.start, i,
                                               {approach.row(i).data(), size});
             }
-            return approach;
+            return Array{std::move(approach)};
           },
           "from_position"_a,
-          nb::sig("def approach(self, from_position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
           "Joint positions that bring a robot to where the episode begins: a row for each action "
           "[rad].")
       .def(
@@ -233,8 +208,6 @@ the series of random numbers, and positions of the first hinges and slides of a 
             return told(self, self.look(robot, t, poses, simulation));
           },
           "robot"_a, "t"_a, "poses"_a.none(), "simulation"_a.none(),
-          nb::sig("def look(self, robot: Frontend, t: int, poses: Frontend | None, simulation: "
-                  "Simulation | None) -> tuple[int, float, bool, bool, bool, int]"),
           "Looks at what the robot measured at step `t`. `poses` is the companion with the poses "
           "of objects;\n`simulation` knows where they really are. Returns the step, reward, "
           "terminated, truncated, success\nand the age of the object's pose [steps], -1 if it was "
@@ -254,44 +227,42 @@ the series of random numbers, and positions of the first hinges and slides of a 
       "Names of the free bodies of a robot from a file.");
   type.def_prop_ro(
       "cameras", [](const Episodes& self) { return describe_cameras(self.cameras); },
-      nb::sig("def cameras(self) -> list[tuple[str, int, int]]"),
       "Name, height and width of each camera that is observed.");
   bind_description<Episodes>(
       type, [](const Episodes& self) -> const Environment& { return self.environment; });
-  const auto array = [&type](const char* name, const char* signature, auto get) {
+  const auto array = [&type](const char* name, const char* number, auto get) {
+    const std::string signature =
+        "def " + std::string(name) + "(self) -> numpy.typing.NDArray[numpy." + number + "]";
     type.def_prop_ro(
-        name, [get](nb::handle self) { return get(self, nb::cast<Episodes&>(self)); },
-        nb::sig(signature));
+        name,
+        [get](nb::handle self) {
+          const auto numbers = get(nb::cast<Episodes&>(self));
+          return view(self, numbers.data(), numbers.size());
+        },
+        nb::sig(signature.c_str()));
   };
-  array("observation", "def observation(self) -> numpy.typing.NDArray[numpy.float32]",
-        [](nb::handle owner, Episodes& self) { return view(owner, self.observation); });
-  array("achieved", "def achieved(self) -> numpy.typing.NDArray[numpy.float64]",
-        [](nb::handle owner, Episodes& self) { return view(owner, self.achieved); });
-  array("desired", "def desired(self) -> numpy.typing.NDArray[numpy.float64]",
-        [](nb::handle owner, Episodes& self) { return view(owner, self.desired); });
-  array("distance", "def distance(self) -> numpy.typing.NDArray[numpy.float64]",
-        [](nb::handle owner, Episodes& self) {
-          return view(owner, self.outcome.distance.data(), self.environment.num_parts());
-        });
-  array("finger_rewards", "def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]",
-        [](nb::handle owner, Episodes& self) {
-          return view(owner, self.outcome.finger_rewards.data(), self.environment.num_parts());
-        });
-  array("scores", "def scores(self) -> numpy.typing.NDArray[numpy.float64]",
-        [](nb::handle owner, Episodes& self) {
-          return view(owner, self.outcome.scores.data(), self.environment.scores().size());
-        });
+  array("observation", "float32", [](Episodes& self) { return std::span(self.observation); });
+  array("achieved", "float64", [](Episodes& self) { return std::span(self.achieved); });
+  array("desired", "float64", [](Episodes& self) { return std::span(self.desired); });
+  array("distance", "float64", [](Episodes& self) {
+    return std::span(self.outcome.distance).first(self.environment.num_parts());
+  });
+  array("finger_rewards", "float64", [](Episodes& self) {
+    return std::span(self.outcome.finger_rewards).first(self.environment.num_parts());
+  });
+  array("scores", "float64", [](Episodes& self) {
+    return std::span(self.outcome.scores).first(self.environment.scores().size());
+  });
 }
 
 void bind_environments(nb::module_& m) {
   nb::class_<EnvironmentBatch> type(m, "EnvironmentBatch",
                                     also(docs::EnvironmentBatch::EnvironmentBatch,
-                                         R"(`trifinger.environments.VectorEnvironment` uses it.)")
-                                        .c_str());
+                                         R"(`trifinger.environments.VectorEnvironment` uses it.)"));
   type.def(
           "__init__",
           [](EnvironmentBatch* self, const nb::object& named, const std::string& options, int size,
-             int num_threads, const std::string& config, const nb::dict& overrides) {
+             int num_threads, const std::string& config, const Overrides& overrides) {
             const RobotConfig robot = load_config(config, overrides);
             const EnvironmentOptions wanted = read_options(options);
             const TaskDescription task = describe_task(named);
@@ -300,9 +271,7 @@ void bind_environments(nb::module_& m) {
                                             ? rendering::vision_options(robot, robot.name)
                                             : std::nullopt);
           },
-          "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a,
-          nb::sig("def __init__(self, task: object, options: str, size: int, "
-                  "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
+          "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a)
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
       .def_prop_ro("oldest_sure_age", &EnvironmentBatch::oldest_sure_age,
@@ -334,7 +303,7 @@ void bind_environments(nb::module_& m) {
           "actions"_a, "autoreset"_a,
           nb::sig("def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) "
                   "-> None"),
-          also(docs::EnvironmentBatch::step, R"(The arrays below change.)").c_str());
+          also(docs::EnvironmentBatch::step, R"(The arrays below change.)"));
   bind_description<EnvironmentBatch>(
       type, [](const EnvironmentBatch& self) -> const Environment& { return self.environment(); });
   const auto array = [&type](const char* name, const char* number, auto get, bool has_rows) {
@@ -380,7 +349,7 @@ void bind_environments(nb::module_& m) {
   array("final_image_age", "float32", [](Results& r) -> auto& { return r.final.image_age; }, kRows);
   type.def_prop_ro(
       "cameras", [](const EnvironmentBatch& self) { return describe_cameras(self.cameras()); },
-      nb::sig("def cameras(self) -> list[tuple[str, int, int]]"), docs::EnvironmentBatch::cameras);
+      docs::EnvironmentBatch::cameras);
   const auto images = [&type](const char* name, auto get) {
     const std::string signature =
         "def " + std::string(name) + "(self) -> list[numpy.typing.NDArray[numpy.uint8]]";
@@ -419,27 +388,24 @@ void bind_environment(nb::module_& m) {
       "Default options of a task, as JSON.");
   m.def(
       "environment_overrides",
-      [](const std::variant<std::string, nb::dict>& task, const std::string& options,
-         const std::string& config, const nb::dict& own) {
+      [](const std::variant<std::string, Overrides>& task, const std::string& options,
+         const std::string& config, const Overrides& own) {
         const nb::object loads = nb::module_::import_("json").attr("loads");
         const bool is_from_file = is_robot_from_file(config, own);
         const auto* const name = std::get_if<std::string>(&task);
         const TaskDescription described =
             name != nullptr ? find_task(*name) : TaskDescription{.config_overrides = {}};
-        nb::dict overrides;
+        Overrides overrides;
         for (const std::string& text :
              config_overrides(described, read_options(options), is_from_file)) {
           const std::size_t end = text.find('=');
           overrides[text.substr(0, end).c_str()] = loads(text.substr(end + 1));
         }
-        if (name == nullptr && !is_from_file) overrides.update(std::get<nb::dict>(task));
+        if (name == nullptr && !is_from_file) overrides.update(std::get<Overrides>(task));
         overrides.update(own);
         return overrides;
       },
       "task"_a, "options"_a, "config"_a = "trifinger_edu", "config_overrides"_a = nb::dict(),
-      nb::sig(
-          "def environment_overrides(task: str | dict[str, object], options: str, config: str = "
-          "'trifinger_edu', config_overrides: dict[str, object] = {}) -> dict[str, object]"),
       "The overrides with which a robot's configuration is that of an environment: those that its\n"
       "options (JSON) need, those of a task, and the user's own, which win. `task` is the name of "
       "a\n"
@@ -460,8 +426,8 @@ void bind_environment(nb::module_& m) {
       "Name, type, default (JSON) and meaning of each option.");
   m.def(
       "limits_of_file_robot",
-      [](const std::string& config, const nb::dict& overrides) {
-        nb::dict limits;
+      [](const std::string& config, const Overrides& overrides) {
+        nb::typed<nb::dict, nb::str, nb::typed<nb::dict, nb::str, double>> limits;
         const SimulationOptions robot = load_config(config, overrides).simulation;
         if (robot.file == nullptr) return limits;
         for (std::size_t i = 0; i < robot.limits->size(); ++i) {
@@ -475,18 +441,14 @@ void bind_environment(nb::module_& m) {
         return limits;
       },
       "config"_a, "config_overrides"_a = nb::dict(),
-      nb::sig("def limits_of_file_robot(config: str, config_overrides: dict[str, object] = {}) -> "
-              "dict[str, dict[str, float]]"),
       "What each joint of a robot from a file may do, whether its configuration or its file says "
       "it:\nkeys and values of its section in `safety`. Empty for other robots.");
   m.def(
       "robot_configuration",
-      [](const std::string& config, const nb::dict& overrides) {
+      [](const std::string& config, const Overrides& overrides) {
         return load_config(config, overrides).session.documents.front().text;
       },
       "config"_a, "config_overrides"_a = nb::dict(),
-      nb::sig("def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> "
-              "str"),
       "The whole text of a configuration, with what it extends and its overrides, as sessions have "
       "it.");
 }

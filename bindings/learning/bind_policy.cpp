@@ -22,6 +22,8 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
+#include "conversion/numbers.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "trifinger/base/error.hpp"
@@ -96,13 +98,11 @@ nb::object call(Policy& policy, nb::handle observation) {
                           std::string(nb::str(nb::handle(shape)).c_str()) + ", must have (" +
                           std::to_string(size) + ",)");
   }
-  auto num_outputs = static_cast<npy_intp>(policy.num_outputs());
-  const nb::object action = nb::steal(PyArray_SimpleNew(1, &num_outputs, NPY_DOUBLE));
-  if (!action.is_valid()) throw nb::python_error();
+  const auto [action, memory] =
+      new_array({static_cast<npy_intp>(policy.num_outputs())}, NPY_DOUBLE);
   const std::span<const double> input(static_cast<const double*>(PyArray_DATA(numbers)),
                                       policy.num_inputs());
-  auto* const outputs = reinterpret_cast<PyArrayObject*>(action.ptr());
-  const std::span<double> output(static_cast<double*>(PyArray_DATA(outputs)), policy.num_outputs());
+  const std::span output(static_cast<double*>(memory), policy.num_outputs());
   if (!policy.evaluate(input, output)) explain(policy, input);
   return action;
 }
@@ -114,13 +114,11 @@ void bind_policy(nb::module_& m) {
   nb::class_<Policy>(m, "Policy", docs::Policy::Policy)
       .def(
           "__init__",
-          [](Policy* self, nb::handle path, const std::string& precision) {
+          [](Policy* self, const ShownPath& path, const std::string& precision) {
             new (self) Policy(Policy::load(to_path(path),
                                            choice<Precision>("precision", kPrecisions, precision)));
           },
           "path"_a, nb::kw_only(), "precision"_a = "double",
-          nb::sig("def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') "
-                  "-> None"),
           "Reads the file at `path`. Sums have 'double' or 'single' precision. 'single' takes "
           "about half the\ntime and rounds as much as PyTorch does.")
       .def_static(
@@ -157,9 +155,8 @@ void bind_policy(nb::module_& m) {
           "brought between `low` and `high`, by\n'scale' from -1 to 1, or by 'clip'. "
           "`trifinger.policy_file` makes policies from networks of PyTorch.")
       .def(
-          "save", [](const Policy& policy, nb::handle path) { policy.save(to_path(path)); },
-          "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"),
-          docs::Policy::save)
+          "save", [](const Policy& policy, const ShownPath& path) { policy.save(to_path(path)); },
+          "path"_a, docs::Policy::save)
       .def("__call__", &call, "observation"_a,
            nb::sig("def __call__(self, observation: numpy.typing.ArrayLike) -> "
                    "numpy.typing.NDArray[numpy.float64]"),

@@ -15,6 +15,8 @@
 #include "base/text_of.hpp"
 #include "conversion/array.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/numbers.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -28,11 +30,9 @@ using namespace learning;
 
 // An array of NumPy with a row for each robot, and its numbers.
 std::pair<nb::object, void*> new_rows(std::size_t rows, std::size_t columns, int type) {
-  npy_intp shape[] = {static_cast<npy_intp>(rows), static_cast<npy_intp>(columns)};
-  nb::object array = nb::steal(PyArray_SimpleNew(columns > 0 ? 2 : 1, shape, type));
-  if (!array.is_valid()) throw nb::python_error();
-  void* const numbers = PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr()));
-  return {std::move(array), numbers};
+  const auto length = static_cast<npy_intp>(rows);
+  return columns > 0 ? new_array({length, static_cast<npy_intp>(columns)}, type)
+                     : new_array({length}, type);
 }
 
 // One row for each robot, of the numbers that `row_of` returns for it.
@@ -73,7 +73,7 @@ class RandomOfMany {
   [[nodiscard]] const nb::object& robots() const noexcept { return robots_; }
 
   // Those of some of the robots.
-  [[nodiscard]] RandomOfMany some(const nb::object& which) const {
+  [[nodiscard]] RandomOfMany some(const ShownNumbers& which) const {
     const nb::object numpy = nb::module_::import_("numpy");
     RandomOfMany some = *this;
     some.robots_ = robots_[numpy.attr("atleast_1d")(which)];
@@ -288,17 +288,18 @@ void bind_random(nb::module_& m) {
       "Random numbers for robots, one series for each, which only the seed and "
       "the number of its\nepisode decide.")
       .def_prop_ro(
-          "robots", [](const RandomOfMany& self) { return self.robots(); },
-          nb::sig("def robots(self) -> numpy.typing.NDArray[numpy.int64]"),
+          "robots",
+          [](const RandomOfMany& self) {
+            return Shown<"numpy.typing.NDArray[numpy.int64]">(self.robots());
+          },
           "Places of these robots in their environment, from 0.")
       .def("__len__", [](const RandomOfMany& self) { return nb::len(self.robots()); })
       .def("__getitem__", &RandomOfMany::some, "which"_a,
-           nb::sig("def __getitem__(self, which: numpy.typing.ArrayLike) -> Random"),
            "Those of some of the robots, by marks (bool) or indices: to draw again where a draw is "
            "not fit.")
       .def(
           "uniform",
-          [](const RandomOfMany& self, const nb::object& low, const nb::object& high) {
+          [](const RandomOfMany& self, const ShownNumbers& low, const ShownNumbers& high) {
             const Bounds bounds(low, high);
             const auto columns = static_cast<std::size_t>(bounds.low.size());
             return self.draw<double>(bounds.is_one ? 0 : columns, NPY_DOUBLE,

@@ -15,7 +15,7 @@
 #include "bindings.hpp"
 #include "camera/image_file.hpp"
 #include "conversion/gil.hpp"
-#include "conversion/numpy.hpp"
+#include "conversion/numbers.hpp"
 #include "conversion/text.hpp"
 #include "log.hpp"
 #include "log/logged_images.hpp"
@@ -37,11 +37,9 @@ nb::object array_of(const camera::ImageFormat& format, bool is_colour, const Rea
     const GilRelease release;
     pixels = read();
   }
-  npy_intp shape[] = {format.height, format.width, 3};
-  nb::object array = nb::steal(PyArray_SimpleNew(is_colour ? 3 : 2, shape, NPY_UINT8));
-  if (!array.is_valid()) throw nb::python_error();
-  std::memcpy(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr())), pixels.data(),
-              pixels.size());
+  auto [array, memory] = is_colour ? new_array({format.height, format.width, 3}, NPY_UINT8)
+                                   : new_array({format.height, format.width}, NPY_UINT8);
+  std::memcpy(memory, pixels.data(), pixels.size());
   return array;
 }
 

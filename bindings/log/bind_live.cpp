@@ -3,10 +3,10 @@
 #include <nanobind/stl/vector.h>
 
 #include <string>
-#include <vector>
 
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "log.hpp"
@@ -43,11 +43,11 @@ void bind_live(nb::module_& m) {
       .def_prop_ro(
           "events",
           [](const LiveBatch& batch) {
-            nb::list events;
+            nb::typed<nb::list, Shown<"trifinger.log.types.Event">> events;
             for (const log::Event& event : batch.events) events.append(to_python(event));
             return events;
           },
-          nb::sig("def events(self) -> list[trifinger.log.types.Event]"), docs::LiveBatch::events)
+          docs::LiveBatch::events)
       .def_ro("lost", &LiveBatch::lost, docs::LiveBatch::lost);
   nb::class_<LiveMessages>(m, "LiveMessages", docs::LiveMessages::LiveMessages)
       .def(

@@ -7,7 +7,6 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
@@ -22,6 +21,7 @@
 #include "conversion/errors.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/series.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "docstrings.hpp"
@@ -44,15 +44,20 @@ auto without_gil(const Function& function) {
 }
 
 template <class T>
-nb::list to_list(const std::vector<T>& values) {
-  nb::list list;
+auto to_list(const std::vector<T>& values) {
+  nb::typed<nb::list, decltype(to_python(values.front()))> list;
   for (const T& value : values) list.append(to_python(value));
   return list;
 }
 
 using Files = std::vector<std::filesystem::path>;
+using ShownStep = Shown<"int">;
+using ShownSeries = Shown<
+    "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
+    "collections.abc.Sequence[str]">;
 
-nb::list to_sessions(std::vector<LoggedSession> sessions, const Files& files) {
+nb::typed<nb::list, PythonLoggedSession> to_sessions(std::vector<LoggedSession> sessions,
+                                                     const Files& files) {
   nb::list list;
   for (LoggedSession& session : sessions) {
     list.append(nb::cast(std::make_unique<PythonLoggedSession>(std::move(session), files)));
@@ -61,12 +66,9 @@ nb::list to_sessions(std::vector<LoggedSession> sessions, const Files& files) {
 }
 
 // Files for a process that may have another working directory.
-nb::object to_absolute(const Files& files) {
-  nb::list list;
-  for (const std::filesystem::path& file : files) {
-    list.append(to_python(std::filesystem::absolute(file)));
-  }
-  return list;
+nb::object to_absolute(Files files) {
+  for (std::filesystem::path& file : files) file = std::filesystem::absolute(file);
+  return to_list(files);
 }
 
 [[noreturn]] void throw_changed(const Files& files) {
@@ -110,26 +112,52 @@ void restore(PythonLoggedSession& place, const PickledSession& state) {
   new (&place) PythonLoggedSession(find(), files);
 }
 
-// Returns a method that calls Python: trifinger.log.tables.NAME(session, ...).
+nb::object tables() { return nb::module_::import_("trifinger.log.tables"); }
+
+// Returns a method that writes a file: trifinger.log.tables.NAME(session, ...).
 auto exported(const char* name) {
-  return [name](nb::handle session, const nb::args& arguments, const nb::kwargs& options) {
-    return nb::module_::import_("trifinger.log.tables").attr(name)(session, *arguments, **options);
+  return [name](nb::handle session, const ShownPath& path, const ShownStep& first,
+                const ShownStep& last, const ShownSeries& series) {
+    tables().attr(name)(session, path, first, last, series);
   };
 }
 
+// Reads the four series in the same way: all steps, one element by its step, or a range of steps.
+void bind_series(nb::class_<PythonLoggedSession>& type) {
+  for (const SeriesNames& names : kSeriesNames) {
+    const Series series = names.series;
+    const std::string array = " -> numpy.typing.NDArray[" + names.type + "]";
+    type.def_prop_ro(
+        names.many.c_str(),
+        [series](PythonLoggedSession& session) { return session.series(series); },
+        nb::sig(("def " + names.many + "(self)" + array).c_str()),
+        "The elements of all whole steps: a row for each number in `time_index`. They are read at "
+        "the\n"
+        "first request and kept.");
+    type.def(("get_" + names.one).c_str(),
+             [series](const PythonLoggedSession& session, TimeIndex t) {
+               return session.get(series, t);
+             },
+             "t"_a, nb::sig(("def get_" + names.one + "(self, t: int) -> " + names.type).c_str()),
+             "Returns the element of step `t`. Raises NotInLog if it is missing.");
+    type.def(
+        ("get_" + names.many).c_str(),
+        [series](const PythonLoggedSession& session, TimeIndex first, TimeIndex last,
+                 nb::handle fields) { return session.get_many(series, first, last, fields); },
+        "first"_a, "last"_a, "fields"_a = nb::none(),
+        nb::sig(("def get_" + names.many +
+                 "(self, first: int, last: int, fields: str | collections.abc.Sequence[str] | None "
+                 "= None)" +
+                 array)
+                    .c_str()),
+        R"(Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+i is step `first + i`, so all steps must be in the log.
+
+If the session ended in step N, the log has an observation and a status N, but no actions N.)");
+  }
+}
+
 void bind_logged_session(nb::module_& m) {
-  const auto get = [](Series series) {
-    return [series](const PythonLoggedSession& session, TimeIndex t) {
-      return session.get(series, t);
-    };
-  };
-  const auto get_many = [](Series series) {
-    return [series](const PythonLoggedSession& session, TimeIndex first, TimeIndex last,
-                    nb::handle fields) { return session.get_many(series, first, last, fields); };
-  };
-  const auto all_steps = [](Series which) {
-    return [which](PythonLoggedSession& session) { return session.series(which); };
-  };
   const auto header = [](auto member) {
     return
         [member](const PythonLoggedSession& session) { return session.session().header().*member; };
@@ -143,23 +171,20 @@ void bind_logged_session(nb::module_& m) {
     session.get_observations(1000, 2000)         # like those of a front-end
     session.get_observations(*session.between(1.5, 3.0), fields=("position",))
     for steps in session.chunks():               # a log larger than memory
-        steps.time_index, steps.observations, steps.applied_actions)")
-          .c_str());
+        steps.time_index, steps.observations, steps.applied_actions)"));
   type.def("__getstate__", [](const PythonLoggedSession& session) { return state_of(session); })
       .def("__setstate__",
            [](PythonLoggedSession& place, const PickledSession& state) { restore(place, state); })
-      .def(
-          "__repr__",
-          [](const PythonLoggedSession& session) {
-            const log::LoggedSession& logged = session.session();
-            const std::string steps = !logged.steps() ? "not ended"
-                                      : *logged.steps() == 1
-                                          ? "1 step"
-                                          : std::to_string(*logged.steps()) + " steps";
-            const std::string text = "<LoggedSession of '" + logged.name() + "', " + logged.type();
-            return to_text(logged.is_companion() ? text + ">" : text + ", " + steps + ">");
-          },
-          nb::sig("def __repr__(self) -> str"))
+      .def("__repr__",
+           [](const PythonLoggedSession& session) {
+             const log::LoggedSession& logged = session.session();
+             const std::string steps = !logged.steps() ? "not ended"
+                                       : *logged.steps() == 1
+                                           ? "1 step"
+                                           : std::to_string(*logged.steps()) + " steps";
+             const std::string text = "<LoggedSession of '" + logged.name() + "', " + logged.type();
+             return to_text(logged.is_companion() ? text + ">" : text + ", " + steps + ">");
+           })
       .def_prop_ro(
           "name", [](const PythonLoggedSession& session) { return session.session().name(); },
           docs::LoggedSession::name)
@@ -192,7 +217,7 @@ void bind_logged_session(nb::module_& m) {
           [](const PythonLoggedSession& session) {
             return to_python(session.session().header().documents);
           },
-          nb::sig("def documents(self) -> dict[str, str]"), docs::Session::documents)
+          docs::Session::documents)
       .def_prop_ro(
           "steps", [](const PythonLoggedSession& session) { return session.session().steps(); },
           docs::LoggedSession::steps)
@@ -201,120 +226,59 @@ void bind_logged_session(nb::module_& m) {
           [](const PythonLoggedSession& session) {
             return to_python(std::optional(session.session().fault()));
           },
-          nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
           docs::LoggedSession::fault)
       .def_prop_ro(
           "fault_text",
           [](const PythonLoggedSession& session) {
             return to_text(session.session().fault_text());
           },
-          nb::sig("def fault_text(self) -> str"), docs::LoggedSession::fault_text)
+          docs::LoggedSession::fault_text)
       .def_prop_ro(
           "gaps",
           [](const PythonLoggedSession& session) {
             return to_list(without_gil([&] { return session.session().gaps(); }));
           },
-          nb::sig("def gaps(self) -> list[trifinger.log.types.Gap]"), docs::LoggedSession::gaps)
+          docs::LoggedSession::gaps)
 
-      .def_prop_ro(
-          "observations", all_steps(Series::kObservation),
-          nb::sig("def observations(self) -> numpy.typing.NDArray[Observation]"),
-          R"(Observations of all whole steps: a row for each number in `time_index`. They are read
-at the first request and kept.)")
-      .def_prop_ro("desired_actions", all_steps(Series::kDesiredAction),
-                   nb::sig("def desired_actions(self) -> numpy.typing.NDArray[Action]"))
-      .def_prop_ro("applied_actions", all_steps(Series::kAppliedAction),
-                   nb::sig("def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]"))
-      .def_prop_ro("statuses", all_steps(Series::kStatus),
-                   nb::sig("def statuses(self) -> numpy.typing.NDArray[StatusElement]"))
       .def_prop_ro(
           "time_index", &PythonLoggedSession::time_index,
-          nb::sig("def time_index(self) -> numpy.typing.NDArray[numpy.int64]"),
           "The whole steps that are in the log; for a companion, the numbers of its elements.")
       .def_prop_ro("times", &PythonLoggedSession::times,
-                   nb::sig("def times(self) -> numpy.typing.NDArray[numpy.datetime64]"),
                    "Times at which the observations were measured, by the wall clock (UTC).")
 
-      .def("get_observation", get(Series::kObservation), "t"_a,
-           nb::sig("def get_observation(self, t: int) -> Observation"),
-           "Returns y[t]. This and the functions below raise NotInLog if an element is missing.")
-      .def("get_desired_action", get(Series::kDesiredAction), "t"_a,
-           nb::sig("def get_desired_action(self, t: int) -> Action"))
-      .def("get_applied_action", get(Series::kAppliedAction), "t"_a,
-           nb::sig("def get_applied_action(self, t: int) -> AppliedAction"))
-      .def("get_status", get(Series::kStatus), "t"_a,
-           nb::sig("def get_status(self, t: int) -> StatusElement"))
-      .def(
-          "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
-          "fields"_a = nb::none(),
-          nb::sig(
-              "def get_observations(self, first: int, last: int, fields: str | "
-              "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]"),
-          R"(Returns the steps from `first` to before `last`, with only these `fields` if given. Row
-i is step `first + i`, so all steps must be in the log.
-
-If the session ended in step N, the log has an observation and a status N, but no actions N.)")
-      .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
-           "fields"_a = nb::none(),
-           nb::sig("def get_desired_actions(self, first: int, last: int, fields: str | "
-                   "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Action]"))
-      .def("get_applied_actions", get_many(Series::kAppliedAction), "first"_a, "last"_a,
-           "fields"_a = nb::none(),
-           nb::sig("def get_applied_actions(self, first: int, last: int, fields: str | "
-                   "collections.abc.Sequence[str] | None = None) -> "
-                   "numpy.typing.NDArray[AppliedAction]"))
-      .def("get_statuses", get_many(Series::kStatus), "first"_a, "last"_a, "fields"_a = nb::none(),
-           nb::sig("def get_statuses(self, first: int, last: int, fields: str | "
-                   "collections.abc.Sequence[str] | None = None) -> "
-                   "numpy.typing.NDArray[StatusElement]"))
       .def("get_latest_at", &PythonLoggedSession::get_latest_at, "t"_a,
-           nb::sig("def get_latest_at(self, t: int) -> Observation | None"),
            R"(For companions: returns the newest element that arrived at or before the robot's step
 `t`. None if none had arrived by then.)")
-      .def("range", &PythonLoggedSession::range, "series"_a,
-           nb::sig("def range(self, series: str) -> tuple[int, int]"), docs::LoggedSession::range)
+      .def("range", &PythonLoggedSession::range, "series"_a, docs::LoggedSession::range)
       .def("between", &PythonLoggedSession::between, "begin"_a, "end"_a,
-           nb::sig("def between(self, begin: float, end: float) -> tuple[int, int]"),
-           also(docs::LoggedSession::between, R"(Both are in seconds.)").c_str())
+           also(docs::LoggedSession::between, R"(Both are in seconds.)"))
       .def(
           "timing",
-          [](const PythonLoggedSession& session, TimeIndex first, nb::handle last) {
-            const TimeIndex end =
-                last.is_none() ? std::numeric_limits<TimeIndex>::max() : nb::cast<TimeIndex>(last);
+          [](const PythonLoggedSession& session, TimeIndex first, std::optional<TimeIndex> last) {
+            const TimeIndex end = last.value_or(std::numeric_limits<TimeIndex>::max());
             return without_gil([&] { return session.session().timing(first, end); });
           },
-          "first"_a = 0, "last"_a = nb::none(),
-          nb::sig("def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | "
-                  "None"),
-          docs::LoggedSession::timing)
+          "first"_a = 0, "last"_a = nb::none(), docs::LoggedSession::timing)
       .def(
           "read",
-          [](const PythonLoggedSession& session, nb::handle first, nb::handle last,
-             nb::handle series) {
+          [](const PythonLoggedSession& session, const ShownStep& first, const ShownStep& last,
+             const ShownSeries& series) {
             return PythonSteps(session.session(), series, first, last, 1).read_all();
           },
           "first"_a = nb::none(), "last"_a = nb::none(), "series"_a = nb::none(),
-          nb::sig("def read(self, first: int | None = None, last: int | None = None, series: "
-                  "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
-                  "collections.abc.Sequence[str] | None = None) -> trifinger.log.types.Steps"),
           also(
               docs::LoggedSession::read,
               R"(Reading several series at once takes no longer than reading one. `series` are names,
 "desired_action", "applied_action", "observation" and "status", or a dict of names and fields:
-`{"observation": ("position",), "status": None}`.)")
-              .c_str())
+`{"observation": ("position",), "status": None}`.)"))
       .def(
           "chunks",
-          [](const PythonLoggedSession& session, std::size_t count, nb::handle first,
-             nb::handle last, nb::handle series) {
+          [](const PythonLoggedSession& session, std::size_t count, const ShownStep& first,
+             const ShownStep& last, const ShownSeries& series) {
             return std::make_unique<PythonSteps>(session.session(), series, first, last, count);
           },
           "count"_a = 10'000, "first"_a = nb::none(), "last"_a = nb::none(),
           "series"_a = nb::none(),
-          nb::sig("def chunks(self, count: int = 10000, first: int | None = None, last: int | None "
-                  "= None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
-                  "None] | collections.abc.Sequence[str] | None = None) -> "
-                  "collections.abc.Iterator[trifinger.log.types.Steps]"),
           "Reads like read(), but `count` rows at a time, for a log larger than memory.")
 
       .def_prop_ro(
@@ -322,7 +286,7 @@ If the session ended in step N, the log has an observation and a status N, but n
           [](const PythonLoggedSession& session) {
             return to_sessions(session.session().companions(), session.files());
           },
-          nb::sig("def companions(self) -> list[LoggedSession]"), docs::LoggedSession::companions)
+          docs::LoggedSession::companions)
       .def(
           "companion",
           [](const PythonLoggedSession& session, const std::string& name) {
@@ -347,28 +311,24 @@ If the session ended in step N, the log has an observation and a status N, but n
           nb::sig("def units(self) -> dict[str, dict[str, str]]"),
           R"(Units of the fields of each series: `units["observation"]["position"]` is "rad".)")
 
-      .def("to_pandas", exported("to_pandas"),
-           nb::sig("def to_pandas(self, first: int | None = None, last: int | None = None, series: "
-                   "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
-                   "collections.abc.Sequence[str] | None = None) -> pandas.DataFrame"),
-           R"(Reads like read() into a pandas.DataFrame: a row per step, a column per number, for
+      .def(
+          "to_pandas",
+          [](nb::handle session, const ShownStep& first, const ShownStep& last,
+             const ShownSeries& series) {
+            return Shown<"pandas.DataFrame">(
+                tables().attr("to_pandas")(session, first, last, series));
+          },
+          "first"_a = nb::none(), "last"_a = nb::none(), "series"_a = nb::none(),
+          R"(Reads like read() into a pandas.DataFrame: a row per step, a column per number, for
 example "observation.position[0]". Needs the extra "export".)")
-      .def("to_csv", exported("to_csv"),
-           nb::sig("def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: "
-                   "int | "
-                   "None = None, series: collections.abc.Mapping[str, "
-                   "collections.abc.Sequence[str] | None] "
-                   "| collections.abc.Sequence[str] | None = None) -> None"),
+      .def("to_csv", exported("to_csv"), "path"_a, "first"_a = nb::none(), "last"_a = nb::none(),
+           "series"_a = nb::none(),
            "Writes the table of to_pandas() to a CSV file, in parts, so that it may be larger than "
            "memory.")
-      .def(
-          "to_parquet", exported("to_parquet"),
-          nb::sig(
-              "def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: "
-              "int "
-              "| None = None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
-              "None] | collections.abc.Sequence[str] | None = None) -> None"),
-          "Writes the table of to_pandas() to a Parquet file, in parts.");
+      .def("to_parquet", exported("to_parquet"), "path"_a, "first"_a = nb::none(),
+           "last"_a = nb::none(), "series"_a = nb::none(),
+           "Writes the table of to_pandas() to a Parquet file, in parts.");
+  bind_series(type);
   bind_dtypes(type);
 }
 
@@ -380,8 +340,7 @@ void bind_log(nb::module_& m) {
       .def(
           "__iter__", [](nb::object self) { return self; },
           nb::sig("def __iter__(self) -> StepsIterator"))
-      .def("__next__", &PythonSteps::next,
-           nb::sig("def __next__(self) -> trifinger.log.types.Steps"));
+      .def("__next__", &PythonSteps::next);
   bind_logged_session(m);
 
   nb::class_<Log>(
@@ -390,11 +349,13 @@ void bind_log(nb::module_& m) {
            R"(`path` is a file, a list of its parts, or a folder, whose newest recording is taken.
 
 Raises Error if it is not a log or is one of a later version; InvalidArgument if a folder has no
-recording or the parts belong to several recordings; OSError.)")
-          .c_str())
+recording or the parts belong to several recordings; OSError.)"))
       .def(
           "__init__",
-          [](Log* place, nb::handle path) {
+          [](Log* place,
+             const Shown<
+                 "str | os.PathLike[str] | collections.abc.Sequence[str | os.PathLike[str]]">&
+                 path) {
             const std::vector<std::filesystem::path> paths = to_paths(path);
             const GilRelease release;
             if (paths.size() == 1) {
@@ -403,35 +364,24 @@ recording or the parts belong to several recordings; OSError.)")
               new (place) Log(paths);
             }
           },
-          "path"_a,
-          nb::sig(
-              "def __init__(self, path: str | os.PathLike[str] | collections.abc.Sequence[str | "
-              "os.PathLike[str]]) -> None"))
+          "path"_a)
       .def("__getstate__", [](const Log& log) { return state_of(log); })
       .def("__setstate__", [](Log& place, const PickledLog& state) { restore(place, state); })
-      .def(
-          "__repr__",
-          [](const Log& log) {
-            const auto& files = log.files();
-            const std::string parts =
-                files.size() == 1 ? "" : ", " + std::to_string(files.size()) + " parts";
-            return to_text("<Log of '" + files.front().string() + "'" + parts + ">");
-          },
-          nb::sig("def __repr__(self) -> str"))
+      .def("__repr__",
+           [](const Log& log) {
+             const auto& files = log.files();
+             const std::string parts =
+                 files.size() == 1 ? "" : ", " + std::to_string(files.size()) + " parts";
+             return to_text("<Log of '" + files.front().string() + "'" + parts + ">");
+           })
       .def_prop_ro(
-          "files",
-          [](const Log& log) {
-            nb::list files;
-            for (const std::filesystem::path& file : log.files()) files.append(to_python(file));
-            return files;
-          },
-          nb::sig("def files(self) -> list[pathlib.Path]"), docs::Log::files)
+          "files", [](const Log& log) { return to_list(log.files()); }, docs::Log::files)
       .def_prop_ro("size", &Log::size, docs::Log::size)
       .def_prop_ro("is_finished", &Log::is_finished, docs::Log::is_finished)
       .def_prop_ro("origin", &Log::origin, docs::Log::origin)
       .def_prop_ro(
           "sessions", [](const Log& log) { return to_sessions(log.sessions(), log.files()); },
-          nb::sig("def sessions(self) -> list[LoggedSession]"), docs::Log::sessions)
+          docs::Log::sessions)
       .def(
           "session",
           [](const Log& log, const std::string& name) {
@@ -441,11 +391,11 @@ recording or the parts belong to several recordings; OSError.)")
       .def_prop_ro(
           "events",
           [](const Log& log) { return to_list(without_gil([&] { return log.events(); })); },
-          nb::sig("def events(self) -> list[trifinger.log.types.Event]"), docs::Log::events)
+          docs::Log::events)
       .def_prop_ro(
           "damage",
           [](const Log& log) { return to_list(without_gil([&] { return log.damage(); })); },
-          nb::sig("def damage(self) -> list[trifinger.log.types.Damage]"), docs::Log::damage)
+          docs::Log::damage)
       .def_prop_ro(
           "lost_bytes",
           [](const Log& log) { return without_gil([&] { return log.lost_bytes(); }); },

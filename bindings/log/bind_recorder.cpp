@@ -5,6 +5,7 @@
 
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "conversion/with.hpp"
 #include "docstrings.hpp"
@@ -17,7 +18,7 @@ namespace trifinger::bindings {
 void bind_recorder(nb::module_& m) {
   nb::class_<log::RecorderThread> type(
       m, "Recorder",
-      also(docs::RecorderThread::RecorderThread, R"(The end of the program stops it.)").c_str());
+      also(docs::RecorderThread::RecorderThread, R"(The end of the program stops it.)"));
   type.def(
           "stop",
           [](log::RecorderThread& recorder) {
@@ -26,12 +27,11 @@ void bind_recorder(nb::module_& m) {
           },
           docs::RecorderThread::stop)
       .def_prop_ro(
-          "file",
-          [](const log::RecorderThread& recorder) -> nb::object {
+          "file", [](const log::RecorderThread& recorder)->Shown<"pathlib.Path | None"> {
             const std::filesystem::path file = recorder.file();
-            return file.empty() ? nb::none() : to_python(file);
+            if (file.empty()) return nb::none();
+            return to_python(file);
           },
-          nb::sig("def file(self) -> pathlib.Path | None"),
           "The newest file; None before the first session.");
   bind_with(type, "Recorder", [](log::RecorderThread& recorder, bool /*is_clean*/) {
     const GilRelease release;

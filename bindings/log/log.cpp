@@ -6,7 +6,7 @@
 
 #include "conversion/element.hpp"
 #include "conversion/gil.hpp"
-#include "conversion/numpy.hpp"
+#include "conversion/numbers.hpp"
 #include "conversion/series.hpp"
 #include "conversion/text.hpp"
 #include "trifinger/base/error.hpp"
@@ -76,12 +76,8 @@ log::SeriesReader reader_of(const log::LoggedSession& session,
 
 // A one-dimensional array of NumPy and its numbers.
 std::pair<nb::object, std::int64_t*> new_numbers(std::size_t count) {
-  auto length = static_cast<npy_intp>(count);
-  nb::object array = nb::steal(PyArray_SimpleNew(1, &length, NPY_INT64));
-  if (!array.is_valid()) throw nb::python_error();
-  auto* const numbers =
-      static_cast<std::int64_t*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr())));
-  return {std::move(array), numbers};
+  auto [array, memory] = new_array({static_cast<npy_intp>(count)}, NPY_INT64);
+  return {std::move(array), static_cast<std::int64_t*>(memory)};
 }
 
 // Returns the first `rows` of `array`. If it has more, the result is a copy that does not keep the
@@ -98,16 +94,7 @@ nb::object to_datetime(const nb::object& nanoseconds) {
 void forbid_writing(const nb::object& array) { array.attr("setflags")("write"_a = false); }
 
 const char* plural_of(Series series) {
-  switch (series) {
-    case Series::kDesiredAction:
-      return "desired_actions";
-    case Series::kAppliedAction:
-      return "applied_actions";
-    case Series::kStatus:
-      return "statuses";
-    default:
-      return "observations";
-  }
+  return std::ranges::find(kSeriesNames, series, &SeriesNames::series)->many.c_str();
 }
 
 }  // namespace
@@ -163,13 +150,13 @@ std::pair<nb::object, std::size_t> PythonSteps::read(std::size_t count) {
   return {types().attr("Steps")(**parts), done};
 }
 
-nb::object PythonSteps::next() {
+ShownSteps PythonSteps::next() {
   auto [steps, count] = read(std::min(count_, std::max<std::size_t>(reader_.max_rows(), 1)));
   if (count == 0) throw nb::stop_iteration();
   return std::move(steps);
 }
 
-nb::object PythonSteps::read_all() { return read(reader_.max_rows()).first; }
+ShownSteps PythonSteps::read_all() { return read(reader_.max_rows()).first; }
 
 // ---- PythonLoggedSession ----
 
@@ -201,12 +188,12 @@ void PythonLoggedSession::read_indices() {
   forbid_writing(times_);
 }
 
-nb::object PythonLoggedSession::time_index() {
+Shown<"numpy.typing.NDArray[numpy.int64]"> PythonLoggedSession::time_index() {
   read_indices();
   return time_index_;
 }
 
-nb::object PythonLoggedSession::times() {
+Shown<"numpy.typing.NDArray[numpy.datetime64]"> PythonLoggedSession::times() {
   read_indices();
   return times_;
 }
@@ -240,7 +227,7 @@ nb::object PythonLoggedSession::get_many(Series series, TimeIndex first, TimeInd
   return std::move(array);
 }
 
-nb::object PythonLoggedSession::get_latest_at(TimeIndex t) const {
+Shown<"Observation | None"> PythonLoggedSession::get_latest_at(TimeIndex t) const {
   if (!session_.has_elements()) return nb::none();
   auto [element, memory] = type_of(session_, Series::kObservation).new_element();
   bool is_there = false;
@@ -248,7 +235,8 @@ nb::object PythonLoggedSession::get_latest_at(TimeIndex t) const {
     const GilRelease release;
     is_there = session_.get_latest_at(t, memory);
   }
-  return is_there ? std::move(element) : nb::none();
+  if (!is_there) return nb::none();
+  return element;
 }
 
 std::pair<TimeIndex, TimeIndex> PythonLoggedSession::range(const std::string& series) const {
@@ -280,11 +268,11 @@ std::vector<std::filesystem::path> to_paths(nb::handle path) {
   return paths;
 }
 
-nb::object to_python(const log::Gap& gap) {
+Shown<"trifinger.log.types.Gap"> to_python(const log::Gap& gap) {
   return types().attr("Gap")(gap.first, gap.last, to_text(gap.reason));
 }
 
-nb::object to_python(const log::Event& event) {
+Shown<"trifinger.log.types.Event"> to_python(const log::Event& event) {
   using log::Level;
   const char* const level = event.level >= Level::kError     ? "error"
                             : event.level >= Level::kWarning ? "warning"
@@ -293,7 +281,7 @@ nb::object to_python(const log::Event& event) {
                                to_text(event.text));
 }
 
-nb::object to_python(const log::Damage& damage) {
+Shown<"trifinger.log.types.Damage"> to_python(const log::Damage& damage) {
   return types().attr("Damage")(to_python(damage.file), damage.offset, damage.size, damage.reason);
 }
 

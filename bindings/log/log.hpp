@@ -4,7 +4,6 @@
 #include <nanobind/nanobind.h>
 
 #include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -12,9 +11,12 @@
 #include <vector>
 
 #include "conversion/element_type.hpp"
+#include "conversion/shown.hpp"
 #include "trifinger/log/log.hpp"
 
 namespace trifinger::bindings {
+
+using ShownSteps = Shown<"trifinger.log.types.Steps">;
 
 /// Rows of several series that are read at once.
 class PythonSteps {
@@ -24,9 +26,9 @@ class PythonSteps {
               nanobind::handle last, std::size_t count);
 
   /// The next rows, as trifinger.Steps. @throws nanobind::stop_iteration at the end
-  [[nodiscard]] nanobind::object next();
+  [[nodiscard]] ShownSteps next();
   /// All rows.
-  [[nodiscard]] nanobind::object read_all();
+  [[nodiscard]] ShownSteps read_all();
 
  private:
   [[nodiscard]] std::pair<nanobind::object, std::size_t> read(std::size_t count);
@@ -49,13 +51,13 @@ class PythonLoggedSession {
 
   /// All whole steps. They are read once and kept, so the array is read-only.
   [[nodiscard]] nanobind::object series(Series series);
-  [[nodiscard]] nanobind::object time_index();
-  [[nodiscard]] nanobind::object times();
+  [[nodiscard]] Shown<"numpy.typing.NDArray[numpy.int64]"> time_index();
+  [[nodiscard]] Shown<"numpy.typing.NDArray[numpy.datetime64]"> times();
 
   [[nodiscard]] nanobind::object get(Series series, TimeIndex t) const;
   [[nodiscard]] nanobind::object get_many(Series series, TimeIndex first, TimeIndex last,
                                           nanobind::handle fields) const;
-  [[nodiscard]] nanobind::object get_latest_at(TimeIndex t) const;
+  [[nodiscard]] Shown<"Observation | None"> get_latest_at(TimeIndex t) const;
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(const std::string& series) const;
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> between(double begin, double end) const;
   [[nodiscard]] nanobind::object dtype(Series series) const;
@@ -73,8 +75,8 @@ class PythonLoggedSession {
 /// Converts one path or several.
 [[nodiscard]] std::vector<std::filesystem::path> to_paths(nanobind::handle path);
 /// Converts entries of a log to the classes of trifinger.log.types.
-[[nodiscard]] nanobind::object to_python(const log::Gap& gap);
-[[nodiscard]] nanobind::object to_python(const log::Event& event);
-[[nodiscard]] nanobind::object to_python(const log::Damage& damage);
+[[nodiscard]] Shown<"trifinger.log.types.Gap"> to_python(const log::Gap& gap);
+[[nodiscard]] Shown<"trifinger.log.types.Event"> to_python(const log::Event& event);
+[[nodiscard]] Shown<"trifinger.log.types.Damage"> to_python(const log::Damage& damage);
 
 }  // namespace trifinger::bindings

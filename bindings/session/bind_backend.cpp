@@ -6,6 +6,7 @@
 #include <string>
 
 #include "bindings.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "conversion/with.hpp"
@@ -45,10 +46,10 @@ It runs session after session until stop(), or until the end of its `with` block
       .def_prop_ro("name", &RunningBackend::name, "Name for connect() and observe().")
       .def(
           "wait",
-          [](const RunningBackend& backend, nb::handle timeout) {
+          [](const RunningBackend& backend, const ShownSeconds& timeout) {
             backend.wait(to_timeout(timeout));
           },
-          "timeout"_a = nb::none(), nb::sig("def wait(self, timeout: float | None = None) -> None"),
+          "timeout"_a = nb::none(),
           "Waits until the back-end has ended, or until Ctrl-C is pressed.")
       .def("stop", &RunningBackend::stop,
            "Ends the session, brings the robot to rest and gives the name back.");

@@ -4,15 +4,13 @@
 #include <chrono>
 #include <cstddef>
 #include <cstring>
-#include <optional>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
-#include "conversion/numpy.hpp"
+#include "conversion/numbers.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "payload.hpp"
@@ -35,7 +33,7 @@ nb::object array_in_place(const nb::object& self) {
   return payload.type.view(payload.view.bytes().data(), self);
 }
 
-nb::object copy_of(const PythonPayload& payload) {
+nb::object copied(const PythonPayload& payload) {
   auto [array, memory] = payload.type.new_scalar_array();
   {
     const GilRelease release;
@@ -119,13 +117,11 @@ nb::object to_rgb(nb::handle image, const std::string& pixels) {
                       (is_colour ? "(height, width, 3)" : "(height, width)"));
   format.height = static_cast<int>(PyArray_DIM(found, 0));
   format.width = static_cast<int>(PyArray_DIM(found, 1));
-  npy_intp shape[] = {format.height, format.width, 3};
-  nb::object rgb = nb::steal(PyArray_SimpleNew(3, shape, NPY_UINT8));
-  if (!rgb.is_valid()) throw nb::python_error();
+  auto [rgb, memory] = new_array({format.height, format.width, 3}, NPY_UINT8);
   const std::span source(static_cast<const std::byte*>(PyArray_DATA(found)), format.size());
-  const std::span target(
-      static_cast<std::byte*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(rgb.ptr()))),
-      static_cast<std::size_t>(PyArray_SIZE(reinterpret_cast<PyArrayObject*>(rgb.ptr()))));
+  const std::span target(static_cast<std::byte*>(memory),
+                         std::size_t{3} * static_cast<std::size_t>(format.height) *
+                             static_cast<std::size_t>(format.width));
   const GilRelease release;
   camera::to_rgb(format, source, target);
   return rgb;
@@ -148,7 +144,7 @@ If the writer has overwritten the data before the end of the block, the block ra
           "array", &array_in_place, nb::sig("def array(self) -> numpy.typing.NDArray[numpy.void]"),
           R"(The data in place, as a read-only structured array without dimensions: `array["camera60"]`.
 Check is_valid() after using it.)")
-      .def("copy", &copy_of, nb::sig("def copy(self) -> numpy.typing.NDArray[numpy.void]"),
+      .def("copy", &copied, nb::sig("def copy(self) -> numpy.typing.NDArray[numpy.void]"),
            "A copy like `array()`. Raises HistoryLost if the data were overwritten meanwhile.")
       .def(
           "is_valid", [](const PythonPayload& payload) { return payload.view.is_valid(); },

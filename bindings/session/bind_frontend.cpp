@@ -4,6 +4,7 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/unique_ptr.h>
 
+#include <map>
 #include <string>
 
 #include "bindings.hpp"
@@ -27,6 +28,36 @@ namespace {
 // slice must be longer than that.
 constexpr Nanoseconds kAttachSlice = std::chrono::milliseconds(600);
 
+// All four series are read in the same way: one element by its step, many by a range of steps.
+void bind_series(nb::class_<PythonFrontend>& type) {
+  const std::map<Series, const char*> comments{
+      {Series::kObservation, docs::Frontend::get_observation},
+      {Series::kDesiredAction, docs::Frontend::get_desired_action},
+      {Series::kAppliedAction, docs::Frontend::get_applied_action},
+      {Series::kStatus, docs::Frontend::get_status}};
+  for (const SeriesNames& names : kSeriesNames) {
+    const Series series = names.series;
+    const std::string returns = "timeout: float | None = None) -> ";
+    type.def(("get_" + names.one).c_str(),
+             [series](const PythonFrontend& frontend, TimeIndex t, const ShownSeconds& timeout) {
+               return frontend.get(series, t, timeout);
+             },
+             "t"_a, "timeout"_a = nb::none(),
+             nb::sig(("def get_" + names.one + "(self, t: int, " + returns + names.type).c_str()),
+             comments.at(series));
+    type.def(("get_" + names.many).c_str(),
+             [series](const PythonFrontend& frontend, TimeIndex first, TimeIndex last,
+                      const ShownSeconds& timeout) {
+               return frontend.get_many(series, first, last, timeout);
+             },
+             "first"_a, "last"_a, "timeout"_a = nb::none(),
+             nb::sig(("def get_" + names.many + "(self, first: int, last: int, " + returns +
+                      "numpy.typing.NDArray[" + names.type + "]")
+                         .c_str()),
+             "Returns the steps from `first` to before `last`; waits for the last one.");
+  }
+}
+
 }  // namespace
 
 std::unique_ptr<PythonFrontend> attach(const std::string& name, FrontendOptions options,
@@ -43,17 +74,6 @@ std::unique_ptr<PythonFrontend> attach(const std::string& name, FrontendOptions 
 }
 
 void bind_frontend(nb::module_& m) {
-  // All four series are read in the same way: one element by its step, many by a range of steps.
-  const auto get = [](Series series) {
-    return [series](const PythonFrontend& frontend, TimeIndex t, nb::handle timeout) {
-      return frontend.get(series, t, timeout);
-    };
-  };
-  const auto get_many = [](Series series) {
-    return [series](const PythonFrontend& frontend, TimeIndex first, TimeIndex last,
-                    nb::handle timeout) { return frontend.get_many(series, first, last, timeout); };
-  };
-
   nb::class_<PythonFrontend> type(
       m, "Frontend", nb::type_slots(garbage_collected<PythonFrontend>()),
       also(
@@ -64,8 +84,7 @@ arrays of NumPy; `ys["position"]` is the field of all steps.
 `timeout` is in seconds; None waits as long as it takes. Waits end with Ctrl-C, too.
 
 A `with` block calls finish() at its end. If the block raises an exception, it calls close()
-instead.)")
-          .c_str());
+instead.)"));
   type.def(
           "append_desired_action", &PythonFrontend::append_desired_action, "action"_a.none(),
           "timeout"_a = nb::none(),
@@ -73,66 +92,26 @@ instead.)")
                   "-> int"),
           also(
               docs::Frontend::append_desired_action,
-              R"(Raises InvalidArgument for anything but an action of this robot: see new_action.)")
-              .c_str())
+              R"(Raises InvalidArgument for anything but an action of this robot: see new_action.)"))
       .def("append_desired_actions", &PythonFrontend::append_desired_actions, "actions"_a.none(),
            "timeout"_a = nb::none(),
            nb::sig("def append_desired_actions(self, actions: numpy.typing.NDArray[Action], "
                    "timeout: float | None = None) -> int"),
            also(docs::Frontend::append_desired_actions,
-                R"(`actions` are a one-dimensional array of `action_dtype`.)")
-               .c_str())
+                R"(`actions` are a one-dimensional array of `action_dtype`.)"))
       .def("new_action", &PythonFrontend::new_action, "fields"_a,
            nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> Action"),
            R"(Returns the robot's default action with `fields` filled in; a number fills the whole
 field. The action can be changed and appended as often as you like.)")
-      .def(
-          "get_observation", get(Series::kObservation), "t"_a, "timeout"_a = nb::none(),
-          nb::sig("def get_observation(self, t: int, timeout: float | None = None) -> Observation"),
-          docs::Frontend::get_observation)
-      .def("get_desired_action", get(Series::kDesiredAction), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_desired_action(self, t: int, timeout: float | None = None) -> Action"),
-           docs::Frontend::get_desired_action)
-      .def("get_applied_action", get(Series::kAppliedAction), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_applied_action(self, t: int, timeout: float | None = None) -> "
-                   "AppliedAction"),
-           docs::Frontend::get_applied_action)
-      .def("get_status", get(Series::kStatus), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_status(self, t: int, timeout: float | None = None) -> StatusElement"),
-           docs::Frontend::get_status)
-      .def(
-          "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
-          "timeout"_a = nb::none(),
-          nb::sig("def get_observations(self, first: int, last: int, timeout: float | None = None) "
-                  "-> numpy.typing.NDArray[Observation]"),
-          "Returns the steps from `first` to before `last`; waits for the last one.")
-      .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
-           "timeout"_a = nb::none(),
-           nb::sig(
-               "def get_desired_actions(self, first: int, last: int, timeout: float | None = None) "
-               "-> numpy.typing.NDArray[Action]"))
-      .def("get_applied_actions", get_many(Series::kAppliedAction), "first"_a, "last"_a,
-           "timeout"_a = nb::none(),
-           nb::sig(
-               "def get_applied_actions(self, first: int, last: int, timeout: float | None = None) "
-               "-> numpy.typing.NDArray[AppliedAction]"))
-      .def("get_statuses", get_many(Series::kStatus), "first"_a, "last"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_statuses(self, first: int, last: int, timeout: float | None = None) "
-                   "-> numpy.typing.NDArray[StatusElement]"))
       .def("latest_observation", &PythonFrontend::latest_observation, "timeout"_a = nb::none(),
-           nb::sig("def latest_observation(self, timeout: float | None = None) -> Observation"),
            docs::Frontend::latest_observation)
       .def("get_latest_at", &PythonFrontend::get_latest_at, "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> Observation "
-                   "| None"),
-           also(docs::Companion::get_latest_at, R"(Only companions have this.)").c_str())
+           also(docs::Companion::get_latest_at, R"(Only companions have this.)"))
       .def("payload", &PythonFrontend::payload, "element"_a.none(),
            nb::sig("def payload(self, element: Observation) -> Payload"),
-           also(docs::Companion::payload, R"(Only companions have this.)").c_str())
+           also(docs::Companion::payload, R"(Only companions have this.)"))
       .def("wait_until_time_index", &PythonFrontend::wait_until_time_index, "t"_a,
-           "timeout"_a = nb::none(),
-           nb::sig("def wait_until_time_index(self, t: int, timeout: float | None = None) -> None"),
-           docs::Frontend::wait_until_time_index)
+           "timeout"_a = nb::none(), docs::Frontend::wait_until_time_index)
       .def("current_time_index", &PythonFrontend::current_time_index,
            docs::Frontend::current_time_index)
       .def(
@@ -140,60 +119,51 @@ field. The action can be changed and appended as often as you like.)")
           [](const PythonFrontend& frontend, const std::string& series) {
             return frontend.range(series_of(series));
           },
-          "series"_a, nb::sig("def range(self, series: str) -> tuple[int, int]"),
+          "series"_a,
           also(
               docs::UntypedFrontend::range,
               R"(Example: `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
-"applied_action", "observation" and "status".)")
-              .c_str())
-      .def("finish", &PythonFrontend::finish, "timeout"_a = nb::none(),
-           nb::sig("def finish(self, timeout: float | None = None) -> None"),
-           docs::Frontend::finish)
-      .def("recover", &PythonFrontend::recover, "timeout"_a = nb::none(),
-           nb::sig("def recover(self, timeout: float | None = None) -> None"),
-           docs::Frontend::recover)
+"applied_action", "observation" and "status".)"))
+      .def("finish", &PythonFrontend::finish, "timeout"_a = nb::none(), docs::Frontend::finish)
+      .def("recover", &PythonFrontend::recover, "timeout"_a = nb::none(), docs::Frontend::recover)
       .def(
           "fault", [](const PythonFrontend& frontend) { return to_python(frontend.fault()); },
-          nb::sig("def fault(self) -> trifinger.session_info.Fault | None"), docs::Frontend::fault)
+          docs::Frontend::fault)
       .def("timing", &PythonFrontend::timing, docs::Frontend::timing)
       .def("companion", &PythonFrontend::companion, "name"_a, docs::Frontend::companion)
       .def(
           "session_info",
           [](const PythonFrontend& frontend) { return to_python(frontend.session_info()); },
-          nb::sig("def session_info(self) -> trifinger.session_info.SessionInfo"),
           docs::SessionInfo::SessionInfo)
       .def(
           "documents",
           [](const PythonFrontend& frontend) { return to_python(frontend.documents()); },
-          nb::sig("def documents(self) -> dict[str, str]"), docs::Session::documents)
+          docs::Session::documents)
       .def("close", &PythonFrontend::close,
            R"(Gives the session and its control back. If actions were appended and the session still
 runs, it ends ("detached").)")
-      .def("__repr__", &PythonFrontend::text, nb::sig("def __repr__(self) -> str"));
+      .def("__repr__", &PythonFrontend::text);
+  bind_series(type);
   bind_dtypes(type);
   bind_with(type, "Frontend",
             [](PythonFrontend& frontend, bool is_clean) { frontend.exit(is_clean); });
 
   m.def(
       "connect",
-      [](const std::string& name, bool strict, nb::handle timeout) {
+      [](const std::string& name, bool strict, const ShownSeconds& timeout) {
         return attach(name, {.control = true, .strict = strict}, timeout);
       },
       "name"_a, nb::kw_only(), "strict"_a = false, "timeout"_a.none() = 5.0,
-      nb::sig("def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> "
-              "Frontend"),
       also(
           docs::connect,
           R"(With `strict`, an action that comes after its step was read is an error (AcausalAction) instead of
-a mark in the status. `timeout` is how long to wait for a session that is about to begin [s].)")
-          .c_str());
+a mark in the status. `timeout` is how long to wait for a session that is about to begin [s].)"));
 
   m.def(
       "observe",
       [](const std::string& name) { return attach(name, {.control = false}, nb::none()); },
       "name"_a,
-      also(docs::observe, R"(`name` may also be that of a companion, for example "sim.object".)")
-          .c_str());
+      also(docs::observe, R"(`name` may also be that of a companion, for example "sim.object".)"));
 }
 
 }  // namespace trifinger::bindings

@@ -26,7 +26,7 @@ nb::object pid_or_none(const ipc::ProcessIdentity& process) {
 
 }  // namespace
 
-nb::object to_python(const SessionInfo& info) {
+Shown<"trifinger.session_info.SessionInfo"> to_python(const SessionInfo& info) {
   const double created = std::chrono::duration<double>(info.created.time_since_epoch()).count();
   return nb::module_::import_("trifinger.session_info")
       .attr("SessionInfo")(
@@ -41,7 +41,7 @@ nb::object to_python(const SessionInfo& info) {
           "fault"_a = to_python(std::optional(info.fault)), "fault_text"_a = info.fault_text);
 }
 
-nb::object to_python(const std::vector<Document>& documents) {
+ShownTexts to_python(const std::vector<Document>& documents) {
   nb::dict texts;
   for (const Document& document : documents) {
     texts[to_text(document.name)] = to_text(document.text);
@@ -61,22 +61,20 @@ void bind_session(nb::module_& m) {
   m.def(
       "list_sessions",
       [] {
-        nb::list sessions;
+        nb::typed<nb::list, Shown<"trifinger.session_info.SessionInfo">> sessions;
         for (const SessionInfo& info : list_sessions()) sessions.append(to_python(info));
         return sessions;
       },
-      nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
       docs::list_sessions);
 
   m.def("running_robot", &running_robot, "name"_a = "", docs::running_robot);
 
   m.def(
       "recover",
-      [](const std::string& name, nb::handle timeout) {
+      [](const std::string& name, const ShownSeconds& timeout) {
         in_slices(to_timeout(timeout), [&](Timeout slice) { recover(name, slice); });
       },
-      "name"_a, "timeout"_a.none() = 5.0,
-      nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"), docs::recover);
+      "name"_a, "timeout"_a.none() = 5.0, docs::recover);
 }
 
 }  // namespace trifinger::bindings

@@ -38,7 +38,7 @@ LateCause cause_of(std::string_view name) {
 void bind_timing(nb::module_& m) {
   nb::class_<LatenessHistogram>(
       m, "LatenessHistogram",
-      also(docs::LatenessHistogram::LatenessHistogram, R"(Times are in seconds.)").c_str())
+      also(docs::LatenessHistogram::LatenessHistogram, R"(Times are in seconds.)"))
       .def("count", &LatenessHistogram::count, docs::LatenessHistogram::count)
       .def(
           "quantile",
@@ -75,15 +75,14 @@ void bind_timing(nb::module_& m) {
         return "<LatenessHistogram: " + describe(histogram) + ">";
       });
 
-  nb::class_<LateStep>(m, "LateStep",
-                       also(docs::LateStep::LateStep, R"(Times are in seconds.)").c_str())
+  nb::class_<LateStep>(m, "LateStep", also(docs::LateStep::LateStep, R"(Times are in seconds.)"))
       .def_ro("time_index", &LateStep::time_index)
       .def_prop_ro(
           "lateness", [](const LateStep& step) { return to_seconds(step.lateness); },
           docs::LateStep::lateness)
       .def_prop_ro(
           "cause", [](const LateStep& step) { return std::string(name_of(step.cause)); },
-          also(docs::LateStep::cause, R"(One of "user", "scheduler" and "driver".)").c_str())
+          also(docs::LateStep::cause, R"(One of "user", "scheduler" and "driver".)"))
       .def("__repr__", [](const LateStep& step) {
         return "<LateStep " + std::to_string(step.time_index) + " by " +
                duration_text(step.lateness) + ", " + std::string(name_of(step.cause)) + ">";
@@ -95,8 +94,7 @@ void bind_timing(nb::module_& m) {
           docs::TimingRecord::TimingRecord,
           R"(str() tells it in a sentence. A step is late because its action was missing ("user"), because the
 back-end was woken late or did not get the processor ("scheduler"), or because calls of the driver
-used up the tick before ("driver").)")
-          .c_str())
+used up the tick before ("driver").)"))
       .def("lateness", &TimingRecord::lateness, nb::rv_policy::reference_internal,
            docs::TimingRecord::lateness)
       .def("steps", &TimingRecord::steps, docs::TimingRecord::steps)
@@ -121,7 +119,7 @@ used up the tick before ("driver").)")
 
   m.def(
       "duration_text", [](double seconds) { return duration_text(to_time(seconds)); }, "seconds"_a,
-      also(docs::duration_text, R"(`seconds` is the duration [s].)").c_str());
+      also(docs::duration_text, R"(`seconds` is the duration [s].)"));
   m.def(
       "lateness_of",
       [](nb::handle statuses, double period) {
@@ -140,8 +138,7 @@ used up the tick before ("driver").)")
       nb::sig("def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> "
               "numpy.typing.NDArray[numpy.float64]"),
       also(docs::lateness_of,
-           R"(Returns one number [s] for each of `statuses`. `period` is the session's [s].)")
-          .c_str());
+           R"(Returns one number [s] for each of `statuses`. `period` is the session's [s].)"));
 }
 
 }  // namespace trifinger::bindings

@@ -112,7 +112,7 @@ const ElementType& PythonFrontend::type_of(Series series) const {
   return type;
 }
 
-TimeIndex PythonFrontend::append_desired_action(nb::handle action, nb::handle timeout) {
+TimeIndex PythonFrontend::append_desired_action(nb::handle action, const ShownSeconds& timeout) {
   std::shared_ptr<Handle> handle = open();
   const std::byte* const bytes = type_of(Series::kDesiredAction).bytes_of(action);
   nan_check_.require_numbers(bytes);
@@ -127,7 +127,7 @@ TimeIndex PythonFrontend::append_desired_action(nb::handle action, nb::handle ti
   });
 }
 
-TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, nb::handle timeout) {
+TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, const ShownSeconds& timeout) {
   // A burst is many waits, and each is too short for the core to check for Ctrl-C.
   constexpr std::size_t kActionsPerLook = 4096;
   const std::shared_ptr<Handle> handle = open();
@@ -191,7 +191,7 @@ TimeIndex PythonFrontend::Turn::act(const std::byte* actions, std::size_t count,
   });
 }
 
-nb::object PythonFrontend::new_action(const nb::kwargs& fields) const {
+Shown<"Action"> PythonFrontend::new_action(const nb::kwargs& fields) const {
   const std::shared_ptr<Handle> handle = open();
   const ElementType& type = type_of(Series::kDesiredAction);
   auto [action, memory] = type.new_element();
@@ -210,7 +210,7 @@ nb::object PythonFrontend::new_action(const nb::kwargs& fields) const {
   return action;
 }
 
-nb::object PythonFrontend::get(Series series, TimeIndex t, nb::handle timeout) const {
+nb::object PythonFrontend::get(Series series, TimeIndex t, const ShownSeconds& timeout) const {
   std::shared_ptr<Handle> handle = open();
   const Timeout limit = to_timeout(timeout);
   auto [element, bytes] = type_of(series).new_element();
@@ -223,7 +223,7 @@ nb::object PythonFrontend::get(Series series, TimeIndex t, nb::handle timeout) c
 }
 
 nb::object PythonFrontend::get_many(Series series, TimeIndex first, TimeIndex last,
-                                    nb::handle timeout) const {
+                                    const ShownSeconds& timeout) const {
   std::shared_ptr<Handle> handle = open();
   const Timeout limit = to_timeout(timeout);
   if (first < 0 || last < first) {
@@ -238,7 +238,7 @@ nb::object PythonFrontend::get_many(Series series, TimeIndex first, TimeIndex la
   return elements;
 }
 
-nb::object PythonFrontend::latest_observation(nb::handle timeout) const {
+Shown<"Observation"> PythonFrontend::latest_observation(const ShownSeconds& timeout) const {
   std::shared_ptr<Handle> handle = open();
   const Timeout limit = to_timeout(timeout);
   auto [element, bytes] = type_of(Series::kObservation).new_element();
@@ -248,7 +248,8 @@ nb::object PythonFrontend::latest_observation(nb::handle timeout) const {
   return element;
 }
 
-nb::object PythonFrontend::get_latest_at(TimeIndex t, nb::handle timeout) const {
+Shown<"Observation | None"> PythonFrontend::get_latest_at(TimeIndex t,
+                                                          const ShownSeconds& timeout) const {
   std::shared_ptr<Handle> handle = open();
   const Timeout limit = to_timeout(timeout);
   auto [element, bytes] = type_of(Series::kObservation).new_element();
@@ -267,7 +268,7 @@ nb::object PythonFrontend::payload(nb::handle element) const {
       PythonPayload{frontend.payload(bytes), ElementType(frontend.session().payload())});
 }
 
-void PythonFrontend::wait_until_time_index(TimeIndex t, nb::handle timeout) const {
+void PythonFrontend::wait_until_time_index(TimeIndex t, const ShownSeconds& timeout) const {
   const Timeout limit = to_timeout(timeout);
   without_gil(open(),
               [&](const UntypedFrontend& frontend) { frontend.wait_until_time_index(t, limit); });
@@ -283,12 +284,12 @@ std::pair<TimeIndex, TimeIndex> PythonFrontend::range(Series series) const {
   return handle->frontend.range(series);
 }
 
-void PythonFrontend::finish(nb::handle timeout) const {
+void PythonFrontend::finish(const ShownSeconds& timeout) const {
   const Timeout limit = to_timeout(timeout);
   without_gil(open(), [&](UntypedFrontend& frontend) { frontend.finish(limit); });
 }
 
-void PythonFrontend::recover(nb::handle timeout) const {
+void PythonFrontend::recover(const ShownSeconds& timeout) const {
   const std::shared_ptr<Handle> handle = open();
   in_slices(to_timeout(timeout), [&](Timeout slice) { handle->frontend.recover(slice); });
 }
@@ -310,7 +311,7 @@ std::vector<Document> PythonFrontend::documents() const {
   return open()->frontend.session().documents();
 }
 
-nb::object PythonFrontend::text() const {
+nb::str PythonFrontend::text() const {
   if (handle_ == nullptr) return nb::str("<Frontend, closed>");
   std::string text = "<Frontend";
   try {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "conversion/element_type.hpp"
+#include "conversion/shown.hpp"
 #include "trifinger/core/frontend.hpp"
 
 namespace trifinger::bindings {
@@ -36,19 +37,20 @@ class PythonFrontend {
 
   /// @throws ControlHeld if another thread is appending, InvalidArgument for anything but an action
   /// of this robot
-  TimeIndex append_desired_action(nanobind::handle action, nanobind::handle timeout);
-  TimeIndex append_desired_actions(nanobind::handle actions, nanobind::handle timeout);
+  TimeIndex append_desired_action(nanobind::handle action, const ShownSeconds& timeout);
+  TimeIndex append_desired_actions(nanobind::handle actions, const ShownSeconds& timeout);
   /// The default action with `fields` filled in.
-  [[nodiscard]] nanobind::object new_action(const nanobind::kwargs& fields) const;
+  [[nodiscard]] Shown<"Action"> new_action(const nanobind::kwargs& fields) const;
 
-  [[nodiscard]] nanobind::object get(Series series, TimeIndex t, nanobind::handle timeout) const;
+  [[nodiscard]] nanobind::object get(Series series, TimeIndex t, const ShownSeconds& timeout) const;
   [[nodiscard]] nanobind::object get_many(Series series, TimeIndex first, TimeIndex last,
-                                          nanobind::handle timeout) const;
-  [[nodiscard]] nanobind::object latest_observation(nanobind::handle timeout) const;
-  [[nodiscard]] nanobind::object get_latest_at(TimeIndex t, nanobind::handle timeout) const;
+                                          const ShownSeconds& timeout) const;
+  [[nodiscard]] Shown<"Observation"> latest_observation(const ShownSeconds& timeout) const;
+  [[nodiscard]] Shown<"Observation | None"> get_latest_at(TimeIndex t,
+                                                          const ShownSeconds& timeout) const;
   /// The payload of an element of this companion, as a Payload.
   [[nodiscard]] nanobind::object payload(nanobind::handle element) const;
-  void wait_until_time_index(TimeIndex t, nanobind::handle timeout) const;
+  void wait_until_time_index(TimeIndex t, const ShownSeconds& timeout) const;
 
   /// @name For other classes in C++
   /// @{
@@ -59,8 +61,8 @@ class PythonFrontend {
   [[nodiscard]] TimeIndex current_time_index() const;
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const;
 
-  void finish(nanobind::handle timeout) const;
-  void recover(nanobind::handle timeout) const;
+  void finish(const ShownSeconds& timeout) const;
+  void recover(const ShownSeconds& timeout) const;
   [[nodiscard]] std::optional<Fault> fault() const;
   [[nodiscard]] std::optional<TimingRecord> timing() const;
   [[nodiscard]] std::unique_ptr<PythonFrontend> companion(const std::string& name) const;
@@ -68,7 +70,7 @@ class PythonFrontend {
   [[nodiscard]] SessionInfo session_info() const;
   [[nodiscard]] std::vector<Document> documents() const;
   /// Returns the text for repr(): the session's name and progress. Never waits and never fails.
-  [[nodiscard]] nanobind::object text() const;
+  [[nodiscard]] nanobind::str text() const;
   [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
 
   /// Lends the front-end to a guide, which appends all actions until `take_back`. Closing this

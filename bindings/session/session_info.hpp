@@ -5,13 +5,14 @@
 
 #include <vector>
 
+#include "conversion/shown.hpp"
 #include "trifinger/core/session.hpp"
 
 namespace trifinger::bindings {
 
 /// Converts to a trifinger.SessionInfo.
-[[nodiscard]] nanobind::object to_python(const SessionInfo& info);
+[[nodiscard]] Shown<"trifinger.session_info.SessionInfo"> to_python(const SessionInfo& info);
 /// Converts to a dict of texts by name.
-[[nodiscard]] nanobind::object to_python(const std::vector<Document>& documents);
+[[nodiscard]] ShownTexts to_python(const std::vector<Document>& documents);
 
 }  // namespace trifinger::bindings

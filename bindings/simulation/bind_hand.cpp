@@ -14,6 +14,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
 #include "conversion/with.hpp"
@@ -78,14 +79,12 @@ void bind_hand(nb::module_& m) {
       .def(
           "pull",
           [](const PythonHand& hand, const std::variant<std::int64_t, std::string>& body,
-             const Vector3& target, const Vector3& point, double stiffness, nb::handle seconds) {
+             const Vector3& target, const Vector3& point, double stiffness,
+             const ShownSeconds& seconds) {
             hand.pull(body, to_pull(target, point, stiffness), to_timeout(seconds));
           },
           "body"_a, "target"_a, nb::kw_only(), "point"_a = zeros(),
           "stiffness"_a = Pull{}.stiffness, "seconds"_a = nb::none(),
-          nb::sig("def pull(self, body: int | str, target: numpy.typing.ArrayLike, *, "
-                  "point: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), stiffness: float = 300.0, "
-                  "seconds: float | None = None) -> None"),
           R"(Pulls at a body, a name or a number in `bodies`, in place of what was pulled before: a damped
 spring from `point` to `target`. `target` is in the world frame [m]. `point` is where the spring is
 fixed, from the centre of the tip or object, in the axes of its body [m]. `stiffness` is above 0

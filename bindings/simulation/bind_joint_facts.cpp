@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <Eigen/Core>
@@ -9,10 +10,12 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "simulation.hpp"
 #include "trifinger/base/error.hpp"
@@ -39,11 +42,14 @@ nb::dict dict_of(const std::vector<JointLimit>& limits) {
   return values;
 }
 
-nb::object facts_of(const std::string& robot, const std::vector<std::string>& joints,
-                    const std::vector<JointLimit>& limits) {
+using Facts = std::tuple<std::string, nb::typed<nb::tuple, nb::str, nb::ellipsis>,
+                         nb::typed<nb::dict, nb::str, ShownArray>>;
+
+Facts facts_of(const std::string& robot, const std::vector<std::string>& joints,
+               const std::vector<JointLimit>& limits) {
   nb::list names;
   for (const std::string& name : joints) names.append(to_message(name));
-  return nb::make_tuple(robot, nb::tuple(names), dict_of(limits));
+  return {robot, nb::tuple(names), dict_of(limits)};
 }
 
 // What the text of a robot from a file says of joints with these names. What only its file says
@@ -64,8 +70,8 @@ std::vector<JointLimit> limits_in(const config::File& file,
   return read_limits_by_name(file.root(), named);
 }
 
-nb::object read_facts(const std::string& text, const std::string& robot,
-                      const std::vector<std::string>& joints, bool opens_file) {
+Facts read_facts(const std::string& text, const std::string& robot,
+                 const std::vector<std::string>& joints, bool opens_file) {
   const config::File file = config::File::parse(text, "configuration.yml");
   if (is_from_file(file) && !opens_file) {
     detail::require(!joints.empty(),
@@ -88,20 +94,15 @@ nb::object read_facts(const std::string& text, const std::string& robot,
 void bind_joint_facts(nb::module_& m) {
   m.def(
       "configuration_text",
-      [](const std::string& config, const nb::dict& overrides) {
+      [](const std::string& config, const Overrides& overrides) {
         return load_config(config, overrides).session.documents.at(0).text;
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
-      nb::sig("def configuration_text(config: str = 'sim', overrides: dict[str, object] = {}) -> "
-              "str"),
       "The whole configuration of that name, or in that file, as a session's document\n"
       "\"configuration.yml\" has it.");
   m.def(
       "read_joint_facts", &read_facts, "configuration"_a, "robot"_a = "", "joints"_a = nb::tuple(),
       "opens_file"_a = false,
-      nb::sig("def read_joint_facts(configuration: str, robot: str = '', joints: "
-              "collections.abc.Sequence[str] = (), opens_file: bool = False) -> tuple[str, "
-              "tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]"),
       "Name of the robot, names of its joints and the limits in the section `safety` of the text\n"
       "of a configuration. A robot from a file is named like the type of its sessions. It has the\n"
       "names that are given here, and what only its file says counts as no limit and no gain, "
@@ -111,12 +112,12 @@ void bind_joint_facts(nb::module_& m) {
       "wrong.");
   m.def(
       "named_joints",
-      [](const std::string& text) {
+      [](const std::string& text) -> nb::typed<nb::tuple, nb::str, nb::ellipsis> {
         const config::File file = config::File::parse(text, "configuration.yml");
         return nb::tuple(nb::cast(
             file.root().section("robot").optional<std::vector<std::string>>("joints", {})));
       },
-      "configuration"_a, nb::sig("def named_joints(configuration: str) -> tuple[str, ...]"),
+      "configuration"_a,
       "The joints that the text of a configuration of a robot from a file names; empty if it "
       "leaves\n"
       "them to the file.");
@@ -128,7 +129,7 @@ void bind_joint_facts(nb::module_& m) {
         if (is_from_file(file)) return std::nullopt;
         return Kinematics(description_of(read_robot_config(file)));
       },
-      "configuration"_a, nb::sig("def kinematics_of(configuration: str) -> Kinematics | None"),
+      "configuration"_a,
       "The kinematics of the robot in the text of a configuration; None for a robot from a file,\n"
       "which is not opened.");
 }

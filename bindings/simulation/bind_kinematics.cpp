@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/pair.h>
 
@@ -9,7 +8,8 @@
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
-#include "conversion/numpy.hpp"
+#include "conversion/numbers.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "simulation.hpp"
@@ -26,16 +26,8 @@ using Values = Eigen::VectorXd;
 
 // Converts whatever NumPy accepts as a list of `size` numbers.
 Values to_values(nb::handle object, Eigen::Index size, const char* what) {
-  const nb::object array =
-      nb::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
-  if (!array.is_valid()) throw nb::python_error();
-  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
-  if (PyArray_NDIM(numbers) != 1 || PyArray_DIM(numbers, 0) != size) {
-    throw InvalidArgument(std::string(what) + " has shape " +
-                          nb::str(nb::handle(array).attr("shape")).c_str() + ", must have (" +
-                          std::to_string(size) + ",)");
-  }
-  return Eigen::Map<const Values>(static_cast<const double*>(PyArray_DATA(numbers)), size);
+  const auto [array, numbers] = doubles_of(object, {size}, what);
+  return Eigen::Map<const Values>(numbers.data(), size);
 }
 
 JointValues joints(const Kinematics& kinematics, nb::handle position) {
@@ -70,112 +62,87 @@ void bind_kinematics(nb::module_& m) {
   nb::class_<Kinematics>(m, "Kinematics", docs::Kinematics::Kinematics)
       .def(
           "__init__",
-          [](Kinematics* self, const std::string& config, const nb::dict& overrides) {
+          [](Kinematics* self, const std::string& config, const Overrides& overrides) {
             new (self) Kinematics(description_of(load_config(config, overrides)));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
-          nb::sig(
-              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
           "`config` is the name of a configuration that comes with the package, or a file. "
           "`overrides` changes\nsingle values.")
       .def_prop_ro("num_fingers", &Kinematics::num_fingers, docs::Kinematics::num_fingers)
       .def_prop_ro("num_joints", &Kinematics::num_joints, docs::Kinematics::num_joints)
       .def(
           "tip_positions",
-          [](Kinematics& kinematics, nb::handle position) {
+          [](Kinematics& kinematics, const ShownNumbers& position) {
             kinematics.update(joints(kinematics, position));
-            return RowMajor(
-                kinematics.tip_positions().reshaped<Eigen::RowMajor>(kinematics.num_fingers(), 3));
+            return Array{RowMajor(
+                kinematics.tip_positions().reshaped<Eigen::RowMajor>(kinematics.num_fingers(), 3))};
           },
           "position"_a,
-          nb::sig("def tip_positions(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          also(docs::Kinematics::tip_positions, R"(The result has a row for each finger.)").c_str())
+          also(docs::Kinematics::tip_positions, R"(The result has a row for each finger.)"))
       .def(
           "tip_jacobian",
-          [](Kinematics& kinematics, int finger, nb::handle position) {
+          [](Kinematics& kinematics, int finger, const ShownNumbers& position) {
             kinematics.update(joints(kinematics, position));
-            return RowMajor(kinematics.tip_jacobian(checked_finger(kinematics, finger)));
+            return Array{RowMajor(kinematics.tip_jacobian(checked_finger(kinematics, finger)))};
           },
-          "finger"_a, "position"_a,
-          nb::sig("def tip_jacobian(self, finger: int, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::Kinematics::tip_jacobian)
+          "finger"_a, "position"_a, docs::Kinematics::tip_jacobian)
       .def(
           "tip_jacobians",
-          [](Kinematics& kinematics, nb::handle position) {
+          [](Kinematics& kinematics, const ShownNumbers& position) {
             kinematics.update(joints(kinematics, position));
-            return RowMajor(kinematics.tip_jacobians());
+            return Array{RowMajor(kinematics.tip_jacobians())};
           },
-          "position"_a,
-          nb::sig("def tip_jacobians(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::Kinematics::tip_jacobians)
+          "position"_a, docs::Kinematics::tip_jacobians)
       .def(
           "tip_accelerations",
-          [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
+          [](Kinematics& kinematics, const ShownNumbers& position, const ShownNumbers& velocity) {
             kinematics.update(joints(kinematics, position));
-            return RowMajor(
+            return Array{RowMajor(
                 kinematics
                     .tip_accelerations(to_values(velocity, kinematics.num_joints(), "velocity"))
-                    .reshaped<Eigen::RowMajor>(kinematics.num_fingers(), 3));
+                    .reshaped<Eigen::RowMajor>(kinematics.num_fingers(), 3))};
           },
           "position"_a, "velocity"_a,
-          nb::sig("def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: "
-                  "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          also(docs::Kinematics::tip_accelerations, R"(The result has a row for each finger.)")
-              .c_str())
+          also(docs::Kinematics::tip_accelerations, R"(The result has a row for each finger.)"))
       .def(
           "gravity_torques",
-          [](Kinematics& kinematics, nb::handle position) {
+          [](Kinematics& kinematics, const ShownNumbers& position) {
             kinematics.update(joints(kinematics, position));
-            return Values(kinematics.gravity_torques());
+            return Array{Values(kinematics.gravity_torques())};
           },
-          "position"_a,
-          nb::sig("def gravity_torques(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::Kinematics::gravity_torques)
+          "position"_a, docs::Kinematics::gravity_torques)
       .def(
           "bias_torques",
-          [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
+          [](Kinematics& kinematics, const ShownNumbers& position, const ShownNumbers& velocity) {
             kinematics.update(joints(kinematics, position));
-            return Values(
-                kinematics.bias_torques(to_values(velocity, kinematics.num_joints(), "velocity")));
+            return Array{Values(
+                kinematics.bias_torques(to_values(velocity, kinematics.num_joints(), "velocity")))};
           },
-          "position"_a, "velocity"_a,
-          nb::sig("def bias_torques(self, position: numpy.typing.ArrayLike, velocity: "
-                  "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          docs::Kinematics::bias_torques)
+          "position"_a, "velocity"_a, docs::Kinematics::bias_torques)
       .def(
           "mass_matrix",
-          [](Kinematics& kinematics, nb::handle position) {
+          [](Kinematics& kinematics, const ShownNumbers& position) {
             kinematics.update(joints(kinematics, position));
-            return RowMajor(kinematics.mass_matrix());
+            return Array{RowMajor(kinematics.mass_matrix())};
           },
-          "position"_a,
-          nb::sig("def mass_matrix(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::Kinematics::mass_matrix)
+          "position"_a, docs::Kinematics::mass_matrix)
       .def(
           "inverse_kinematics",
-          [](const Kinematics& kinematics, int finger, nb::handle tip, nb::handle near) {
+          [](const Kinematics& kinematics, int finger, const ShownNumbers& tip,
+             const ShownNumbers& near) {
             checked_finger(kinematics, finger);
             const Eigen::Vector3d point = to_values(tip, 3, "tip");
             const FingerPose pose = near.is_none() ? kinematics.inverse_kinematics(finger, point)
                                                    : kinematics.inverse_kinematics(
                                                          finger, point, to_values(near, 3, "near"));
             const std::string_view reach = name_of(pose.reach);
-            return std::pair(pose.position, nb::str(reach.data(), reach.size()));
+            return std::pair(Array{pose.position}, nb::str(reach.data(), reach.size()));
           },
           "finger"_a, "tip"_a, "near"_a = nb::none(),
-          nb::sig("def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, "
-                  "near: numpy.typing.ArrayLike | None = None) -> "
-                  "tuple[numpy.typing.NDArray[numpy.float64], str]"),
           also(
               docs::Kinematics::inverse_kinematics,
               R"(Returns the joint positions and 'yes', 'too_far', 'too_close' or 'outside_limits'. `near` is the
-initial pose by default.)")
-              .c_str());
+initial pose by default.)"));
 }
 
 }  // namespace trifinger::bindings

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
@@ -13,6 +12,7 @@
 #include "base/text_of.hpp"
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "simulation.hpp"
@@ -77,7 +77,6 @@ void bind_model_kinematics(nb::module_& m) {
   nb::class_<JointSolution>(m, "JointSolution", docs::JointSolution::JointSolution)
       .def_prop_ro(
           "position", [](const JointSolution& self) { return JointArray{self.position}; },
-          nb::sig("def position(self) -> numpy.typing.NDArray[numpy.float64]"),
           docs::JointSolution::position)
       .def_ro("distance", &JointSolution::distance, docs::JointSolution::distance)
       .def_ro("angle", &JointSolution::angle, docs::JointSolution::angle)
@@ -97,12 +96,10 @@ void bind_model_kinematics(nb::module_& m) {
       .def(
           "__init__",
           [](RobotKinematics* self, const std::string& config,
-             const std::vector<std::string>& frames, const nb::dict& overrides) {
+             const std::vector<std::string>& frames, const Overrides& overrides) {
             new (self) RobotKinematics(load_config(config, overrides), frames);
           },
-          "config"_a = "sim", "frames"_a = std::vector<std::string>{}, "overrides"_a = nb::dict(),
-          nb::sig("def __init__(self, config: str = 'sim', frames: collections.abc.Sequence[str] = "
-                  "(), overrides: dict[str, object] = {}) -> None"),
+          "config"_a = "sim", "frames"_a = nb::tuple(), "overrides"_a = nb::dict(),
           "`config` is the name of a configuration that comes with the package, or a file. "
           "`frames` are names of\nsites, bodies or geoms; none: the tips of a TriFinger, or the "
           "ends of a robot from a file. `overrides`\nchanges single values of the configuration.")
@@ -116,13 +113,11 @@ void bind_model_kinematics(nb::module_& m) {
               const JointRange& range = self.ranges()[static_cast<std::size_t>(i)];
               ranges.row(i) << range.lower, range.upper;
             }
-            return ranges;
+            return Array{std::move(ranges)};
           },
-          nb::sig("def ranges(self) -> numpy.typing.NDArray[numpy.float64]"),
           "The soft limits of the joints, N x 2 [rad], [m].")
       .def_prop_ro(
           "initial_position", [](const RobotKinematics& self) { return JointArray{self.start()}; },
-          nb::sig("def initial_position(self) -> numpy.typing.NDArray[numpy.float64]"),
           "Where the joints are when a session begins [rad], [m].")
       .def(
           "pose",
@@ -132,47 +127,32 @@ void bind_model_kinematics(nb::module_& m) {
                              Array<Eigen::Vector4d>{numbers_of(Eigen::Quaterniond(pose.linear()))});
           },
           "frame"_a, "position"_a,
-          nb::sig("def pose(self, frame: str, position: numpy.typing.ArrayLike) -> "
-                  "tuple[numpy.typing.NDArray[numpy.float64], "
-                  "numpy.typing.NDArray[numpy.float64]]"),
           "Place of a frame [m], and its orientation: a quaternion w x y z with w >= 0.")
       .def(
           "jacobian",
           [](RobotKinematics& self, const std::string& frame, const JointArray& position) {
-            return RowMajor(self.at(position).jacobian(self.frame(frame)));
+            return Array{RowMajor(self.at(position).jacobian(self.frame(frame)))};
           },
-          "frame"_a, "position"_a,
-          nb::sig("def jacobian(self, frame: str, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::ModelKinematics::jacobian)
+          "frame"_a, "position"_a, docs::ModelKinematics::jacobian)
       .def(
           "gravity_torques",
           [](RobotKinematics& self, const JointArray& position) {
             return JointArray{self.at(position).gravity_torques()};
           },
-          "position"_a,
-          nb::sig("def gravity_torques(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::ModelKinematics::gravity_torques)
+          "position"_a, docs::ModelKinematics::gravity_torques)
       .def(
           "bias_torques",
           [](RobotKinematics& self, const JointArray& position, const JointArray& velocity) {
             self.check("velocity", velocity);
             return JointArray{self.at(position).bias_torques(velocity.value)};
           },
-          "position"_a, "velocity"_a,
-          nb::sig("def bias_torques(self, position: numpy.typing.ArrayLike, velocity: "
-                  "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          docs::ModelKinematics::bias_torques)
+          "position"_a, "velocity"_a, docs::ModelKinematics::bias_torques)
       .def(
           "mass_matrix",
           [](RobotKinematics& self, const JointArray& position) {
-            return RowMajor(self.at(position).mass_matrix());
+            return Array{RowMajor(self.at(position).mass_matrix())};
           },
-          "position"_a,
-          nb::sig("def mass_matrix(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"),
-          docs::ModelKinematics::mass_matrix)
+          "position"_a, docs::ModelKinematics::mass_matrix)
       .def(
           "null_space_torques",
           [](RobotKinematics& self, const std::string& frame, const JointArray& position,
@@ -181,10 +161,7 @@ void bind_model_kinematics(nb::module_& m) {
             const std::size_t place = self.frame(frame);
             return JointArray{self.at(position).null_space_torques(place, torques.value)};
           },
-          "frame"_a, "position"_a, "torques"_a,
-          nb::sig("def null_space_torques(self, frame: str, position: numpy.typing.ArrayLike, "
-                  "torques: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          docs::ModelKinematics::null_space_torques)
+          "frame"_a, "position"_a, "torques"_a, docs::ModelKinematics::null_space_torques)
       .def(
           "inverse_kinematics",
           [](RobotKinematics& self, const std::string& frame, const Vector3& point,
@@ -203,9 +180,6 @@ void bind_model_kinematics(nb::module_& m) {
                 .inverse_kinematics(self.frame(frame), point, turn, begin, self.ranges());
           },
           "frame"_a, "point"_a, "orientation"_a = nb::none(), "near"_a = nb::none(),
-          nb::sig("def inverse_kinematics(self, frame: str, point: numpy.typing.ArrayLike, "
-                  "orientation: numpy.typing.ArrayLike | None = None, near: "
-                  "numpy.typing.ArrayLike | None = None) -> JointSolution"),
           "Finds positions within the soft limits that bring a frame to `point` [m], with this "
           "orientation (a\nquaternion w x y z) if one is given: damped least squares from `near` "
           "(default: where sessions begin),\nthen from poses drawn from a fixed series. Joints "

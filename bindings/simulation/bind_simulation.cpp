@@ -12,7 +12,6 @@
 #include <cctype>
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <tuple>
@@ -25,6 +24,7 @@
 #include "conversion/array.hpp"
 #include "conversion/garbage.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "log/start_recorder.hpp"
@@ -42,6 +42,7 @@ namespace trifinger::bindings {
 namespace {
 
 using Values = Eigen::VectorXd;
+using ShownCheck = Shown<"collections.abc.Callable[[Observation, Action], None]">;
 
 // Returns "OWN_CHECK" for "own_check".
 std::string constant_name(std::string_view name) {
@@ -149,12 +150,10 @@ void bind_simulation(nb::module_& m) {
       "or\nrestore() has left. During a session they take effect at once.")
       .def(
           "__init__",
-          [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
+          [](PythonSimulation* self, const std::string& config, const Overrides& overrides) {
             new (self) PythonSimulation(load_config(config, overrides));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
-          nb::sig(
-              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
           "`config` is the name of a configuration that comes with the package, or a file; "
           "`overrides` changes "
           "single\nvalues: {\"fingers.height\": 0.3, \"simulation.seed\": 7}.")
@@ -183,11 +182,11 @@ void bind_simulation(nb::module_& m) {
           "torque, and\n`joint_friction`, the dry friction added in the joints [Nm]. "
           "`pair_friction` has additional factors\nfor pairs of surfaces, for example "
           "{\"tip_object\": 0.8}; docs/simulation.md names them.")
-      .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
-           "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
-           also(docs::SimulatedRobot::place_object,
-                R"(The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.)")
-               .c_str())
+      .def(
+          "place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
+          "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
+          also(docs::SimulatedRobot::place_object,
+               R"(The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.)"))
       .def("set_object_velocity", &PythonSimulation::set_object_velocity, "name"_a, "linear"_a,
            "angular"_a = std::vector<double>{0.0, 0.0, 0.0},
            docs::SimulatedRobot::set_object_velocity)
@@ -201,15 +200,11 @@ void bind_simulation(nb::module_& m) {
              double stiffness) { simulation.pull(body, to_pull(target, point, stiffness)); },
           "body"_a, "target"_a, nb::kw_only(), "point"_a = zeros(),
           "stiffness"_a = Pull{}.stiffness,
-          nb::sig("def pull(self, body: int | str, target: numpy.typing.ArrayLike, *, "
-                  "point: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), stiffness: float = 300.0) -> "
-                  "None"),
           also(
               docs::SimulatedRobot::pull,
               R"(`body` is a name or a number in `bodies`, `target` is in the world frame [m], `point` is where
 the spring is fixed, from the centre of the tip or object, in the axes of its body [m], and
-`stiffness` is above 0 and at most 5000 [N/m].)")
-              .c_str())
+`stiffness` is above 0 and at most 5000 [N/m].)"))
       .def("let_go", &PythonSimulation::let_go, docs::SimulatedRobot::let_go)
       .def_prop_ro("bodies", &PythonSimulation::bodies, docs::pullable_bodies)
       .def(
@@ -253,13 +248,11 @@ the spring is fixed, from the centre of the tip or object, in the axes of its bo
            "fault: KeyboardInterrupt reaches the program\nthat waits for the robot.")
       .def(
           "record",
-          [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision,
-             const std::string& images) {
+          [](const PythonSimulation& simulation, const ShownPath& folder,
+             const std::string& precision, const std::string& images) {
             return simulation.record(to_path(folder), precision, images);
           },
           "folder"_a, nb::kw_only(), "precision"_a = "double", "images"_a = "jpeg",
-          nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double', "
-                  "images: str = 'jpeg') -> Recorder"),
           "Records every session from the next one on, without loss, into a file in `folder`. The "
           "precision\n\"single\" takes half of the space. `images` says what is kept of images: "
           "\"jpeg\", \"raw\" or \"none\".")
@@ -267,8 +260,8 @@ the spring is fixed, from the centre of the tip or object, in the axes of its bo
 
   m.def(
       "simulate",
-      [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record,
-         const nb::iterable& checks) {
+      [](const std::string& config, const Overrides& overrides, bool strict,
+         const ShownPath& record, const nb::typed<nb::iterable, ShownCheck>& checks) {
         PythonSimulation simulation(load_config(config, overrides));
         for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
         if (!record.is_none())
@@ -277,31 +270,22 @@ the spring is fixed, from the centre of the tip or object, in the axes of its bo
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,
       "record"_a = nb::none(), "checks"_a = nb::tuple(),
-      nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: "
-              "bool = True, record: str | os.PathLike[str] | None = None, "
-              "checks: collections.abc.Iterable[collections.abc.Callable[[Observation, Action], "
-              "None]] = ()) -> Frontend"),
       also(docs::simulate,
            R"(`record` is the folder for a log. `checks` are safety checks of your own, see
-Simulation.add_check().)")
-          .c_str());
+Simulation.add_check().)"));
 
   m.def(
       "export_mjcf",
-      [](const std::string& config, const nb::dict& overrides) {
+      [](const std::string& config, const Overrides& overrides) {
         return make_model(load_config(config, overrides).simulation)->mjcf();
       },
-      "config"_a = "sim", "overrides"_a = nb::dict(),
-      nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
-      docs::export_mjcf);
+      "config"_a = "sim", "overrides"_a = nb::dict(), docs::export_mjcf);
   m.def(
       "export_urdf",
-      [](const std::string& config, const nb::dict& overrides) {
+      [](const std::string& config, const Overrides& overrides) {
         return export_urdf(description_of(load_config(config, overrides)));
       },
-      "config"_a = "sim", "overrides"_a = nb::dict(),
-      nb::sig("def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
-      docs::export_urdf);
+      "config"_a = "sim", "overrides"_a = nb::dict(), docs::export_urdf);
   m.def(
       "checked_model_text", [](const std::string& text) { return checked_model_text(text); },
       "text"_a, nb::call_guard<nb::gil_scoped_release>(), docs::checked_model_text);

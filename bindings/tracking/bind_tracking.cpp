@@ -14,6 +14,7 @@
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
 #include "simulation/simulation.hpp"
@@ -115,11 +116,7 @@ void bind_tracking(nb::module_& m) {
           contents.push_back(faces_in_blocks(camera, object, pose_of(position, orientation)));
         return contents;
       },
-      "calibration"_a, "object"_a, "position"_a, "orientation"_a,
-      nb::sig("def faces_in_blocks(calibration: str, object: TrackedObject, position: "
-              "numpy.typing.ArrayLike, "
-              "orientation: numpy.typing.ArrayLike) -> list[list[int]]"),
-      docs::faces_in_blocks);
+      "calibration"_a, "object"_a, "position"_a, "orientation"_a, docs::faces_in_blocks);
   nb::class_<TrackedObject>(m, "TrackedObject", docs::TrackedObject::TrackedObject)
       .def_ro("name", &TrackedObject::name)
       .def_prop_ro(
@@ -139,18 +136,14 @@ void bind_tracking(nb::module_& m) {
       "name"_a, "size"_a, "colours"_a = competition_colours(), "rim"_a = 0.0, docs::coloured_box);
   m.def(
       "tracked_object",
-      [](const std::string& config, const nb::dict& overrides, const std::string& name) {
+      [](const std::string& config, const Overrides& overrides, const std::string& name) {
         const RobotDescription scene = description_of(load_config(config, overrides));
         for (const ObjectDescription& object : scene.objects) {
           if (object.name == name) return tracked_object(object);
         }
         throw InvalidArgument("the scene has no object '" + name + "'");
       },
-      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube",
-      nb::sig(
-          "def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = "
-          "'cube') -> TrackedObject"),
-      docs::tracked_object);
+      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube", docs::tracked_object);
   m.def(
       "coloured_mesh",
       [](std::string name, const std::vector<std::array<double, 3>>& vertices,

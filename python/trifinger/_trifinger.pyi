@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from collections.abc import (
-    Callable,
-    Iterable,
-    Iterator,
-    Mapping,
-    Sequence
-)
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import enum
 import os
 import pathlib
@@ -21,7 +15,7 @@ import trifinger.log.types
 import trifinger.session_info
 
 
-version: str = ...
+version: str
 
 class Element(numpy.void):  # type: ignore[misc]  # final in NumPy's own stub, not in NumPy
     """
@@ -99,7 +93,7 @@ def list_sessions() -> list[trifinger.session_info.SessionInfo]:
     back-end died are included; sessions that cannot be opened are left out.
     """
 
-def running_robot(name: str = ...) -> str:
+def running_robot(name: str = '') -> str:
     """
     Which robot a command is for: `name`, or the only robot that runs on this machine if `name`
     is empty. Looks once and never waits.
@@ -189,7 +183,7 @@ class TimingRecord:
     def steps(self) -> int:
         """Number of steps so far, including the one that ended the session."""
 
-    def late_steps(self, cause: str | None = ...) -> int:
+    def late_steps(self, cause: str | None = None) -> int:
         """Number of late steps: all of them, or those late because of `cause`."""
 
     def success_rate(self) -> float:
@@ -321,37 +315,6 @@ class Frontend:
         field. The action can be changed and appended as often as you like.
         """
 
-    def get_observation(self, t: int, timeout: float | None = None) -> Observation:
-        """
-        Returns y[t]; waits for it if `t` lies in the future.
-
-        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
-        TimedOut.
-        """
-
-    def get_desired_action(self, t: int, timeout: float | None = None) -> Action:
-        """
-        Returns a[t] as the back-end took it. This and the functions below raise like
-        `get_observation`.
-        """
-
-    def get_applied_action(self, t: int, timeout: float | None = None) -> AppliedAction:
-        """Returns a'[t], the applied action."""
-
-    def get_status(self, t: int, timeout: float | None = None) -> StatusElement:
-        """Returns the status that the back-end has written for step t."""
-
-    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Observation]:
-        """
-        Returns the steps from `first` to before `last`; waits for the last one.
-        """
-
-    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Action]: ...
-
-    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[AppliedAction]: ...
-
-    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[StatusElement]: ...
-
     def latest_observation(self, timeout: float | None = None) -> Observation:
         """
         Returns the newest observation, also before step 0: a user can look without acting.
@@ -442,6 +405,46 @@ class Frontend:
 
     def __repr__(self) -> str: ...
 
+    def get_observation(self, t: int, timeout: float | None = None) -> Observation:
+        """
+        Returns y[t]; waits for it if `t` lies in the future.
+
+        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
+        TimedOut.
+        """
+
+    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Observation]:
+        """
+        Returns the steps from `first` to before `last`; waits for the last one.
+        """
+
+    def get_desired_action(self, t: int, timeout: float | None = None) -> Action:
+        """
+        Returns a[t] as the back-end took it. This and the functions below raise like
+        `get_observation`.
+        """
+
+    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Action]:
+        """
+        Returns the steps from `first` to before `last`; waits for the last one.
+        """
+
+    def get_applied_action(self, t: int, timeout: float | None = None) -> AppliedAction:
+        """Returns a'[t], the applied action."""
+
+    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[AppliedAction]:
+        """
+        Returns the steps from `first` to before `last`; waits for the last one.
+        """
+
+    def get_status(self, t: int, timeout: float | None = None) -> StatusElement:
+        """Returns the status that the back-end has written for step t."""
+
+    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[StatusElement]:
+        """
+        Returns the steps from `first` to before `last`; waits for the last one.
+        """
+
     @property
     def action_dtype(self) -> numpy.dtype[Action]:
         """The layout of an action."""
@@ -504,7 +507,7 @@ class Backend:
 
     def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
-def fake(*, strict: bool = ..., history: int = ..., sensor_period: int = ..., sensor_delay: int = ..., observation_fault_after: int = ..., action_fault_after: int = ...) -> Frontend:
+def fake(*, strict: bool = False, history: int = 16384, sensor_period: int = 0, sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) -> Frontend:
     """
     Starts the fake robot inside this program: no physics and no joints, for tests of your own
     code.
@@ -681,14 +684,14 @@ class Simulation:
 
     def __repr__(self) -> str: ...
 
-    def connect(self, *, strict: bool = ...) -> Frontend:
+    def connect(self, *, strict: bool = True) -> Frontend:
         """
         Controls the robot, of type R, in a new session.
 
         Raises ControlHeld while another front-end controls it, Error if its type is another.
         """
 
-    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ..., joints: Sequence[float] | None = ...) -> None:
+    def reset(self, position: Sequence[float] | None = None, seed: int | None = None, episode: int = 0, joints: Sequence[float] | None = None) -> None:
         """
         Resets the simulation: joints at `position` [rad] (default: the configuration's), objects as they
         are at the start of the configuration, random numbers of `episode` of `seed` (default: the
@@ -711,7 +714,7 @@ class Simulation:
         for pairs of surfaces, for example {"tip_object": 0.8}; docs/simulation.md names them.
         """
 
-    def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
+    def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = [1.0, 0.0, 0.0, 0.0]) -> None:
         """
         Places an object at rest at `pose`. The orientation is normalized.
 
@@ -720,7 +723,7 @@ class Simulation:
         The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.
         """
 
-    def set_object_velocity(self, name: str, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
+    def set_object_velocity(self, name: str, linear: Sequence[float], angular: Sequence[float] = [0.0, 0.0, 0.0]) -> None:
         """
         Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s]
         and angular velocity [rad/s].
@@ -916,7 +919,7 @@ class DirectSimulation:
         What follows from it: torque [Nm], position [rad], position_kp [Nm/rad] and position_kd [Nms/rad].
         """
 
-    def keep_steps(self, keep: bool = ...) -> None:
+    def keep_steps(self, keep: bool = True) -> None:
         """Whether the next steps are kept for kept_steps()."""
 
     def kept_steps(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -968,7 +971,7 @@ class DirectSimulation:
         Raises InvalidArgument that names the existing objects, or if the mass is not valid.
         """
 
-    def use_physics(self, *, stop_lower: numpy.typing.ArrayLike, stop_upper: numpy.typing.ArrayLike, margin: float, link_friction: float, boundary_friction: float, object_margins: dict[str, float]) -> None:
+    def use_physics(self, *, stop_lower: numpy.typing.ArrayLike, stop_upper: numpy.typing.ArrayLike, margin: float, link_friction: float, boundary_friction: float, object_margins: Mapping[str, float]) -> None:
         """
         Takes figures of another simulator: where joints are stopped [rad], the distance at which fingers and
         objects touch already, from 0 to 0.01 [m], and the sliding friction of links and of the boundary
@@ -1001,7 +1004,7 @@ class Hand:
     that ran when this object was made.
     """
 
-    def __init__(self, robot: str = ...) -> None: ...
+    def __init__(self, robot: str = 'sim') -> None: ...
 
     def __repr__(self) -> str: ...
 
@@ -1032,7 +1035,7 @@ class Hand:
 
     def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
-def hand(robot: str = ...) -> Hand:
+def hand(robot: str = 'sim') -> Hand:
     """
     The hand of a simulated robot that `trifinger run` runs, to pull at its tips and objects:
 
@@ -1092,7 +1095,7 @@ class CameraRenderer:
     def set_options(self, **options: object) -> None:
         """Changes what the next images look like."""
 
-    def vary(self, seed: int = ..., episode: int = ...) -> None:
+    def vary(self, seed: int = 0, episode: int = 0) -> None:
         """
         Draws light, colours, dust, noise and the error of the calibration at random.
         """
@@ -1293,7 +1296,7 @@ def kinematics_of(configuration: str) -> Kinematics | None:
 class Pose:
     """Position and orientation of a body."""
 
-    def __init__(self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), orientation: numpy.typing.ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None: ...
 
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1308,7 +1311,7 @@ class Pose:
 class Twist:
     """Velocity and angular velocity of a body."""
 
-    def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, linear: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), angular: numpy.typing.ArrayLike = (0.0, 0.0, 0.0)) -> None: ...
 
     @property
     def linear(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1321,7 +1324,7 @@ class Twist:
 class Acceleration:
     """Rate of change of a body's twist."""
 
-    def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, linear: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), angular: numpy.typing.ArrayLike = (0.0, 0.0, 0.0)) -> None: ...
 
     @property
     def linear(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1348,7 +1351,7 @@ class Motion:
 class PointMotion:
     """A point at one instant of a motion."""
 
-    def __init__(self, position: numpy.typing.ArrayLike = ..., velocity: numpy.typing.ArrayLike = ..., acceleration: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), velocity: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), acceleration: numpy.typing.ArrayLike = (0.0, 0.0, 0.0)) -> None: ...
 
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1451,7 +1454,7 @@ class CircleTrajectory:
     A horizontal circle that gains its speed smoothly and loses it at the end.
     """
 
-    def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
+    def __init__(self, centre: numpy.typing.ArrayLike, radius: float = 0.05, start_angle: float = 0.0, turns: float = 3.0, period: float = 4.0, ramp_time: float = 1.0) -> None:
         """
         `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the time of one
         turn at full speed [s], `ramp_time` that from rest to full speed and back.
@@ -1472,7 +1475,7 @@ class Wrench:
     A force and a moment. The moment is about a point that is stated with each use.
     """
 
-    def __init__(self, force: numpy.typing.ArrayLike = ..., moment: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, force: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), moment: numpy.typing.ArrayLike = (0.0, 0.0, 0.0)) -> None: ...
 
     @property
     def force(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1489,7 +1492,7 @@ class Contact:
     A tip that does not touch is a contact whose `max_normal_force` is 0. It gets no force.
     """
 
-    def __init__(self, position: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike, friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ...) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike, friction: float = 0.5, min_normal_force: float = 0.0, max_normal_force: float = 10.0) -> None: ...
 
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -1542,7 +1545,7 @@ class FrictionPyramid:
     for both tangents. Its edges lie on the cone, so more sides use more of the cone.
     """
 
-    def __init__(self, sides: int = ...) -> None: ...
+    def __init__(self, sides: int = 4) -> None: ...
 
     @property
     def sides(self) -> int: ...
@@ -1640,9 +1643,9 @@ class ForceOptimizer:
     be used by several threads at once.
     """
 
-    def __init__(self, friction_sides: int = ..., normal_weight: float = ..., tangential_weight: float = ...) -> None: ...
+    def __init__(self, friction_sides: int = 4, normal_weight: float = 1.0, tangential_weight: float = 1.0) -> None: ...
 
-    def solve(self, grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, wrench: Wrench, torques: TorqueLimits | None = ...) -> ForceDistribution:
+    def solve(self, grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, wrench: Wrench, torques: TorqueLimits | None = None) -> ForceDistribution:
         """
         Distributes `wrench`, which is given about `centre` [m], over the three contacts. If that is
         impossible, the result comes closest to it and its `status` says so.
@@ -1676,7 +1679,7 @@ def gravity() -> numpy.typing.NDArray[numpy.float64]:
 class ObjectGains:
     """How stiffly an object is held."""
 
-    def __init__(self, stiffness: float = ..., damping: float = ..., rotational_stiffness: float = ..., rotational_damping: float = ...) -> None: ...
+    def __init__(self, stiffness: float = 100.0, damping: float = 4.0, rotational_stiffness: float = 0.1, rotational_damping: float = 0.006) -> None: ...
 
     @property
     def stiffness(self) -> float:
@@ -1721,7 +1724,7 @@ def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody,
 class TipGains:
     """How stiffly a tip is held."""
 
-    def __init__(self, stiffness: float = ..., damping: float = ...) -> None: ...
+    def __init__(self, stiffness: float = 200.0, damping: float = 2.5) -> None: ...
 
     @property
     def stiffness(self) -> float:
@@ -1790,7 +1793,7 @@ class PoseEstimator:
     Times [s] may begin anywhere, but must have the same beginning in all calls.
     """
 
-    def __init__(self, bandwidth: float = ...) -> None: ...
+    def __init__(self, bandwidth: float = 3.0) -> None: ...
 
     def update(self, time: float, pose: Pose, known: Motion = ...) -> bool:
         """
@@ -1847,7 +1850,7 @@ def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
 class GraspPlannerConfig:
     """The candidates that a planner compares, and its requirements."""
 
-    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = ..., friction_sides: int = ..., min_normal_force: float = ..., clearance: float = ..., limit_margin: float = ..., largest_torque: float = ...) -> None: ...
+    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = 0.45, friction_sides: int = 4, min_normal_force: float = 0.9, clearance: float = 0.0005, limit_margin: float = 0.03, largest_torque: float = 1.0) -> None: ...
 
     @property
     def offsets(self) -> list[float]:
@@ -1943,7 +1946,7 @@ class GraspPlanner:
 class GraspControllerConfig:
     """Settings of a `GraspController`. docs/control.md explains the gains."""
 
-    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., friction_sides: int = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., slip_speed: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
+    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = 0.45, friction_sides: int = 4, slip_friction: float = 0.55, min_normal_force: float = 0.9, max_normal_force: float = 5.0, touch_force: float = 0.3, approach_speed: float = 0.15, closing_speed: float = 0.02, penetration: float = 0.006, closing_time: float = 4.0, engage_time: float = 0.5, roll_time: float = 0.3, slip_speed: float = 0.03, lost_time: float = 0.1, lost_distance: float = 0.03) -> None: ...
 
     @property
     def object(self) -> ObjectGains:
@@ -2230,7 +2233,7 @@ class KnotSpline:
     After its construction, no function allocates memory.
     """
 
-    def __init__(self, kind: SplineKind, num_knots: int, width: int, interval: float, begin: float = ...) -> None:
+    def __init__(self, kind: SplineKind, num_knots: int, width: int, interval: float, begin: float = 0.0) -> None:
         """
         Knots lie at `begin`, `begin + interval` and so on [s]. All values are 0.
         """
@@ -2315,7 +2318,7 @@ class PlanningModelOptions:
     What a `PlanningModel` leaves out. docs/planning.md says what each figure costs.
     """
 
-    def __init__(self, *, time_step: float = ..., iterations: int = ..., impratio: float = ..., lower_links: bool = ..., fingers_touch: bool = ..., torque_share: float = ...) -> None: ...
+    def __init__(self, *, time_step: float = 0.006, iterations: int = 4, impratio: float = 10.0, lower_links: bool = True, fingers_touch: bool = True, torque_share: float = 0.95) -> None: ...
 
     @property
     def time_step(self) -> float:
@@ -2544,7 +2547,7 @@ class CostShape(enum.Enum):
 class CostTerm:
     """One ready-made part of a cost: plain data."""
 
-    def __init__(self, *, kind: CostKind = CostKind.OBJECT_POSITION, weight: float = ..., end_weight: float = ..., shape: CostShape = CostShape.LINEAR, index: int = ..., goal: Pose = ..., distance: float = ..., smoothing: float = ..., joints: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, *, kind: CostKind = CostKind.OBJECT_POSITION, weight: float = 1.0, end_weight: float = 0.0, shape: CostShape = CostShape.LINEAR, index: int = 0, goal: Pose = ..., distance: float = 0.0, smoothing: float = 0.0, joints: numpy.typing.ArrayLike = ...) -> None: ...
 
     @property
     def kind(self) -> CostKind:
@@ -2728,7 +2731,7 @@ class PlannerOptions:
     does.
     """
 
-    def __init__(self, *, method: PlanningMethod = PlanningMethod.PATH_INTEGRAL, samples: int = ..., rounds: int = ..., horizon: float = ..., knots: int = ..., spline: SplineKind = SplineKind.LINEAR, command: PlannedCommand = PlannedCommand.POSITION, kp: float = ..., kd: float = ..., least_sigma: float = ..., most_sigma: float = ..., one_finger_share: float = ..., constant_share: float = ..., temperature: float = ..., elites: int = ..., num_threads: int = ..., seed: int = ...) -> None: ...
+    def __init__(self, *, method: PlanningMethod = PlanningMethod.PATH_INTEGRAL, samples: int = 64, rounds: int = 1, horizon: float = 0.5, knots: int = 4, spline: SplineKind = SplineKind.LINEAR, command: PlannedCommand = PlannedCommand.POSITION, kp: float = 10.0, kd: float = 0.015, least_sigma: float = 0.035, most_sigma: float = 0.35, one_finger_share: float = 0.4, constant_share: float = 0.3, temperature: float = 0.1, elites: int = 8, num_threads: int = 0, seed: int = 0) -> None: ...
 
     @property
     def method(self) -> PlanningMethod:
@@ -2862,7 +2865,7 @@ class OnlinePlannerOptions:
     Settings of an `OnlinePlanner`. All times are on the clock of the states.
     """
 
-    def __init__(self, *, period: float = ..., lead: float | None = ...) -> None: ...
+    def __init__(self, *, period: float = 0.04, lead: float | None = ...) -> None: ...
 
     @property
     def period(self) -> float:
@@ -3236,7 +3239,7 @@ class Guide:
     makes a guide of a running robot by its name.
     """
 
-    def __init__(self, frontend: Frontend, *, frames: Sequence[str] = (), joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try') -> None:
+    def __init__(self, frontend: Frontend, *, frames: Sequence[str] = (), joint_speed: float = 1.0, joint_acceleration: float = 5.0, tip_speed: float = 0.15, max_lead: float = 0.15, scheduling: str = 'try') -> None:
         """
         Drives the robot of `frontend`, which must control it. Until the guide has ended, nobody else can
         append actions with `frontend`; everybody can read.
@@ -3393,7 +3396,7 @@ class Guide:
 
     def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
-def guide(name: str, *, frames: Sequence[str] = (), joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try', timeout: float | None = 5.0) -> Guide:
+def guide(name: str, *, frames: Sequence[str] = (), joint_speed: float = 1.0, joint_acceleration: float = 5.0, tip_speed: float = 0.15, max_lead: float = 0.15, scheduling: str = 'try', timeout: float | None = 5.0) -> Guide:
     """
     Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`), and
     guides it: see Guide.
@@ -3421,7 +3424,7 @@ class Lens:
     (0, 0) is the centre of the first one.
     """
 
-    def __init__(self, focal_length: numpy.typing.ArrayLike, principal_point: numpy.typing.ArrayLike, distortion: numpy.typing.ArrayLike = ...) -> None: ...
+    def __init__(self, focal_length: numpy.typing.ArrayLike, principal_point: numpy.typing.ArrayLike, distortion: numpy.typing.ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0)) -> None: ...
 
     @property
     def focal_length(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -3452,7 +3455,7 @@ class Lens:
 class Camera:
     """A calibrated camera."""
 
-    def __init__(self, name: str, width: int, height: int, pixels: str, lens: Lens, pose: numpy.typing.ArrayLike, serial: str = ...) -> None: ...
+    def __init__(self, name: str, width: int, height: int, pixels: str, lens: Lens, pose: numpy.typing.ArrayLike, serial: str = 'any') -> None: ...
 
     @property
     def name(self) -> str:
@@ -3507,7 +3510,7 @@ class CameraCalibration:
     The cameras of a robot as they were calibrated, in the order of its images.
     """
 
-    def __init__(self, cameras: Sequence[Camera], date: str = ..., residual: float = ...) -> None: ...
+    def __init__(self, cameras: Sequence[Camera], date: str = '', residual: float = 0.0) -> None: ...
 
     @property
     def date(self) -> str:
@@ -3556,7 +3559,7 @@ class Policy:
         """
 
     @staticmethod
-    def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = ..., variance: Sequence[float] | None = ..., epsilon: float = ..., clip: float = ..., low: Sequence[float] | None = ..., high: Sequence[float] | None = ..., bounding: str = ..., metadata: Mapping[str, str] = ..., precision: str = ...) -> Policy:
+    def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = None, variance: Sequence[float] | None = None, epsilon: float = 1e-08, clip: float = 10.0, low: Sequence[float] | None = None, high: Sequence[float] | None = None, bounding: str = 'scale', metadata: Mapping[str, str] = {}, precision: str = 'double') -> Policy:
         """
         Makes a policy from layers: weights with one row per output, bias, and 'identity', 'relu' or 'tanh'.
         Inputs are normalised with `mean` and `variance`. Outputs are brought between `low` and `high`, by
@@ -3810,7 +3813,7 @@ class EnvironmentBatch:
         Raises InvalidArgument if there is no such simulation.
         """
 
-    def seed(self, index: int, seed: int, episode: int = ...) -> None:
+    def seed(self, index: int, seed: int, episode: int = 0) -> None:
         """
         Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
         begins the next episode.
@@ -4105,22 +4108,6 @@ class LoggedSession:
         """
 
     @property
-    def observations(self) -> numpy.typing.NDArray[Observation]:
-        """
-        Observations of all whole steps: a row for each number in `time_index`. They are read
-        at the first request and kept.
-        """
-
-    @property
-    def desired_actions(self) -> numpy.typing.NDArray[Action]: ...
-
-    @property
-    def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]: ...
-
-    @property
-    def statuses(self) -> numpy.typing.NDArray[StatusElement]: ...
-
-    @property
     def time_index(self) -> numpy.typing.NDArray[numpy.int64]:
         """
         The whole steps that are in the log; for a companion, the numbers of its elements.
@@ -4131,31 +4118,6 @@ class LoggedSession:
         """
         Times at which the observations were measured, by the wall clock (UTC).
         """
-
-    def get_observation(self, t: int) -> Observation:
-        """
-        Returns y[t]. This and the functions below raise NotInLog if an element is missing.
-        """
-
-    def get_desired_action(self, t: int) -> Action: ...
-
-    def get_applied_action(self, t: int) -> AppliedAction: ...
-
-    def get_status(self, t: int) -> StatusElement: ...
-
-    def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]:
-        """
-        Returns the steps from `first` to before `last`, with only these `fields` if given. Row
-        i is step `first + i`, so all steps must be in the log.
-
-        If the session ended in step N, the log has an observation and a status N, but no actions N.
-        """
-
-    def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Action]: ...
-
-    def get_applied_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[AppliedAction]: ...
-
-    def get_statuses(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[StatusElement]: ...
 
     def get_latest_at(self, t: int) -> Observation | None:
         """
@@ -4193,7 +4155,7 @@ class LoggedSession:
         `{"observation": ("position",), "status": None}`.
         """
 
-    def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log.types.Steps]:
+    def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> StepsIterator:
         """
         Reads like read(), but `count` rows at a time, for a log larger than memory.
         """
@@ -4228,6 +4190,78 @@ class LoggedSession:
 
     def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
         """Writes the table of to_pandas() to a Parquet file, in parts."""
+
+    @property
+    def observations(self) -> numpy.typing.NDArray[Observation]:
+        """
+        The elements of all whole steps: a row for each number in `time_index`. They are read at the
+        first request and kept.
+        """
+
+    def get_observation(self, t: int) -> Observation:
+        """Returns the element of step `t`. Raises NotInLog if it is missing."""
+
+    def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]:
+        """
+        Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+        i is step `first + i`, so all steps must be in the log.
+
+        If the session ended in step N, the log has an observation and a status N, but no actions N.
+        """
+
+    @property
+    def desired_actions(self) -> numpy.typing.NDArray[Action]:
+        """
+        The elements of all whole steps: a row for each number in `time_index`. They are read at the
+        first request and kept.
+        """
+
+    def get_desired_action(self, t: int) -> Action:
+        """Returns the element of step `t`. Raises NotInLog if it is missing."""
+
+    def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Action]:
+        """
+        Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+        i is step `first + i`, so all steps must be in the log.
+
+        If the session ended in step N, the log has an observation and a status N, but no actions N.
+        """
+
+    @property
+    def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]:
+        """
+        The elements of all whole steps: a row for each number in `time_index`. They are read at the
+        first request and kept.
+        """
+
+    def get_applied_action(self, t: int) -> AppliedAction:
+        """Returns the element of step `t`. Raises NotInLog if it is missing."""
+
+    def get_applied_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[AppliedAction]:
+        """
+        Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+        i is step `first + i`, so all steps must be in the log.
+
+        If the session ended in step N, the log has an observation and a status N, but no actions N.
+        """
+
+    @property
+    def statuses(self) -> numpy.typing.NDArray[StatusElement]:
+        """
+        The elements of all whole steps: a row for each number in `time_index`. They are read at the
+        first request and kept.
+        """
+
+    def get_status(self, t: int) -> StatusElement:
+        """Returns the element of step `t`. Raises NotInLog if it is missing."""
+
+    def get_statuses(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[StatusElement]:
+        """
+        Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+        i is step `first + i`, so all steps must be in the log.
+
+        If the session ended in step N, the log has an observation and a status N, but no actions N.
+        """
 
     @property
     def action_dtype(self) -> numpy.dtype[Action]:
@@ -4289,7 +4323,7 @@ class Log:
     def sessions(self) -> list[LoggedSession]:
         """The sessions of robots, in the order in which they began."""
 
-    def session(self, name: str = ...) -> LoggedSession:
+    def session(self, name: str = '') -> LoggedSession:
         """
         The newest session with steps of the robot or companion `name`. With an empty name, that of
         the only robot in the log.
@@ -4429,7 +4463,7 @@ class LiveMessages:
     which each of them measured the offset of the clocks.
     """
 
-    def __init__(self, name: str, *, rate: float = ..., viewer_rate: float = ..., jpeg_quality: int = ...) -> None:
+    def __init__(self, name: str, *, rate: float = 100.0, viewer_rate: float = 30.0, jpeg_quality: int = 80) -> None:
         """
         Begins to look for the robot `name`, which need not run yet.
 
@@ -4502,7 +4536,7 @@ class TrackedObject:
     def colours(self) -> list[str]:
         """The colour of each face."""
 
-def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = ...) -> TrackedObject:
+def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = 0.0) -> TrackedObject:
     """
     A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
     the rest is dark.
@@ -4571,7 +4605,7 @@ class Tracker:
     Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.
     """
 
-    def __init__(self, calibration: str, object: TrackedObject, colours: str | None = ..., calibration_error: float = ...) -> None: ...
+    def __init__(self, calibration: str, object: TrackedObject, colours: str | None = None, calibration_error: float = 0.5) -> None: ...
 
     def track(self, images: Sequence[NDArray[numpy.uint8] | None], guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> Estimate:
         """

@@ -2,7 +2,7 @@
 #include "boards/emulator.hpp"
 
 #include <algorithm>
-#include <chrono>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -138,49 +138,34 @@ void Emulator::add(const EmulatedFault& fault, Instant now) {
 // Adds a fault of a bus to the script of that bus.
 void Emulator::add_to_bus(const EmulatedFault& fault, Instant begin, Instant end) {
   using Bus = can::BusFault::Kind;
-  const auto script = [&](Bus kind, double probability = 1.0) {
-    can::BusFault on_bus{
-        .kind = kind, .begin = begin, .end = end, .probability = probability, .node = {}, .id = {}};
-    // The board's own frames; the other node is everybody else.
-    if (fault.kind == Kind::kBoardSilent || fault.kind == Kind::kBusFull) on_bus.node = 0;
-    if (kind == Bus::kDelay) on_bus.delay = fault.time;
-    if (kind == Bus::kFlood) on_bus.rate = fault.amount;
-    scripted(fault.number).add(on_bus);
+  struct Script {
+    Kind kind;
+    Bus on_bus;
+    bool is_by_chance{false};  // with the fault's amount as probability
   };
-  switch (fault.kind) {
-    case Kind::kBoardSilent:
-      script(Bus::kLose);
-      break;
-    case Kind::kBusLoses:
-      script(Bus::kLose, fault.amount);
-      break;
-    case Kind::kBusDuplicates:
-      script(Bus::kDuplicate, fault.amount);
-      break;
-    case Kind::kBusDelays:
-      script(Bus::kDelay, fault.amount);
-      break;
-    case Kind::kBusCorrupts:
-      script(Bus::kCorrupt, fault.amount);
-      break;
-    case Kind::kBusFlooded:
-      script(Bus::kFlood);
-      break;
-    case Kind::kBusFull:
-      script(Bus::kQueueFull);
-      break;
-    case Kind::kBusOff:
-      script(Bus::kBusOff);
-      break;
-    case Kind::kBusDown:
-      script(Bus::kDown);
-      break;
-    case Kind::kBusGone:
-      script(Bus::kGone);
-      break;
-    default:
-      break;
-  }
+  constexpr std::array<Script, 10> kScripts{{{Kind::kBoardSilent, Bus::kLose},
+                                             {Kind::kBusLoses, Bus::kLose, true},
+                                             {Kind::kBusDuplicates, Bus::kDuplicate, true},
+                                             {Kind::kBusDelays, Bus::kDelay, true},
+                                             {Kind::kBusCorrupts, Bus::kCorrupt, true},
+                                             {Kind::kBusFlooded, Bus::kFlood},
+                                             {Kind::kBusFull, Bus::kQueueFull},
+                                             {Kind::kBusOff, Bus::kBusOff},
+                                             {Kind::kBusDown, Bus::kDown},
+                                             {Kind::kBusGone, Bus::kGone}}};
+  const auto* const found = std::ranges::find(kScripts, fault.kind, &Script::kind);
+  if (found == kScripts.end()) return;
+  can::BusFault script{.kind = found->on_bus,
+                       .begin = begin,
+                       .end = end,
+                       .probability = found->is_by_chance ? fault.amount : 1.0,
+                       .node = {},
+                       .id = {}};
+  // The board's own frames; the other node is everybody else.
+  if (fault.kind == Kind::kBoardSilent || fault.kind == Kind::kBusFull) script.node = 0;
+  if (script.kind == Bus::kDelay) script.delay = fault.time;
+  if (script.kind == Bus::kFlood) script.rate = fault.amount;
+  scripted(fault.number).add(script);
 }
 
 can::ScriptedBus& Emulator::scripted(std::size_t bus) {

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstring>
 #include <numbers>
-#include <string>
 #include <utility>
 
 namespace trifinger::boards {

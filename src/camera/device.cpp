@@ -2,7 +2,6 @@
 #include "camera/device.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstring>

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <set>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 
 #include "aravis_device.hpp"

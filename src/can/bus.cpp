@@ -5,6 +5,13 @@
 
 namespace trifinger::can {
 
+Refusal refusal_of(Link link) noexcept {
+  return link == Link::kBusOff ? Refusal::kBusOff
+         : link == Link::kDown ? Refusal::kDown
+         : link == Link::kGone ? Refusal::kGone
+                               : Refusal::kNone;
+}
+
 std::span<const Frame> Bus::receive(std::span<Frame> budget) noexcept {
   if (is_inherited()) {
     state_.link = Link::kGone;

@@ -31,6 +31,9 @@ enum class Refusal : std::uint8_t {
   kFailed,  ///< Another error of the system; see `SendResult::error_number`.
 };
 
+/// Why nothing is sent on such a link; kNone if it is.
+[[nodiscard]] Refusal refusal_of(Link link) noexcept;
+
 struct SendResult {
   std::size_t sent{0};              ///< The first `sent` frames were handed over.
   Refusal refusal{Refusal::kNone};  ///< Why the next one was not.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <string>
 #include <vector>
 
@@ -131,15 +130,8 @@ class MemoryBus::Node final : public Bus {
 
   SendResult do_send(std::span<const Frame> frames) noexcept override {
     const Instant now = wire_.pass_time();
-    switch (state_.link) {
-      case Link::kBusOff:
-        return {.refusal = Refusal::kBusOff};
-      case Link::kDown:
-        return {.refusal = Refusal::kDown};
-      case Link::kGone:
-        return {.refusal = Refusal::kGone};
-      default:
-        break;
+    if (const Refusal refusal = refusal_of(state_.link); refusal != Refusal::kNone) {
+      return {.refusal = refusal};
     }
     for (std::size_t sent = 0; sent < frames.size(); ++sent) {
       if (wire_.refuses(frames[sent], number_, now)) {

@@ -353,15 +353,8 @@ std::optional<Frame> UnixNode::take(const Incoming& message, Peer& peer,
 
 SendResult UnixNode::do_send(std::span<const Frame> frames) noexcept {
   accept_newcomers();
-  switch (state_.link) {
-    case Link::kBusOff:
-      return {.refusal = Refusal::kBusOff};
-    case Link::kDown:
-      return {.refusal = Refusal::kDown};
-    case Link::kGone:
-      return {.refusal = Refusal::kGone};
-    default:
-      break;
+  if (const Refusal refusal = refusal_of(state_.link); refusal != Refusal::kNone) {
+    return {.refusal = refusal};
   }
   for (std::size_t sent = 0; sent < frames.size();) {
     const std::size_t count = outgoing_.fill(frames.subspan(sent));

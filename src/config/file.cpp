@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <iterator>
-#include <optional>
 #include <utility>
 
 #include "base/regular_file.hpp"

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <eiquadprog/eiquadprog-rt.hpp>
-#include <string>
 
 #include "base/moved.hpp"
 #include "trifinger/base/error.hpp"

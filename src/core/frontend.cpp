@@ -2,7 +2,6 @@
 #include "trifinger/core/frontend.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>

@@ -18,7 +18,6 @@
 #include <optional>
 #include <stop_token>
 #include <string_view>
-#include <system_error>
 #include <thread>
 #include <utility>
 

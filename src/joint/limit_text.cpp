@@ -15,15 +15,18 @@ std::string number_text(double number) {
   return {digits.data(), end};
 }
 
+std::string quoted_text(std::string_view text) {
+  std::string result = "'";
+  for (const char letter : text) result += letter == '\'' ? "''" : std::string(1, letter);
+  return result + "'";
+}
+
 std::string key_of(std::string_view name) {
   const bool is_plain = !name.empty() && std::ranges::all_of(name, [](char letter) {
     return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
            (letter >= '0' && letter <= '9') || letter == '_';
   });
-  if (is_plain) return std::string(name);
-  std::string key = "'";
-  for (const char letter : name) key += letter == '\'' ? "''" : std::string(1, letter);
-  return key + "'";
+  return is_plain ? std::string(name) : quoted_text(name);
 }
 
 }  // namespace trifinger::detail

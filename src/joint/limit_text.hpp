@@ -13,6 +13,9 @@ namespace trifinger::detail {
 // The shortest text that reads back as this number, in YAML: also ".inf".
 [[nodiscard]] std::string number_text(double number);
 
+// Any text as a value of YAML.
+[[nodiscard]] std::string quoted_text(std::string_view text);
+
 // The name of a joint as a key of YAML. Names may have any characters.
 [[nodiscard]] std::string key_of(std::string_view name);
 

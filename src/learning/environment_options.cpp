@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <span>
 #include <utility>
 
 #include "base/suggestion.hpp"

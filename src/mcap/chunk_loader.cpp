@@ -2,7 +2,6 @@
 #include "chunk_loader.hpp"
 
 #include <algorithm>
-#include <optional>
 
 namespace trifinger::mcap {
 

@@ -12,7 +12,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "buffer.hpp"
 #include "trifinger/mcap/records.hpp"

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <utility>
 
 #include "base/regular_file.hpp"
 #include "trifinger/base/error.hpp"

@@ -4,12 +4,10 @@
 #include <mujoco/mujoco.h>
 
 #include <array>
-#include <cstddef>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 
 #include "spec.hpp"
 #include "urdf.hpp"

@@ -48,12 +48,12 @@ std::vector<std::pair<std::string, double>> JointLoads::begin_at(std::size_t joi
   return followers;
 }
 
-std::vector<RotorPlace> JointLoads::add_rotor(std::size_t joint, double more) {
+std::vector<std::pair<std::string, double>> JointLoads::add_rotor(std::size_t joint, double more) {
   mjModel& model = *changed_;
   const std::vector<double> forces = motor(joint);
   double squares = 0.0;
   for (const double force : forces) squares += force * force;
-  std::vector<RotorPlace> places;
+  std::vector<std::pair<std::string, double>> rotors;
   for (int i = 0; i < static_cast<int>(model.njnt); ++i) {
     const int dof = model.jnt_dofadr[i];
     if (!is_scalar(model, i) || forces[static_cast<std::size_t>(dof)] == 0.0) continue;
@@ -62,10 +62,9 @@ std::vector<RotorPlace> JointLoads::add_rotor(std::size_t joint, double more) {
     // A rotor of a configuration stands for that of the actuator, too.
     const int actuator = model.jnt_actuatorid[i];
     const double of_actuator = actuator >= 0 ? model.actuator_armature[actuator] : 0.0;
-    places.push_back(
-        {.joint = name_of(model, i), .armature = model.dof_armature[dof] + of_actuator});
+    rotors.emplace_back(name_of(model, i), model.dof_armature[dof] + of_actuator);
   }
-  return places;
+  return rotors;
 }
 
 void JointLoads::add_resistance(std::size_t joint, JointLoad& load) const {

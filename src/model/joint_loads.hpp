@@ -19,12 +19,6 @@ struct JointLoad {
   double friction{0.0};        // dry [Nm], [N]
 };
 
-// A hinge or slide that a motor moves, and how much of its inertia one unit at the motor takes.
-struct RotorPlace {
-  std::string joint;
-  double armature{0.0};  // what the file gives it [kgm^2], [kg]
-};
-
 // Judges a robot in poses of its driven joints. It may have other rotors than the model.
 class JointLoads {
  public:
@@ -35,8 +29,8 @@ class JointLoads {
   // Moves a driven joint and those that follow it. Returns the names and places of these.
   std::vector<std::pair<std::string, double>> begin_at(std::size_t joint, double position);
   // Gives all hinges and slides that this motor moves so much more inertia that the motor feels
-  // `more`. Returns what they have then, by their names.
-  std::vector<RotorPlace> add_rotor(std::size_t joint, double more);
+  // `more`. Returns the names of these and the inertia of their rotors then [kgm^2], [kg].
+  std::vector<std::pair<std::string, double>> add_rotor(std::size_t joint, double more);
   // `ranges` are where the joints may be; the poses that are tried lie in them.
   [[nodiscard]] std::vector<JointLoad> loads(
       const std::vector<std::pair<double, double>>& ranges) const;

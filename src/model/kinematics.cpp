@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -107,6 +108,9 @@ double equivalent_angle(double angle, double near, double lower, double upper) {
   return chosen;
 }
 
+// MuJoCo writes row-major.
+using RowsOfJoints = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints>;
+
 }  // namespace
 
 struct Kinematics::State {
@@ -133,6 +137,11 @@ struct Kinematics::State {
       finger_from_world[i] = (detail::platform_in_world(description) * along).inverse();
       chains[i] = chain_to(model, i);
     }
+  }
+
+  // The site of a finger's tip.
+  [[nodiscard]] int site(int finger) const noexcept {
+    return model.tip_sites()[static_cast<std::size_t>(finger)];
   }
 
   RobotDescription description;
@@ -172,8 +181,7 @@ void Kinematics::update(const JointValues& position) noexcept {
 
 Eigen::Vector3d Kinematics::tip_position(int finger) const noexcept {
   const State& state = *checked(state_);
-  const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
-  return Eigen::Map<const Eigen::Vector3d>(state.data->site_xpos + 3 * site);
+  return Eigen::Map<const Eigen::Vector3d>(state.data->site_xpos + 3 * state.site(finger));
 }
 
 TipPositions Kinematics::tip_positions() const noexcept {
@@ -209,19 +217,15 @@ double Kinematics::finger_azimuth(int finger) const noexcept {
 
 TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
   const State& state = *checked(state_);
-  const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
-  // MuJoCo writes row-major.
-  Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
-  mj_jacSite(state.model.mujoco(), state.data.get(), rows.data(), nullptr, site);
+  RowsOfJoints rows(3, num_joints());
+  mj_jacSite(state.model.mujoco(), state.data.get(), rows.data(), nullptr, state.site(finger));
   return rows;
 }
 
 TipJacobian Kinematics::tip_rotation_jacobian(int finger) const noexcept {
   const State& state = *checked(state_);
-  const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
-  // MuJoCo writes row-major.
-  Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
-  mj_jacSite(state.model.mujoco(), state.data.get(), nullptr, rows.data(), site);
+  RowsOfJoints rows(3, num_joints());
+  mj_jacSite(state.model.mujoco(), state.data.get(), nullptr, rows.data(), state.site(finger));
   return rows;
 }
 
@@ -241,8 +245,8 @@ TipPositions Kinematics::tip_accelerations(const JointValues& velocity) const no
   mj_comVel(model, data);
   TipPositions accelerations(3 * num_fingers());
   for (int finger = 0; finger < num_fingers(); ++finger) {
-    const int site = state.model.tip_sites()[static_cast<std::size_t>(finger)];
-    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
+    const int site = state.site(finger);
+    RowsOfJoints rows(3, num_joints());
     mj_jacDot(model, data, rows.data(), nullptr, data->site_xpos + 3 * site,
               model->site_bodyid[site]);
     accelerations.segment<3>(3 * finger) = rows * velocity;

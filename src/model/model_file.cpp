@@ -6,10 +6,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <iterator>
 #include <set>
 #include <span>
-#include <string_view>
 #include <system_error>
 #include <utility>
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <string>
 #include <vector>
 
 #include "face_colours.hpp"

@@ -2,7 +2,6 @@
 #include "realtime/limit_remedy.hpp"
 
 #include <fstream>
-#include <string_view>
 #include <system_error>
 
 namespace trifinger {

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <sstream>
 #include <string>
-#include <string_view>
 
 #include "base/regular_file.hpp"
 #include "trifinger/base/error.hpp"

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <optional>
-#include <string>
 #include <utility>
 
 #include "base/moved.hpp"

@@ -4,7 +4,6 @@
 #include <mujoco/mujoco.h>
 
 #include <array>
-#include <cstddef>
 #include <vector>
 
 #include "trifinger/base/random.hpp"

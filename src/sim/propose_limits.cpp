@@ -8,7 +8,6 @@
 #include <charconv>
 #include <cmath>
 #include <numbers>
-#include <system_error>
 
 #include "in_seconds.hpp"
 #include "joint/limit_text.hpp"
@@ -210,11 +209,8 @@ class Proposer {
     const double needed = std::max(stiffness(i, inertia) / (max_frequency_ * max_frequency_),
                                    torque(i) * step_ / change);
     if (needed <= inertia) return;
-    for (RotorPlace& place : loads_.add_rotor(i, needed - inertia)) {
-      place.armature = rounded_up(place.armature, 2);
-      std::erase_if(proposal_.rotors,
-                    [&](const RotorPlace& other) { return other.joint == place.joint; });
-      proposal_.rotors.push_back(place);
+    for (const auto& [joint, armature] : loads_.add_rotor(i, needed - inertia)) {
+      proposal_.rotors[joint] = rounded_up(armature, 2);
     }
   }
 

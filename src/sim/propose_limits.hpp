@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,7 +26,7 @@ struct RobotProposal {
   std::vector<JointProposal> joints;
   // Joints that begin elsewhere than the file says, driven or following.
   std::vector<std::pair<std::string, double>> initial_position;
-  std::vector<RotorPlace> rotors;
+  std::map<std::string, double> rotors;  // inertia of joints' rotors [kgm^2], [kg]
   // Bodies of an MJCF that are deep inside each other where it begins, as `JointLoads` has them.
   std::vector<std::string> overlaps{};
 };

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <string>
 
 #include "base/text_of.hpp"
 #include "in_seconds.hpp"

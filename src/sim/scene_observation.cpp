@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/scene_observation.hpp"
 
-#include <mujoco/mujoco.h>
-
 #include <cstring>
 #include <utility>
 #include <vector>

@@ -2,7 +2,6 @@
 #include "tracking/colour_samples.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <numbers>
 #include <string>

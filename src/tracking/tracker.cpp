@@ -2,7 +2,6 @@
 #include "trifinger/tracking/tracker.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 #include <utility>
 

@@ -61,8 +61,8 @@ TEST_F(JointLoadsTest, GiveAMotorARotor) {
   JointLoads loads(file);
   const auto rotors = loads.add_rotor(1, 0.3);
   ASSERT_EQ(rotors.size(), 1U);
-  EXPECT_EQ(rotors[0].joint, "b");
-  EXPECT_NEAR(rotors[0].armature, 0.3, 1e-12);
+  EXPECT_EQ(rotors[0].first, "b");
+  EXPECT_NEAR(rotors[0].second, 0.3, 1e-12);
   EXPECT_NEAR(loads.inertias()[1], kInertia + 0.3, 1e-9);
   EXPECT_NEAR(loads.inertias()[0], kInertia, 1e-9);
 }
@@ -76,7 +76,7 @@ TEST_F(JointLoadsTest, KnowMotorsOfTendons) {
   EXPECT_NEAR(loads.inertias()[0], 2 * kInertia, 1e-9);
   const auto rotors = loads.add_rotor(0, 0.3);
   ASSERT_EQ(rotors.size(), 2U);
-  EXPECT_NEAR(rotors[0].armature, 0.15, 1e-9);
+  EXPECT_NEAR(rotors[0].second, 0.15, 1e-9);
   EXPECT_NEAR(loads.inertias()[0], 2 * kInertia + 0.3, 1e-9);
 }
 
@@ -105,7 +105,7 @@ TEST_F(JointLoadsTest, CountTheRotorsOfActuators) {
   // A configuration that says this has the same inertia: it stands for both.
   ModelFileOptions options{.path = folder_ / "robot.xml"};
   options.armature = [&](const std::string& joint) {
-    return joint == "a" ? std::optional(rotors[0].armature) : std::nullopt;
+    return joint == "a" ? std::optional(rotors[0].second) : std::nullopt;
   };
   const ModelFile with_rotor(options);
   EXPECT_NEAR(JointLoads(with_rotor).inertias()[0], before + 0.3, 1e-9);

@@ -119,28 +119,6 @@ def test_output_has_one_name(programs: Path) -> None:
         assert not re.search(r"^  (-o, --(?!output)|--(output|out) )", text, re.MULTILINE), words
 
 
-@pytest.mark.parametrize(
-    ("words", "remedy"),
-    [
-        ("record sim --to logs", "the output is -o or --output"),
-        ("new robot r --to folder", "the output is -o or --output"),
-        ("calibrate trifinger_edu_can --to file", "the output is -o or --output"),
-        ("calibrate colours r --images i --to file", "the output is -o or --output"),
-        ("train reach --out folder", "the output is -o or --output"),
-        ("manipulate lift left", "a robot is named by --robot"),
-        ("endurance --robot left", "the robot comes first, without --robot"),
-        ("teach --robot left -o file", "the robot comes first, without --robot"),
-    ],
-)
-def test_an_old_word_is_refused_with_the_right_one(
-    programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, remedy: str
-) -> None:
-    monkeypatch.chdir(tmp_path)  # what is not refused writes somewhere
-    done = call(programs, *words.split())
-    assert done.returncode == 2
-    assert remedy in done.stderr
-
-
 # ---- the robot ----
 
 OF_A_ROBOT = (
@@ -234,6 +212,8 @@ COMPLETIONS = [
     ("motion play file --robot ", {"left"}),
     ("view ", {"left"}),
     ("calibrate col", {"colours"}),
+    ("completion ", {"bash", "zsh", "fish"}),
+    ("train rea", {"reach"}),
 ]
 
 

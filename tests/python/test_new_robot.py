@@ -187,7 +187,7 @@ def test_repairs_inertias_and_chooses_shapes_if_told_to(tmp_path: Path) -> None:
     assert "\n  repair_inertia: true\n  collision: none\n" in path.read_text()
     assert "body 'lever' has the moments of inertia" in path.read_text()
     assert move(path, [0.5]).position == pytest.approx([0.5], abs=0.01)
-    assert "are for --from" in new_robot("arm", "--repair-inertia", succeeds=False)
+    assert "requires --from" in new_robot("arm", "--repair-inertia", succeeds=False)
 
 
 def test_fault_77_takes_any_names_and_stops_and_leaves_no_log_of_mujoco(
@@ -246,7 +246,7 @@ def test_finds_the_meshes_of_a_package(tmp_path: Path) -> None:
     robot = trifinger.simulate(str(path))
     t = robot.append_desired_action(robot.new_action(torque=[0.5]))
     assert robot.get_applied_action(t).torque[0] == pytest.approx(0.5)
-    assert "--meshes is for --from" in new_robot("arm", "--meshes", package, succeeds=False)
+    assert "--meshes requires --from" in new_robot("arm", "--meshes", package, succeeds=False)
 
 
 def test_says_what_is_wrong_with_the_file_of_a_robot(tmp_path: Path) -> None:

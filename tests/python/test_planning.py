@@ -304,9 +304,9 @@ def test_a_cost_that_raises_arrives_as_that_exception(model: control.PlanningMod
 @pytest.mark.parametrize(
     ("returned", "error", "text"),
     [
-        (np.zeros(3), trifinger.InvalidArgument, r"shape \(3,\), must be \(10,\)"),
-        (0.0, trifinger.InvalidArgument, r"shape \(\), must be \(10,\)"),
-        (None, trifinger.InvalidArgument, r"shape \(\), must be \(10,\)"),
+        (np.zeros(3), trifinger.InvalidArgument, r"shape \(3,\), must have \(10,\)"),
+        (0.0, trifinger.InvalidArgument, r"shape \(\), must have \(10,\)"),
+        (None, trifinger.InvalidArgument, r"shape \(\), must have \(10,\)"),
         (["a"] * 10, ValueError, "could not convert"),
     ],
 )

@@ -7,7 +7,6 @@
 #include <span>
 #include <string>
 #include <tuple>
-#include <utility>
 
 #include "trifinger/core/description.hpp"
 #include "trifinger/realtime/annotations.hpp"

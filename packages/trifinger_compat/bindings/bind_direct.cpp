@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/pair.h>
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -11,12 +12,12 @@
 #include <type_traits>
 #include <utility>
 #include <variant>
-#include <vector>
 
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/numbers.hpp"
 #include "conversion/numpy.hpp"
+#include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "direct.hpp"
 #include "docstrings.hpp"
@@ -48,17 +49,14 @@ std::array<double, N> to_numbers(nb::handle source, const char* what) {
 }
 
 template <std::size_t N>
-nb::object to_array(const std::array<double, N>& values) {
-  npy_intp shape[] = {static_cast<npy_intp>(N)};
-  nb::object array = nb::steal(PyArray_SimpleNew(1, shape, NPY_DOUBLE));
-  if (!array.is_valid()) throw nb::python_error();
-  std::ranges::copy(
-      values, static_cast<double*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr()))));
-  return array;
+ShownArray to_array(const std::array<double, N>& values) {
+  return copy_of(values, {static_cast<npy_intp>(N)});
 }
 
+using Arrays = nb::typed<nb::tuple, ShownArray, nb::ellipsis>;
+
 template <class Observation>
-nb::tuple to_tuple(const Observation& observation) {
+Arrays to_tuple(const Observation& observation) {
   return nb::make_tuple(to_array(observation.position), to_array(observation.velocity),
                         to_array(observation.torque), to_array(observation.tip_force));
 }
@@ -90,8 +88,9 @@ class PythonDirect {
   Steps steps_;
 };
 
-void desire(PythonDirect& direct, nb::handle torque, nb::handle position, nb::handle position_kp,
-            nb::handle position_kd, nb::handle kp, nb::handle kd, nb::handle damping,
+void desire(PythonDirect& direct, const ShownNumbers& torque, const ShownNumbers& position,
+            const ShownNumbers& position_kp, const ShownNumbers& position_kd,
+            const ShownNumbers& kp, const ShownNumbers& kd, const ShownNumbers& damping,
             double max_torque) {
   direct.visit([&]<class R>(DirectSteps<R>& steps) {
     typename R::Action action;
@@ -111,7 +110,7 @@ bool step(PythonDirect& direct) {
   return direct.visit([](auto& steps) { return steps.step(); });
 }
 
-nb::tuple to_tuple(const PythonDirect& direct, bool is_applied) {
+Arrays to_tuple(const PythonDirect& direct, bool is_applied) {
   return direct.visit([&](const auto& steps) {
     const auto& action = is_applied ? steps.applied : steps.desired;
     return nb::make_tuple(to_array(action.torque), to_array(action.position),
@@ -141,12 +140,10 @@ void bind_direct(nb::module_& m) {
   nb::class_<PythonDirect>(m, "DirectSimulation", docs::DirectSimulation::DirectSimulation)
       .def(
           "__init__",
-          [](PythonDirect* self, const std::string& config, const nb::dict& overrides) {
+          [](PythonDirect* self, const std::string& config, const Overrides& overrides) {
             new (self) PythonDirect(load_config(config, overrides));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
-          nb::sig(
-              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
           "`config` is the name of a configuration that comes with the package, or a file. "
           "`overrides` changes\nsingle values.")
       .def("__repr__",
@@ -155,42 +152,30 @@ void bind_direct(nb::module_& m) {
            })
       .def("desire", &desire, "torque"_a, "position"_a, "position_kp"_a, "position_kd"_a, "kp"_a,
            "kd"_a, "damping"_a, "max_torque"_a,
-           nb::sig("def desire(self, torque: numpy.typing.ArrayLike, position: "
-                   "numpy.typing.ArrayLike, position_kp: numpy.typing.ArrayLike, position_kd: "
-                   "numpy.typing.ArrayLike, kp: numpy.typing.ArrayLike, kd: "
-                   "numpy.typing.ArrayLike, damping: numpy.typing.ArrayLike, max_torque: float) "
-                   "-> None"),
            also("The action for the next step: its torques and those of its positions, clipped to "
                 "`max_torque`\n[Nm], damped and clipped again.",
                 "A position that is NaN asks for nothing, and a gain that is NaN stands for `kp` "
-                "[Nm/rad] or `kd`\n[Nms/rad]. `damping` [Nms/rad] acts always.")
-               .c_str())
+                "[Nm/rad] or `kd`\n[Nms/rad]. `damping` [Nms/rad] acts always."))
       .def("step", &step,
            "Moves on by one step. False if the simulation has diverged: a number is not finite "
            "any more.")
       .def(
           "act",
-          [](PythonDirect& direct, nb::handle torque, nb::handle position, nb::handle position_kp,
-             nb::handle position_kd, nb::handle kp, nb::handle kd, nb::handle damping,
+          [](PythonDirect& direct, const ShownNumbers& torque, const ShownNumbers& position,
+             const ShownNumbers& position_kp, const ShownNumbers& position_kd,
+             const ShownNumbers& kp, const ShownNumbers& kd, const ShownNumbers& damping,
              double max_torque) {
             desire(direct, torque, position, position_kp, position_kd, kp, kd, damping, max_torque);
             return step(direct);
           },
           "torque"_a, "position"_a, "position_kp"_a, "position_kd"_a, "kp"_a, "kd"_a, "damping"_a,
-          "max_torque"_a,
-          nb::sig("def act(self, torque: numpy.typing.ArrayLike, position: "
-                  "numpy.typing.ArrayLike, position_kp: numpy.typing.ArrayLike, position_kd: "
-                  "numpy.typing.ArrayLike, kp: numpy.typing.ArrayLike, kd: "
-                  "numpy.typing.ArrayLike, damping: numpy.typing.ArrayLike, max_torque: float) -> "
-                  "bool"),
-          "desire() and step() in one call.")
+          "max_torque"_a, "desire() and step() in one call.")
       .def(
           "observation",
           [](const PythonDirect& direct) {
             return direct.visit(
                 [](const auto& steps) { return to_tuple(steps.simulation.observation()); });
           },
-          nb::sig("def observation(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
           "The measurements now, in new arrays: position [rad], velocity [rad/s], torque [Nm] and "
           "tip_force [N].\nThe last two are those of the last step.")
       .def(
@@ -198,16 +183,12 @@ void bind_direct(nb::module_& m) {
           [](const PythonDirect& direct) {
             return direct.visit([](const auto& steps) { return to_tuple(steps.before); });
           },
-          nb::sig(
-              "def observation_before(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
           "Like observation(), just before the newest step; the torque is that of the step.")
       .def(
           "desired", [](const PythonDirect& direct) { return to_tuple(direct, false); },
-          nb::sig("def desired(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
           (std::string("What was asked for last: ") + kActionDocs + ".").c_str())
       .def(
           "applied", [](const PythonDirect& direct) { return to_tuple(direct, true); },
-          nb::sig("def applied(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
           (std::string("What follows from it: ") + kActionDocs + ".").c_str())
       .def(
           "keep_steps",
@@ -221,30 +202,24 @@ void bind_direct(nb::module_& m) {
           "torque and\ntip_force of the observation before the step.")
       .def(
           "set_joints",
-          [](PythonDirect& direct, nb::handle position, nb::handle velocity) {
+          [](PythonDirect& direct, const ShownNumbers& position, const ShownNumbers& velocity) {
             direct.visit([&]<class R>(DirectSteps<R>& steps) {
               steps.simulation.set_joints(to_numbers<R::kJoints>(position, "position"),
                                           to_numbers<R::kJoints>(velocity, "velocity"));
             });
           },
-          "position"_a, "velocity"_a,
-          nb::sig("def set_joints(self, position: numpy.typing.ArrayLike, velocity: "
-                  "numpy.typing.ArrayLike) -> None"),
-          docs::DirectSimulation::set_joints)
+          "position"_a, "velocity"_a, docs::DirectSimulation::set_joints)
       .def(
           "place_object",
-          [](PythonDirect& direct, const std::string& name, nb::handle position,
-             nb::handle orientation) {
+          [](PythonDirect& direct, const std::string& name, const ShownNumbers& position,
+             const ShownNumbers& orientation) {
             const ObjectPose pose{.position = to_numbers<3>(position, "position"),
                                   .orientation = to_numbers<4>(orientation, "orientation")};
             direct.visit([&](auto& steps) { steps.simulation.place_object(name, pose); });
           },
           "name"_a, "position"_a, "orientation"_a,
-          nb::sig("def place_object(self, name: str, position: numpy.typing.ArrayLike, "
-                  "orientation: numpy.typing.ArrayLike) -> None"),
           also(docs::DirectSimulation::place_object,
-               "The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.")
-              .c_str())
+               "The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z."))
       .def(
           "continue_from",
           [](PythonDirect& direct, const PythonDirect& other) {
@@ -261,29 +236,26 @@ void bind_direct(nb::module_& m) {
           "other"_a, docs::DirectSimulation::continue_from)
       .def(
           "set_object_velocity",
-          [](PythonDirect& direct, const std::string& name, nb::handle linear, nb::handle angular) {
+          [](PythonDirect& direct, const std::string& name, const ShownNumbers& linear,
+             const ShownNumbers& angular) {
             const ObjectVelocity velocity{.linear = to_numbers<3>(linear, "linear"),
                                           .angular = to_numbers<3>(angular, "angular")};
             direct.visit(
                 [&](auto& steps) { steps.simulation.set_object_velocity(name, velocity); });
           },
           "name"_a, "linear"_a, "angular"_a,
-          nb::sig("def set_object_velocity(self, name: str, linear: numpy.typing.ArrayLike, "
-                  "angular: numpy.typing.ArrayLike) -> None"),
           "Sets an object in motion from where it is: velocity of its centre [m/s] and angular "
           "velocity [rad/s]\nin the world frame.")
       .def(
           "push_object",
-          [](PythonDirect& direct, const std::string& name, nb::handle force, nb::handle moment) {
+          [](PythonDirect& direct, const std::string& name, const ShownNumbers& force,
+             const ShownNumbers& moment) {
             direct.visit([&](auto& steps) {
               steps.simulation.push_object(name, to_numbers<3>(force, "force"),
                                            to_numbers<3>(moment, "moment"));
             });
           },
-          "name"_a, "force"_a, "moment"_a,
-          nb::sig("def push_object(self, name: str, force: numpy.typing.ArrayLike, moment: "
-                  "numpy.typing.ArrayLike) -> None"),
-          docs::DirectSimulation::push_object)
+          "name"_a, "force"_a, "moment"_a, docs::DirectSimulation::push_object)
       .def(
           "set_object_mass",
           [](PythonDirect& direct, const std::string& name, double mass) {
@@ -292,8 +264,8 @@ void bind_direct(nb::module_& m) {
           "name"_a, "mass"_a, docs::DirectSimulation::set_object_mass)
       .def(
           "use_physics",
-          [](PythonDirect& direct, nb::handle stop_lower, nb::handle stop_upper, double margin,
-             double link_friction, double boundary_friction,
+          [](PythonDirect& direct, const ShownNumbers& stop_lower, const ShownNumbers& stop_upper,
+             double margin, double link_friction, double boundary_friction,
              const std::map<std::string, double>& object_margins) {
             direct.visit([&]<class R>(DirectSteps<R>& steps) {
               steps.simulation.use_physics(
@@ -309,9 +281,6 @@ void bind_direct(nb::module_& m) {
           },
           nb::kw_only(), "stop_lower"_a, "stop_upper"_a, "margin"_a, "link_friction"_a,
           "boundary_friction"_a, "object_margins"_a,
-          nb::sig("def use_physics(self, *, stop_lower: numpy.typing.ArrayLike, stop_upper: "
-                  "numpy.typing.ArrayLike, margin: float, link_friction: float, "
-                  "boundary_friction: float, object_margins: dict[str, float]) -> None"),
           "Takes figures of another simulator: where joints are stopped [rad], the distance at "
           "which fingers and\nobjects touch already, from 0 to 0.01 [m], and the sliding friction "
           "of links and of the boundary\nagainst anything.")
@@ -320,25 +289,19 @@ void bind_direct(nb::module_& m) {
           [](const PythonDirect& direct, const std::string& name) {
             return direct.visit([&](const auto& steps) {
               const ObjectPose pose = steps.simulation.object_pose(name);
-              return nb::make_tuple(to_array(pose.position), to_array(pose.orientation));
+              return std::pair(to_array(pose.position), to_array(pose.orientation));
             });
           },
-          "name"_a,
-          nb::sig("def object_pose(self, name: str) -> tuple[numpy.typing.NDArray[numpy.float64], "
-                  "numpy.typing.NDArray[numpy.float64]]"),
-          "Position [m] and quaternion w, x, y, z of an object now.")
+          "name"_a, "Position [m] and quaternion w, x, y, z of an object now.")
       .def(
           "object_velocity",
           [](const PythonDirect& direct, const std::string& name) {
             return direct.visit([&](const auto& steps) {
               const ObjectVelocity velocity = steps.simulation.object_velocity(name);
-              return nb::make_tuple(to_array(velocity.linear), to_array(velocity.angular));
+              return std::pair(to_array(velocity.linear), to_array(velocity.angular));
             });
           },
           "name"_a,
-          nb::sig("def object_velocity(self, name: str) -> "
-                  "tuple[numpy.typing.NDArray[numpy.float64], "
-                  "numpy.typing.NDArray[numpy.float64]]"),
           "Velocity of an object's centre [m/s] and angular velocity [rad/s], in the world frame.")
       .def(
           "configuration",

@@ -182,6 +182,19 @@ class _EndOnSignal:
         self.ask()
 
 
+def _wait_for_end(arguments: Any, wait: Callable[[], int], end: Callable[[], object]) -> int:
+    """Says that a robot is ready and returns what `wait` does; Ctrl-C and errors `end` it."""
+    try:
+        _say_ready(arguments)
+        return wait()
+    except BaseException as error:
+        end()
+        status = wait()
+        if not isinstance(error, KeyboardInterrupt):
+            raise
+        return status
+
+
 def _run_until_end(
     arguments: Any, config: str, *values: Any, **options: Any
 ) -> RobotBackendTerminationReason:
@@ -202,14 +215,7 @@ def _run_until_end(
     except (RuntimeError, OSError) as error:
         sys.exit(str(error))
     at_end.ask = backend.ask_to_end
-    try:
-        _say_ready(arguments)
-        number = backend.wait_until_terminated()
-    except BaseException as error:
-        backend.request_shutdown()
-        number = backend.wait_until_terminated()
-        if not isinstance(error, KeyboardInterrupt):
-            raise
+    number = _wait_for_end(arguments, backend.wait_until_terminated, backend.request_shutdown)
     reason = RobotBackendTerminationReason(number)
     print(f"The robot has ended: {reason.name}.", flush=True)
     return reason
@@ -308,14 +314,7 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
             [*command, "--images", "raw"], stdout=subprocess.DEVNULL, start_new_session=True
         )
         at_end.ask = recorder.terminate
-        try:
-            _say_ready(arguments)
-            status = recorder.wait()
-        except BaseException as error:
-            recorder.terminate()
-            status = recorder.wait()
-            if not isinstance(error, KeyboardInterrupt):
-                raise
+        status = _wait_for_end(arguments, recorder.wait, recorder.terminate)
         if _wants_logs(arguments):
             if not any(folder.iterdir()):
                 sys.exit(f"no robot '{arguments.name}' ran: there are no logs")

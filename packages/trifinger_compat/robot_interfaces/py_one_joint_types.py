@@ -1,32 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot of one joint."""
 
-from trifinger_compat.binary_log import LogEntry as LogEntry
-from trifinger_compat.robot_data import BaseData as BaseData, RobotBackend as Backend
-from trifinger_compat.robot_types import define as _define
+from trifinger_compat.robot_types import (
+    Backend as Backend,
+    BaseData as BaseData,
+    LogEntry as LogEntry,
+    Status as Status,
+    define as _define,
+)
 
-from robot_interfaces.py_generic import Status as Status
-
-__all__ = [
-    "Action",
-    "Backend",
-    "BaseData",
-    "BinaryLogReader",
-    "Frontend",
-    "LogEntry",
-    "Logger",
-    "MultiProcessData",
-    "Observation",
-    "SingleProcessData",
-    "Status",
-]
-
-(
-    Action,
-    Observation,
-    SingleProcessData,
-    MultiProcessData,
-    Frontend,
-    Logger,
-    BinaryLogReader,
-) = _define(__name__, joints=1)
+Action, Observation, SingleProcessData, MultiProcessData, Frontend, Logger, BinaryLogReader = (
+    _define(__name__, joints=1)
+)

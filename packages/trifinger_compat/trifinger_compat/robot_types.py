@@ -3,10 +3,19 @@
 
 from typing import Any, NamedTuple
 
-from trifinger_compat.binary_log import BaseBinaryLogReader
+from trifinger_compat.binary_log import BaseBinaryLogReader, LogEntry as LogEntry
+from trifinger_compat.generic import Status as Status
 from trifinger_compat.logger import BaseLogger
-from trifinger_compat.robot_data import MultiProcessData, RobotFrontend, SingleProcessData
+from trifinger_compat.robot_data import (
+    BaseData as BaseData,
+    MultiProcessData,
+    RobotBackend,
+    RobotFrontend,
+    SingleProcessData,
+)
 from trifinger_compat.structures import BaseAction, BaseObservation, BaseTipObservation
+
+Backend = RobotBackend  # the name that the original has for it
 
 
 class RobotTypes(NamedTuple):

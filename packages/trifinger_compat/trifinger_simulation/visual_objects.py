@@ -34,36 +34,18 @@ class ObjectMarker:
 
 
 class CuboidMarker(ObjectMarker):
-    """A box with side lengths `size` [m]."""
+    """A box with side lengths `size` [m]; other arguments as for ObjectMarker."""
 
-    def __init__(
-        self,
-        size: Numbers,
-        position: Numbers,
-        orientation: Numbers,
-        color: Numbers = (0, 1, 0, 0.5),
-        pybullet_client_id: Client | int = 0,
-        **kwargs: Any,
-    ) -> None:
+    def __init__(self, size: Numbers, *arguments: Any, **named: Any) -> None:
         self.size = np.array(size, dtype=float)
-        super().__init__("box", position, orientation, color, pybullet_client_id, **kwargs)
+        super().__init__("box", *arguments, **named)
 
 
 class CubeMarker(CuboidMarker):
     """A cube."""
 
-    def __init__(
-        self,
-        width: float,
-        position: Numbers,
-        orientation: Numbers,
-        color: Numbers = (0, 1, 0, 0.5),
-        pybullet_client_id: Client | int = 0,
-        **kwargs: Any,
-    ) -> None:
-        super().__init__(
-            (width, width, width), position, orientation, color, pybullet_client_id, **kwargs
-        )
+    def __init__(self, width: float, *arguments: Any, **named: Any) -> None:
+        super().__init__((width, width, width), *arguments, **named)
 
 
 CubeMarker2 = CubeMarker

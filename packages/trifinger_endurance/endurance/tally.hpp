@@ -4,10 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 

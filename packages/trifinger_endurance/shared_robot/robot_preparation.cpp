@@ -5,10 +5,7 @@
 
 #include <chrono>
 #include <cmath>
-#include <memory>
-#include <optional>
 #include <thread>
-#include <utility>
 
 #include "robot/session_state.hpp"
 #include "shared_robot/cube_recovery.hpp"

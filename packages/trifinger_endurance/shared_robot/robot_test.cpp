@@ -9,9 +9,7 @@
 #include <cstddef>
 #include <cstring>
 #include <limits>
-#include <numbers>
 #include <span>
-#include <utility>
 
 #include "boards/joint_sweep.hpp"
 #include "trifinger/base/error.hpp"

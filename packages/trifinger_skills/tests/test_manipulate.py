@@ -158,7 +158,7 @@ def test_a_skill_is_taught_anew(tmp_path: Path) -> None:
         (["lift", "--set", "lift.hight=1"], "lift.hight"),
         (["lift", "--config", "nonsense"], "there are balance, carry"),
         (["lift", "--robot", "nobody"], "robot 'nobody'"),
-        (["lift", "nobody"], "a robot is named by --robot"),
+        (["lift", "nobody"], "not expected: nobody"),
     ],
 )
 def test_says_what_is_wrong(

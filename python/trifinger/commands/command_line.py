@@ -105,8 +105,7 @@ class ArgumentParser(argparse.ArgumentParser):
         _program = self.prog
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            refused = f"The following argument was not expected: {' '.join(unknown)}"
-            self.error(refused + self._hint(unknown[0]))
+            self.error(f"The following argument was not expected: {' '.join(unknown)}")
         for robot, waits in self.robots.items():
             name = getattr(found, robot.dest)
             try:
@@ -118,16 +117,6 @@ class ArgumentParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Prints what is wrong with the words, and ends the command."""
         self.exit(2, printable(f"{self.prog}: {message}; '{self.prog} --help' tells more") + "\n")
-
-    def _hint(self, word: str) -> str:
-        """What is meant by a word that this command does not know."""
-        known = self._option_string_actions
-        if word in ("--to", "--out") and "--output" in known:
-            return "; the output is -o or --output"
-        if word == "--robot" and any(not robot.option_strings for robot in self.robots):
-            return "; the robot comes first, without --robot"
-        is_name = not word.startswith("-") and "--robot" in known
-        return "; a robot is named by --robot" if is_name else ""
 
 
 def add_robot(parser: ArgumentParser, *names: str, waits: bool = False) -> None:

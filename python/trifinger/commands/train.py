@@ -45,12 +45,13 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger train",
         description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
-        epilog="Example:\n  trifinger train reach --shared\n  trifinger train --resume reach",
+        epilog="Tasks:\n  " + "\n  ".join(task_names()) + "\n"
+        "Example:\n  trifinger train reach --shared\n  trifinger train --resume reach",
     )
     parser.add_argument(
         "task",
         nargs="?",
-        help=f"one of {', '.join(task_names())}, or MODULE:CLASS of your own: my_tasks:Middle",
+        help="one of those below, or MODULE:CLASS of your own: my_tasks:Middle",
     )
     parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")

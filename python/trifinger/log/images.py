@@ -38,7 +38,8 @@ COLUMNS = (
 class LoggedImages(Images):
     """One image of each camera, of one time, in a log. `images["camera60"]` is RGB.
 
-    `NotInLog` tells that an image was not recorded.
+    What reads an image raises CameraLost if there was no good one of this camera, and NotInLog if
+    it was not recorded.
     """
 
     def __init__(
@@ -69,12 +70,7 @@ class LoggedImages(Images):
         )
 
     def recorded(self, camera: str) -> tuple[str, bytes]:
-        """The image as it is in the log: "jpeg" and a file, or a format and its pixels.
-
-        Raises:
-            CameraLost: if there was no good image of this camera
-            NotInLog: if it was not recorded
-        """
+        """The image as it is in the log: "jpeg" and a file, or a format and its pixels."""
         self._require_good(camera)
         return self._log.recorded(self.index, self._number(camera))
 
@@ -83,31 +79,17 @@ class LoggedImages(Images):
 
         It is the JPEG that was recorded, or a PNG of what was recorded raw. A Bayer mosaic becomes
         a grey PNG, from which it can be read again.
-
-        Raises:
-            CameraLost: if there was no good image of this camera
-            NotInLog: if it was not recorded
         """
         self._require_good(camera)
         return self._log.file(self.index, self._number(camera))
 
     def __getitem__(self, camera: str) -> NDArray[np.uint8]:
-        """The image in RGB.
-
-        Raises:
-            CameraLost: if there was no good image of this camera
-            NotInLog: if it was not recorded
-        """
+        """The image in RGB."""
         self._require_good(camera)
         return self._log.rgb(self.index, self._number(camera))
 
     def raw(self, camera: str) -> NDArray[np.uint8]:
-        """The image in the format of the camera; bit for bit if it was recorded raw.
-
-        Raises:
-            CameraLost: if there was no good image of this camera
-            NotInLog: if it was not recorded
-        """
+        """The image in the format of the camera; bit for bit if it was recorded raw."""
         self._require_good(camera)
         return self._log.pixels(self.index, self._number(camera))
 

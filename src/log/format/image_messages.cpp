@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 
 #include "log/format/cdr.hpp"
 #include "trifinger/base/error.hpp"

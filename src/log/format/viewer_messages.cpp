@@ -5,9 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <iterator>
 #include <locale>
-#include <span>
 #include <sstream>
 #include <system_error>
 #include <utility>

@@ -2,7 +2,6 @@
 #include "log/live_messages.hpp"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstring>

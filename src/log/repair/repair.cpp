@@ -7,7 +7,6 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <string>
 
 #include "log/format/records.hpp"
 #include "log/read/log_data.hpp"

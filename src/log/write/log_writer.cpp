@@ -6,11 +6,9 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <deque>
 #include <optional>
 #include <set>
-#include <span>
 #include <utility>
 
 #include "base/moved.hpp"

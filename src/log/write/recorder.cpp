@@ -10,7 +10,6 @@
 #include <atomic>
 #include <cerrno>
 #include <deque>
-#include <limits>
 #include <mutex>
 #include <optional>
 #include <utility>

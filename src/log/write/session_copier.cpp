@@ -2,7 +2,6 @@
 #include "log/write/session_copier.hpp"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cstring>
 #include <limits>

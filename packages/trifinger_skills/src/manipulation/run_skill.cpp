@@ -8,7 +8,6 @@
 #include <string>
 #include <thread>
 #include <utility>
-#include <variant>
 
 #include "object_reader.hpp"
 #include "trifinger/base/error.hpp"

@@ -2,7 +2,6 @@
 #include "manipulation/taught_motion.hpp"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <fstream>

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <span>
-#include <vector>
 
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/knot_spline.hpp"

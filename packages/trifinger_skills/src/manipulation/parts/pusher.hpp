@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "manipulation/parts/object_observer.hpp"
 #include "trifinger/control/predictive_planner.hpp"

@@ -2,7 +2,6 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <utility>
 #include <vector>

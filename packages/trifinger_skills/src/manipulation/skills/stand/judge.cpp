@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <numbers>
-#include <string>
 
 #include "evaluation/resting.hpp"
 #include "evaluation/skill_rows.hpp"

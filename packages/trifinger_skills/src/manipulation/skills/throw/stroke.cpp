@@ -2,9 +2,7 @@
 #include "manipulation/skills/throw/stroke.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
-#include <string>
 
 #include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
