@@ -107,23 +107,13 @@ class Scene:
         The arguments are those of `trifinger.log.ink.written`.
         """
         ends, lines = written(self._model, steps, objects)
-        along = np.diff(lines, axis=1)[:, 0]
-        aside = np.cross([0.0, 0.0, 1.0], along)
-        lengths = np.linalg.norm(along, axis=1, keepdims=True)
-        aside *= np.divide(INK_RADIUS, lengths, out=np.zeros_like(lengths), where=lengths > 0)
         begin, end = lines[:, 0], lines[:, 1]
+        aside = np.cross([0.0, 0.0, INK_RADIUS], end - begin)
+        aside /= np.linalg.norm(end - begin, axis=1, keepdims=True) + 1e-12
         corners = np.stack([begin - aside, end - aside, end + aside, begin + aside], axis=1)
         faces = 4 * np.arange(len(lines))[:, None, None] + [[0, 1, 2], [0, 2, 3]]
-        count = 4 * len(lines)
-        mesh = Mesh(
-            corners.reshape(-1, 3).astype(np.float32),
-            np.tile(np.array([0, 0, 1], np.float32), (count, 1)),
-            np.tile(np.round(255 * np.array(INK_COLOUR)).astype(np.uint8), (count, 1)),
-            faces.reshape(-1, 3).astype(np.uint32),
-            is_transparent=False,
-            is_surround=False,
-        )
-        return ends, mesh
+        shape = corners.reshape(-1, 3), np.full((4 * len(lines), 3), [0, 0, 1]), faces
+        return ends, _painted(shape, np.array(INK_COLOUR))
 
     @property
     def object_names(self) -> tuple[str, ...]:
@@ -276,14 +266,21 @@ def _mesh_of(model: Any, geom: int) -> Mesh | None:
         return None
     vertices, normals, faces = shape
     turn = _matrix(model.geom_quat[geom])
+    placed = vertices @ turn.T + model.geom_pos[geom], normals @ turn.T, faces
+    return _painted(placed, colour, bool(model.geom_group[geom] == SURROUND_GROUP))
+
+
+def _painted(shape: tuple[Array, Array, Array], colour: Array, is_surround: bool = False) -> Mesh:
+    """A mesh of vertices, normals and faces in a colour, RGBA from 0 to 1."""
+    vertices, normals, faces = shape
     rgba = np.round(np.clip(colour, 0, 1) * 255).astype(np.uint8)
     return Mesh(
-        vertices=(vertices @ turn.T + model.geom_pos[geom]).astype(np.float32),
-        normals=(normals @ turn.T).astype(np.float32),
+        vertices=vertices.astype(np.float32),
+        normals=normals.astype(np.float32),
         colours=np.tile(rgba, (len(vertices), 1)),
-        faces=faces.astype(np.uint32),
+        faces=faces.reshape(-1, 3).astype(np.uint32),
         is_transparent=bool(rgba[3] < 255),
-        is_surround=bool(model.geom_group[geom] == SURROUND_GROUP),
+        is_surround=is_surround,
     )
 
 

@@ -137,21 +137,14 @@ class CameraStrip:
         return np.asarray(drawn)
 
 
-def film_times(
-    session: LoggedSession, begin: float | None = None, end: float | None = None
-) -> Array:
-    """The times of the pictures of a film at real speed, since the first step [s]."""
-    steps = steps_between(session, begin, end)
-    first, last = np.searchsorted(session.time_index, steps[[0, -1]])
-    start, stop = (session.times[[first, last]] - session.times[0]).astype(np.int64) * 1e-9
-    return np.arange(start, stop + 1e-9, 1.0 / picture.FILM_RATE)
-
-
 def frames(
     session: LoggedSession, begin: float | None = None, end: float | None = None
 ) -> Iterator[Array]:
     """Yields the pictures of the film, height x width x 3."""
-    times = film_times(session, begin, end)
+    ends = steps_between(session, begin, end)[[0, -1]]
+    rows = np.searchsorted(session.time_index, ends)
+    start, stop = (session.times[rows] - session.times[0]).astype(np.int64) * 1e-9
+    times = np.arange(start, stop + 1e-9, 1.0 / picture.FILM_RATE)
     cameras = LoggedCameras(session)
     strip = CameraStrip(cameras, session.times[0])
     plot = Plot(session, SIZE * len(cameras.names), PLOT_HEIGHT)
