@@ -37,7 +37,7 @@ constexpr std::string_view kGmsh = "$MeshFormat";  // begins a file of Gmsh
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 29U;  // of one file
 
 std::string virtual_name(const fs::path& path) {
-  return std::string(kMount) + fs::absolute(path).lexically_normal().string();
+  return std::string(kMount) + fs::absolute(path.empty() ? "." : path).lexically_normal().string();
 }
 
 // The longest end of `path` that is a file in `folder`; empty if there is none.

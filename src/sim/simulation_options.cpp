@@ -50,14 +50,18 @@ std::vector<JointKind> kinds_of(const Joints& joints) {
   return kinds;
 }
 
+void require_countable(std::size_t joints) {
+  require(joints <= kMaxCountedJoints,
+          text_of("the model has ", joints, " driven joints, a robot has at most ",
+                  kMaxCountedJoints, "; name those to be driven (robot.joints)"));
+}
+
 void validate_limits(const SimulationOptions& options) {
   const bool is_from_file = options.file != nullptr;
   const std::size_t joints = is_from_file
                                  ? options.file->joints().size()
                                  : static_cast<std::size_t>(num_joints(options.description));
-  require(joints <= kMaxCountedJoints,
-          text_of("the model has ", joints, " driven joints, a robot has at most ",
-                  kMaxCountedJoints, "; name those to be driven (robot.joints)"));
+  require_countable(joints);
   require(options.limits.has_value() || !is_from_file, "a robot from a file needs limits");
   const std::vector<JointLimit> limits =
       options.limits ? *options.limits : default_limits(options.description);
@@ -95,6 +99,7 @@ std::vector<JointLimit> default_limits(const RobotDescription& description) {
 }
 
 std::vector<NamedJoint> joints_of(const ModelFile& model) {
+  require_countable(model.joints().size());
   constexpr std::array kAnywhere{-kLargestJointLimit, kLargestJointLimit};
   // Files say huge numbers if they do not know a limit.
   const auto said = [](const std::optional<double>& value) {

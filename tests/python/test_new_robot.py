@@ -270,6 +270,14 @@ def test_the_survey_says_which_robots_run(tmp_path: Path) -> None:
     assert "it is no XML: the end of an element is missing" in done.stdout
 
 
+def test_a_robot_of_too_many_joints_is_refused(tmp_path: Path) -> None:
+    bodies = '<body pos="0 0 0.1"><joint/><geom size="0.02"/>' * 130 + "</body>" * 130
+    path = tmp_path / "snake.xml"
+    path.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    said = new_robot("snake", "--from", path, "-o", tmp_path, succeeds=False)
+    assert "the model has 130 driven joints, a robot has at most 128" in said
+
+
 SHARE = "cmeel.prefix/share"
 
 

@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -28,6 +29,7 @@ from trifinger.training import Plan, Training
 FOLDER = ROOT / "docs/images/films"
 TRAINING = ROOT / "build/learning/push"
 EPISODES = 3  # of the training
+FAR = 0.08  # [m]
 SIZE = (480, 360)  # pixels
 PROGRAM = str(ROOT / ".venv/bin/trifinger")
 
@@ -50,6 +52,7 @@ SHOTS = {
     "draw": Shot("sim_pen", "draw", "90,-50", 4.0, (0.5, 0.72, 0.5), 0.97),
     "flip": Shot("pushing", "flip", "front", 0.5, (0.5, 0.6, 0.8), 0.45),
     "throw": Shot("throw", "throw", "front", 0.5),
+    "carry": Shot("pushing", "carry", "115,-20", 2.0, (0.5, 0.6, 0.85)),
     "turn": Shot("sim", "turn", "front", 3.0, (0.5, 0.6, 0.8)),
 }
 
@@ -90,26 +93,31 @@ def pictures(shot: Shot, logs: Path) -> Iterator[Picture]:
 
 
 def pushes() -> Iterator[Picture]:
-    """Draws some episodes of a training that come to their goals."""
+    """Draws the first episodes of a training in which a cube that is far away comes to its goal."""
     training = Training(Plan.of_folder(TRAINING), TRAINING, print)
     view = View("front", *SIZE)
     environment = Environment(**training.plan.environment, render_mode="rgb_array", view=view)
+
+    def episode(seed: int) -> Iterator[dict[str, Any]]:
+        observation, info = environment.reset(seed=seed)
+        has_ended = False
+        while not has_ended:
+            yield info
+            action = training.act(np.reshape(np.asarray(observation), (1, -1))).ravel()
+            observation, _, terminated, truncated, info = environment.step(action)
+            has_ended = terminated or truncated
+        yield info
+
+    def comes_from_afar(seed: int) -> bool:
+        infos = list(episode(seed))
+        way = np.linalg.norm(infos[0]["achieved_goal"] - infos[0]["desired_goal"])
+        return bool(way > FAR and infos[-1]["is_success"])
+
+    every = round(environment.metadata["render_fps"] / FILM_RATE)
     with contextlib.closing(environment):
-        shown = 0
-        for seed in itertools.count():
-            images: list[Picture] = []
-            observation, _ = environment.reset(seed=seed)
-            has_ended = False
-            while not has_ended:
-                action = training.act(np.reshape(np.asarray(observation), (1, -1))).ravel()
-                observation, _, terminated, truncated, info = environment.step(action)
-                has_ended = terminated or truncated
-                images.append(np.asarray(environment.render()))
-            if info["is_success"]:
-                yield from images[:: round(environment.metadata["render_fps"] / FILM_RATE)]
-                shown += 1
-            if shown == EPISODES:
-                return
+        for seed in itertools.islice(filter(comes_from_afar, itertools.count()), EPISODES):
+            for _ in itertools.islice(episode(seed), 0, None, every):
+                yield np.asarray(environment.render())
 
 
 def save(images: list[Picture], name: str, still: float) -> None:
@@ -132,7 +140,7 @@ def main(names: list[str]) -> None:
     """Makes the films with these names, or all."""
     for name in names or [*SHOTS, "push"]:
         if name == "push":
-            save(list(pushes()), name, 0.5)
+            save(list(pushes()), name, 0.68)
             continue
         shot = SHOTS[name]
         with tempfile.TemporaryDirectory() as folder:

@@ -29,6 +29,7 @@ inline constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 
 /// What `ModelFile` knows of the limits of its joints, for `read_limits_by_name`: largest torques,
 /// stops as hard limits, and the gains of position actuators.
+/// @throws InvalidArgument if it has more joints than a robot may have
 [[nodiscard]] std::vector<NamedJoint> joints_of(const ModelFile& model);
 
 /// The settings of a simulated robot. The default is the paper's robot with a cube on the table.
