@@ -13,15 +13,17 @@ import numpy as np
 import pytest
 import trifinger
 from chromium import open_browser
-from conftest import BUILD
+from conftest import BUILD, PROGRAM
 from playwright.sync_api import Browser, Page
 from trifinger.errors import InvalidArgument
+from trifinger.picture import INK_RADIUS
 from trifinger_view import logged, page as viewed
 from trifinger_view.commands import view
 from trifinger_view.html_file import write_html
 from trifinger_view.log_page import LogPage
 from trifinger_view.logged import LoggedRun
 from trifinger_view.playing import FASTEST, SLOWEST, TimeLine
+from trifinger_view.scene import Scene
 from trifinger_view.to_browser import GHOST_ANGLE, smaller
 
 pytestmark = [
@@ -561,3 +563,28 @@ def test_smaller_images_have_the_means_of_their_squares(width: int, factor: int)
     assert small.shape == (80 // factor, 100 // factor, 3)
     square = image[:factor, :factor].reshape(-1, 3)
     np.testing.assert_allclose(small[0, 0], square.mean(axis=0), atol=1.01)
+
+
+def test_a_pen_leaves_ink_behind(
+    run: LoggedRun, tmp_path: Path, open_page: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = [PROGRAM, "model", "export", "--format", "mjcf", "--object", "stick", "cube"]
+    scene = Scene(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    assert scene.has_pen
+    steps = np.arange(run.first, run.last, 10)
+    pose = np.array([0, 0, 0.07, 0.5**0.5, 0, 0.5**0.5, 0])  # its x axis looks down
+    poses = np.tile(pose, (len(steps), 1))
+    poses[:, 0] = np.linspace(-0.05, 0.05, len(steps))
+    ends, mesh = scene.ink(steps, {"stick": poses, "cube": poses})
+    assert ends.tolist() == steps[1:].tolist()
+    corners = mesh.vertices[mesh.faces]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    assert (areas[:, 2] > 0).all()  # they look up
+    assert areas[:, 2].sum() == pytest.approx(0.1 * 2 * INK_RADIUS)
+    monkeypatch.setattr(run, "ink", (ends, mesh))
+    write_html(run, tmp_path / "ink.html")
+    opened = open_page(tmp_path / "ink.html")
+    for share in (0.0, 0.5, 1.0, 0.2):
+        opened.go_to(share * run.end)
+        step = opened.ask("trifingerPage.steps[trifingerPage.frame]")
+        assert opened.ask("trifingerPage.ink.mesh.count") == 6 * (ends <= step).sum()
