@@ -3,63 +3,79 @@
 
 #include <fmt/core.h>
 
+#include <cstddef>
 #include <exception>
+#include <filesystem>
 #include <string>
 
 #include "commands.hpp"
 #include "robot/maintenance.hpp"
+#include "shared/json.hpp"
+#include "shared/options.hpp"
 #include "shared/output.hpp"
+#include "shared/output_file.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::apps {
 namespace {
 
-using SelfTestOptions = MaintenanceOptions;
+struct SelfTestOptions : MaintenanceOptions {
+  std::filesystem::path output;
+};
 
-// A number with its unit, or a dash.
-template <class Number>
-std::string cell(const std::optional<Number>& number, const char* format) {
-  return number ? fmt::format(fmt::runtime(format), *number) : "-";
+// What was found out about a joint; null is what was not. "problem" is empty if it has none.
+Json report_of(const boards::BoardRobot& boards, std::size_t joint) {
+  const boards::BoardRobotOptions& options = boards.options();
+  const boards::JointReport& report = boards.report(joint);
+  Json row{{"joint", joint},    {"wiring", nullptr},   {"load", nullptr},
+           {"weight", nullptr}, {"friction", nullptr}, {"index_distance", nullptr}};
+  if (report.wiring) {
+    const boards::WiringFinding& found = *report.wiring;
+    row["wiring"] = !found.moves           ? "does not move"
+                    : found.joint != joint ? fmt::format("moves joint {}", found.joint)
+                    : found.is_hindered    ? "hindered"
+                    : found.is_reversed    ? "reversed"
+                                           : "good";
+  }
+  if (report.sweep)
+    row.update({{"load", report.sweep->load}, {"friction", report.sweep->friction}});
+  if (report.weight) row["weight"] = *report.weight;
+  if (report.index_distance > 0.0) row["index_distance"] = report.index_distance;
+  row["problem"] = problem_of(report, options.motors[joint].angle_per_revolution(),
+                              options.key_text("gear_ratio", joint));
+  return row;
 }
 
-// Prints what was measured. Returns the number of joints that have a problem.
-int print_reports(const boards::BoardRobot& boards) {
-  const boards::BoardRobotOptions& options = boards.options();
-  const auto problem_of_joint = [&](std::size_t i) {
-    return problem_of(boards.report(i), options.motors[i].angle_per_revolution(),
-                      options.key_text("gear_ratio", i));
-  };
+// A number, or a dash.
+std::string cell(const Json& number, int digits) {
+  return number.is_null() ? "-" : fmt::format("{:.{}f}", number.get<double>(), digits);
+}
+
+// Prints what was measured, in SI units, and writes it. Returns the number of joints that have a
+// problem.
+int print_reports(const boards::BoardRobot& boards, const std::filesystem::path& output) {
+  Json rows = Json::array();
+  for (std::size_t i = 0; i < boards.options().motors.size(); ++i) {
+    rows.push_back(report_of(boards, i));
+  }
+  if (!output.empty()) write_output_file(output, rows.dump(2) + "\n");
   print_safely(
       "\n  joint  wiring          load [Nm]  weight [Nm]  friction [Nm]  index distance [rad]\n");
   int problems = 0;
-  for (std::size_t i = 0; i < options.motors.size(); ++i) {
-    const boards::JointReport& report = boards.report(i);
-    std::string wiring = "-";
-    if (report.wiring) {
-      const boards::WiringFinding& found = *report.wiring;
-      wiring = !found.moves        ? "does not move"
-               : found.joint != i  ? fmt::format("moves joint {}", found.joint)
-               : found.is_hindered ? "hindered"
-               : found.is_reversed ? "reversed"
-                                   : "good";
-    }
-    std::optional<double> load;
-    std::optional<double> friction;
-    std::optional<double> distance;
-    if (report.sweep) load = report.sweep->load;
-    if (report.sweep) friction = report.sweep->friction;
-    if (report.index_distance > 0.0) distance = report.index_distance;
-    print_safely("  {:>5}  {:14}  {:>9}  {:>11}  {:>13}  {:>20}\n", i, wiring, cell(load, "{:.3f}"),
-                 cell(report.weight, "{:.3f}"), cell(friction, "{:.3f}"), cell(distance, "{:.4f}"));
-    if (!problem_of_joint(i).empty()) ++problems;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Json& row = rows[i];
+    print_safely("  {:>5}  {:14}  {:>9}  {:>11}  {:>13}  {:>20}\n", i,
+                 row["wiring"].is_null() ? "-" : row["wiring"].get<std::string>(),
+                 cell(row["load"], 3), cell(row["weight"], 3), cell(row["friction"], 3),
+                 cell(row["index_distance"], 4));
+    if (row["problem"] != "") ++problems;
   }
   print_safely("\n");
-  for (std::size_t i = 0; i < options.motors.size(); ++i) {
-    const std::string problem = problem_of_joint(i);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
     // A joint that was not reached has no problem of its own.
-    if (!problem.empty() && boards.report(i).sweep) {
-      print_safely("{} {}.\n", options.joint_text(i).view(), problem);
-    }
+    if (rows[i]["problem"] == "" || !boards.report(i).sweep) continue;
+    print_safely("{} {}.\n", boards.options().joint_text(i).view(),
+                 rows[i]["problem"].get<std::string>());
   }
   std::fflush(stdout);
   return problems;
@@ -74,7 +90,8 @@ int self_test(const SelfTestOptions& options) {
   } catch (const Error&) {
     fault = std::current_exception();
   }
-  const int problems = robot.boards().report(0).wiring ? print_reports(robot.boards()) : 0;
+  const int problems =
+      robot.boards().report(0).wiring ? print_reports(robot.boards(), options.output) : 0;
   if (fault) std::rethrow_exception(fault);
   if (problems > 0) {
     robot.print("does not pass", Style::kBad);
@@ -91,6 +108,7 @@ void add_self_test(CLI::App& program, Action& action) {
       add_command(program, action, "self-test",
                   "Test the wiring of a robot on motor boards, and measure its joints", self_test);
   add_maintenance(command, options);
+  add_output(command, options.output, "Also write what was measured, as JSON: a list of joints");
   command.footer(
       "First each joint moves by about 2 degrees, forth and back: this finds motors that do not "
       "move\n"

@@ -221,19 +221,23 @@ def calibrations(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 @pytest.mark.usefixtures("calibrations")
-def test_home_and_self_test(start_program: StartProgram) -> None:
+def test_home_and_self_test(start_program: StartProgram, tmp_path: Path) -> None:
     start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
 
     homed = maintain("home", EMULATED)
     assert homed.returncode == 0, homed.stderr
     assert "is home and at its initial position" in homed.stdout
 
-    tested = maintain("self-test", EMULATED)
+    file = tmp_path / "measured.json"
+    tested = maintain("self-test", EMULATED, "-o", str(file))
     assert tested.returncode == 0, tested.stdout + tested.stderr
+    written = json.loads(file.read_text())
+    assert [joint["problem"] for joint in written] == [""] * 9
     rows = [line.split() for line in tested.stdout.splitlines() if " good " in line]
     assert [int(row[0]) for row in rows] == list(range(9))
     measured = np.array([[float(number) for number in row[2:]] for row in rows])
     load, weight, friction, index_distance = measured.T
+    np.testing.assert_allclose([joint["load"] for joint in written], load, atol=6e-4)
     # The simulated robot has no friction, and its weight is that of the model.
     np.testing.assert_allclose(load, weight, atol=0.01)
     np.testing.assert_allclose(friction, 0.0, atol=0.01)
