@@ -187,7 +187,8 @@ void add_new_robot(CLI::App& parent, Action& action) {
               "--from", file.path,
               "Write a configuration that simulates the robot of this MJCF or URDF file, instead "
               "of a driver")
-          ->option_text("FILE");
+          ->option_text("FILE")
+          ->check([](const std::string& path) { return path.empty() ? "must be a file" : ""; });
   command
       .add_option("--meshes", file.mesh_folder,
                   "With --from: where the meshes are, if not where the file says")

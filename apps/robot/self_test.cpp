@@ -58,7 +58,6 @@ int print_reports(const boards::BoardRobot& boards, const std::filesystem::path&
   for (std::size_t i = 0; i < boards.options().motors.size(); ++i) {
     rows.push_back(report_of(boards, i));
   }
-  if (!output.empty()) write_output_file(output, rows.dump(2) + "\n");
   print_safely(
       "\n  joint  wiring          load [Nm]  weight [Nm]  friction [Nm]  index distance [rad]\n");
   int problems = 0;
@@ -78,6 +77,7 @@ int print_reports(const boards::BoardRobot& boards, const std::filesystem::path&
                  rows[i]["problem"].get<std::string>());
   }
   std::fflush(stdout);
+  if (!output.empty()) write_output_file(output, rows.dump(2) + "\n");
   return problems;
 }
 

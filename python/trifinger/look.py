@@ -15,9 +15,11 @@ SKY, HORIZON = (0.66, 0.74, 0.84), (0.92, 0.93, 0.95)
 SQUARES = (0.80, 0.81, 0.83), (0.77, 0.78, 0.80)
 SHADOW_SIZE = 1024  # of the picture of the lamp [pixels]
 LOOKS_GROUP = 2  # MuJoCo's group of shapes that only look
+HIDDEN_GROUP = 3  # of those that are not drawn
 FINE_GROUP, COARSE_GROUP = 4, 5  # and of those with many faces, and of what is in their shadows
 MANY_FACES = 2000  # of a mesh
 CELLS = 32  # along a coarse mesh, which has one corner in each
+THIN = 0.01  # a mesh this much thinner than long stays as it is
 BELOW = 0.002  # the floor lies this far below what lies on it, which hides it [m]
 
 
@@ -72,6 +74,9 @@ def look_with_coarse_shapes(spec: Any) -> None:
     import mujoco
 
     look_of(spec)
+    for geom in spec.geoms:
+        if geom.group in (FINE_GROUP, COARSE_GROUP):
+            geom.group = HIDDEN_GROUP
     shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     for geom in [one for one in spec.geoms if one.meshname and one.group == LOOKS_GROUP]:
         mesh, name = spec.mesh(geom.meshname), f"{geom.meshname} (coarse)"
@@ -84,6 +89,10 @@ def look_with_coarse_shapes(spec: Any) -> None:
             _, kept, own = np.unique(numbers, return_index=True, return_inverse=True)
             faces = own[faces]
             faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+            fewest = corners[kept] - corners[kept].mean(axis=0)
+            spread = np.linalg.svd(fewest, compute_uv=False)
+            if not len(faces) or spread[-1] < THIN * spread[0]:
+                continue  # Of a rod or a plate a line or a plane may be left, which is no mesh.
             fewer = {"uservert": corners[kept].ravel(), "userface": faces.ravel()}
             place = {"scale": mesh.scale, "refpos": mesh.refpos, "refquat": mesh.refquat}
             spec.add_mesh(name=name, inertia=shell, **fewer, **place)

@@ -416,7 +416,8 @@ def draw_ink(scene: Any, ink: ArrayLike) -> None:
     """Adds lines to a scene, each from one of its two ends to the other [m], float[n, 2, 3]."""
     import mujoco
 
-    for begin, end in np.reshape(np.asarray(ink, float), (-1, 2, 3))[: scene.maxgeom - scene.ngeom]:
+    lines = np.reshape(np.asarray(ink, float), (-1, 2, 3))
+    for begin, end in lines[max(len(lines) - (scene.maxgeom - scene.ngeom), 0) :]:
         shape, capsule = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
         colour = np.array(INK_COLOUR, np.float32)
         mujoco.mjv_initGeom(shape, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)

@@ -5,6 +5,8 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from conftest import PROGRAM, StartProgram
 from trifinger.commands import film
 from trifinger.commands.film import find_session
 from trifinger.foreign_models import model_of
-from trifinger.log.film import Scene
+from trifinger.log.film import Scene, object_poses
 from trifinger.log.ink import TOUCH, written
 from trifinger.log.manipulation import Trace
 from trifinger.picture import Painter, View
@@ -225,17 +227,20 @@ def test_film_of_the_newest_session(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_nib_writes_where_it_touches_the_table() -> None:
     words = [PROGRAM, "model", "export", "--format", "mjcf", "--object", "stick", "cube"]
     model = model_of(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
-    steps = np.arange(0, 500, 10)
+    steps = np.arange(0, 600, 10)
     length = model.geom("stick").size[:2].sum()
-    upright = np.array([1, 0, 1, 0])  # x looks down
-    pose = np.zeros((50, 7))
-    pose[:, 0] = np.linspace(0, 0.049, 50)
-    pose[:, 3:] = upright * np.where(steps % 20 == 0, 1, -2)[:, None]  # the same turn
+    pose = np.zeros((60, 7))
+    pose[:, 0] = np.minimum(0.001 * np.arange(60), 0.049)  # it rests at the end
+    # x looks down, by a quaternion of either sign.
+    pose[:, 3:] = np.array([1, 0, 1, 0]) * np.where(steps % 20 == 0, 1, -2)[:, None]
     pose[:, 2] = length + np.where((steps >= 200) & (steps < 300), 2, 0.5) * TOUCH
     ends, lines = written(model, steps, {"stick": pose, "cube": pose})
     assert ends.tolist() == [*range(10, 200, 10), *range(310, 500, 10)]
     np.testing.assert_allclose(np.diff(lines[:, :, 0], axis=1), 0.001, atol=1e-9)
     np.testing.assert_allclose(lines[:, :, 1], 0, atol=1e-9)
+    pose[:, 2] -= 1.0  # below the table
+    assert not len(written(model, steps, {"stick": pose})[0])
+    assert not len(written(model, steps[:0], {"stick": pose[:0]})[0])
 
 
 def test_ink_is_seen() -> None:
@@ -250,3 +255,11 @@ def test_ink_is_seen() -> None:
     rows, columns = np.nonzero(np.abs(drawn - blank).max(axis=2) > 20)
     assert len(rows) > 20
     assert np.ptp(columns) > 10 * np.ptp(rows)  # a level line
+
+
+def test_objects_that_were_never_seen_have_no_poses() -> None:
+    pose = np.dtype([("position", float, 3), ("orientation", float, 4)])
+    nothing = np.empty(0, [("stamp", [("capture_index", np.int64)]), ("pen", pose)])
+    companion = SimpleNamespace(observations=nothing)
+    times, poses = object_poses(cast("Any", SimpleNamespace(companion=lambda _: companion)))
+    assert (len(times), poses) == (0, {})

@@ -326,3 +326,33 @@ def test_cameras_of_the_platform_have_their_names():
 def test_a_view_that_there_is_not(arguments, what):
     with pytest.raises(InvalidArgument, match=what):
         Painter(mjcf_of("edu"), view=View(*arguments))
+
+
+@pytest.mark.parametrize("sides", [(1.0, 0.004, 0.004), (1.0, 1.0, 0.002), (0.2, 0.1, 0.05)])
+@pytest.mark.parametrize("place", [0.0, 0.0156, 0.3])
+def test_thin_meshes_of_many_faces_are_drawn(sides, place):
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    angles, along = np.meshgrid(np.linspace(0, 2 * np.pi, 31)[:-1], np.linspace(-0.5, 0.5, 80))
+    corners = np.stack([along, np.cos(angles) / 2, np.sin(angles) / 2], axis=-1).reshape(-1, 3)
+    corners = corners * sides + place
+    first = np.arange(79 * 30).reshape(79, 30)
+    second = np.roll(first, -1, axis=1)
+    faces = np.stack([first, second, first + 30, second, second + 30, first + 30], axis=-1)
+    shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    data = {"uservert": corners.ravel(), "userface": faces.ravel(), "inertia": shell}
+    spec.add_mesh(name="thin", **data)
+    body = spec.worldbody.add_body()
+    body.add_joint()
+    mesh = mujoco.mjtGeom.mjGEOM_MESH
+    body.add_geom(type=mesh, meshname="thin", group=2, mass=0, contype=0, conaffinity=0)
+    for group in (3, 4, 5):
+        hidden = {"size": [0.3, 0, 0], "rgba": [1, 0, 0, 1], "group": group}
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=1, **hidden)
+    spec.compile()
+    painter = Painter(spec.to_xml(), View(width=320, height=240))
+    image = painter.draw(painter.model.qpos0).astype(int)
+    painter.close()
+    assert np.ptp(image[..., 1]) > 20
+    assert not (image[..., 0] > image[..., 1] + 60).any()  # nothing red

@@ -27,7 +27,7 @@ TEXTS = [
 
 def words_of(text: str) -> set[str]:
     """What follows `pip install` in a text, word by word."""
-    lines = re.findall(r"pip install\b([^\n`#;]*)", text)
+    lines = re.findall(r"pip install\b([^\n`#;&]*)", text)
     return {word.strip("'\"") for line in lines for word in line.split()}
 
 

@@ -81,7 +81,8 @@ def site() -> tuple[Pages, Copies]:
 
 def write_extra(folder: Path) -> None:
     """Writes what the site has as it is beside its pages: films, and a log to play with."""
-    shutil.copytree(films.FOLDER, folder / "images/films", dirs_exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(films.FOLDER, folder / "images/films")
     films.log_page(folder / "log.html")
 
 

@@ -7,6 +7,7 @@ training of `./run evaluate push`.
 
 import contextlib
 import itertools
+import os
 import subprocess
 import sys
 import tempfile
@@ -59,13 +60,15 @@ SHOTS = {
 
 def record(shot: Shot, folder: Path) -> Path:
     """Lets a simulated robot do what is filmed, and returns the folder of its log."""
-    name = f"film_{shot.task}"
+    name = f"film_{shot.task}_{os.getpid()}"
     run = [PROGRAM, "run", shot.config, "--name", name, "--record", "logs", "--non-real-time"]
     with subprocess.Popen(run, cwd=folder, stdout=subprocess.PIPE, text=True) as robot:
         try:
             for line in robot.stdout or ():
                 if "waits for a user" in line:
                     break
+            else:
+                raise SystemExit(f"'{' '.join(run)}' has ended")
             do = [PROGRAM, "manipulate", shot.task, "--robot", name, "-o", "report"]
             subprocess.run(do, cwd=folder, check=True, stdout=subprocess.DEVNULL)
         finally:

@@ -581,6 +581,7 @@ def test_a_pen_leaves_ink_behind(
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     assert (areas[:, 2] > 0).all()  # they look up
     assert areas[:, 2].sum() == pytest.approx(0.1 * 2 * INK_RADIUS)
+    assert not len(scene.ink(np.empty(0), {})[1].faces)  # a log without a pose
     monkeypatch.setattr(run, "ink", (ends, mesh))
     write_html(run, tmp_path / "ink.html")
     opened = open_page(tmp_path / "ink.html")

@@ -54,8 +54,7 @@ class Scene:
         self._times: Array = np.empty(0)
         self._objects: dict[str, Array] = {}
         if has_objects:
-            self._times, poses = object_poses(session)
-            self._objects = poses if len(self._times) else {}
+            self._times, self._objects = object_poses(session)
         steps = steps_between(session, begin, end)
         every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
         self.steps = np.arange(steps[0], steps[-1] + 1, every)
@@ -87,6 +86,8 @@ class Scene:
 def object_poses(session: LoggedSession) -> tuple[Array, dict[str, Array]]:
     """The steps at which objects were seen, and for each a row of position and quaternion."""
     elements = session.companion("object").observations
+    if not len(elements):
+        return np.empty(0), {}
     kernel = np.ones(SMOOTHING) / SMOOTHING
     objects = {}
     for name in elements.dtype.names or ():

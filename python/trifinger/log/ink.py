@@ -12,13 +12,15 @@ from trifinger.arrays import Array
 
 TOUCH = 0.001  # height up to which a nib writes, more than seen poses are wrong [m]
 LIFT = 0.0003  # height of the ink, so that it is not in the table [m]
+GRAIN = 0.0003  # a nib that moves less writes nothing new [m]
 
 
 def written(model: Any, steps: Array, objects: Mapping[str, Array]) -> tuple[Array, Array]:
     """The steps at which lines were written, and for each line its two ends [m], float[n, 2, 3].
 
     `model` is a `mujoco.MjModel`; `objects` are poses by name, a row of position and quaternion
-    w, x, y, z for each of `steps`. An object is a stick if a capsule has its name.
+    w, x, y, z for each of `steps`. An object is a stick if a capsule has its name. The table is
+    where z is 0. Lines are in the order of their steps.
     """
     ends, lines = [np.empty(0)], [np.empty((0, 2, 3))]
     for name, poses in objects.items():
@@ -28,12 +30,18 @@ def written(model: Any, steps: Array, objects: Mapping[str, Array]) -> tuple[Arr
         w, x, y, z = (poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1)[:, None]).T
         axis = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], 1)
         nib = poses[:, :3] + length * axis
-        touches = nib[:, 2] < TOUCH
-        both = touches[1:] & touches[:-1]
+        touches = np.abs(nib[:, 2]) < TOUCH
         nib[:, 2] = LIFT
-        ends.append(steps[1:][both])
-        lines.append(np.stack([nib[:-1], nib[1:]], 1)[both])
-    return np.concatenate(ends), np.concatenate(lines)
+        # Where the nib has gone on, or come down again: a new number of the stroke, or a new cell.
+        stroke = np.cumsum(~touches)[touches]
+        places = np.column_stack([stroke, np.round(nib[touches] / GRAIN)])
+        goes_on = np.append(True, (np.diff(places, axis=0) != 0).any(axis=1))[: len(places)]
+        kept, stroke = np.flatnonzero(touches)[goes_on], stroke[goes_on]
+        is_line = stroke[1:] == stroke[:-1]
+        ends.append(steps[kept[1:]][is_line])
+        lines.append(np.stack([nib[kept[:-1]], nib[kept[1:]]], 1)[is_line])
+    order = np.argsort(np.concatenate(ends), kind="stable")
+    return np.concatenate(ends)[order], np.concatenate(lines)[order]
 
 
 def stick_length(model: Any, name: str) -> float | None:
