@@ -67,14 +67,14 @@ int print_reports(const boards::BoardRobot& boards, const std::filesystem::path&
                  row["wiring"].is_null() ? "-" : row["wiring"].get<std::string>(),
                  cell(row["load"], 3), cell(row["weight"], 3), cell(row["friction"], 3),
                  cell(row["index_distance"], 4));
-    if (row["problem"] != "") ++problems;
+    if (!row["problem"].get<std::string>().empty()) ++problems;
   }
   print_safely("\n");
   for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto problem = rows[i]["problem"].get<std::string>();
     // A joint that was not reached has no problem of its own.
-    if (rows[i]["problem"] == "" || !boards.report(i).sweep) continue;
-    print_safely("{} {}.\n", boards.options().joint_text(i).view(),
-                 rows[i]["problem"].get<std::string>());
+    if (problem.empty() || !boards.report(i).sweep) continue;
+    print_safely("{} {}.\n", boards.options().joint_text(i).view(), problem);
   }
   std::fflush(stdout);
   if (!output.empty()) write_output_file(output, rows.dump(2) + "\n");

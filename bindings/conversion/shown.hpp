@@ -23,6 +23,7 @@ struct TypeName {
 template <TypeName kName>
 class Shown : public nanobind::object {
  public:
+  // NOLINTNEXTLINE(readability-identifier-naming): nanobind looks for it
   static constexpr auto Name = nanobind::detail::const_name(kName.text);
   static bool check_(nanobind::handle /*object*/) noexcept { return true; }
 

@@ -12,7 +12,7 @@ namespace trifinger::bindings {
 namespace {
 
 nb::str decoded(std::string_view text, const char* errors) {
-  nb::str string = nb::steal<nb::str>(
+  auto string = nb::steal<nb::str>(
       PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), errors));
   if (!string.is_valid()) throw nb::python_error();
   return string;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <chrono>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/scene_observation.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <cstring>
 #include <utility>
 #include <vector>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "sim/simulated_plant.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <utility>
 
 #include "sim/scene_observation.hpp"
