@@ -122,9 +122,11 @@ nb::object to_rgb(nb::handle image, const std::string& pixels) {
   const std::span target(static_cast<std::byte*>(memory),
                          std::size_t{3} * static_cast<std::size_t>(format.height) *
                              static_cast<std::size_t>(format.width));
-  const GilRelease release;
-  camera::to_rgb(format, source, target);
-  return rgb;
+  {
+    const GilRelease release;
+    camera::to_rgb(format, source, target);
+  }
+  return rgb;  // one of two that belong together is copied, not moved
 }
 
 }  // namespace
