@@ -11,6 +11,8 @@ FLOOR = "floor of the look"
 LAMP = "lamp of the look"
 TO_LAMP = np.array([0.45, -0.55, 1.1]) / np.linalg.norm([0.45, -0.55, 1.1])
 TO_SIDE = np.array([-0.45, 0.55, 0.4]) / np.linalg.norm([-0.45, 0.55, 0.4])  # light without shadow
+INK_RADIUS = 0.0006  # [m]
+INK_COLOUR = (0.05, 0.1, 0.35, 1.0)
 SKY, HORIZON = (0.66, 0.74, 0.84), (0.92, 0.93, 0.95)
 SQUARES = (0.80, 0.81, 0.83), (0.77, 0.78, 0.80)
 SHADOW_SIZE = 1024  # of the picture of the lamp [pixels]
@@ -92,7 +94,7 @@ def look_with_coarse_shapes(spec: Any) -> None:
             fewest = corners[kept] - corners[kept].mean(axis=0)
             spread = np.linalg.svd(fewest, compute_uv=False)
             if not len(faces) or spread[-1] < THIN * spread[0]:
-                continue  # Of a rod or a plate a line or a plane may be left, which is no mesh.
+                continue  # The corners left of a rod or a plate may lie in a line or a plane.
             fewer = {"uservert": corners[kept].ravel(), "userface": faces.ravel()}
             place = {"scale": mesh.scale, "refpos": mesh.refpos, "refquat": mesh.refquat}
             spec.add_mesh(name=name, inertia=shell, **fewer, **place)

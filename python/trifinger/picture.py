@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # on Debian, without a screen
 FILM_RATE = 30  # rate of films that skip steps [images/s]
+MP4 = ("libx264", {"crf": "23", "preset": "veryfast"})  # codec of a film, and its options
+WEBM = ("libvpx-vp9", {"crf": "34", "b": "0", "deadline": "good", "cpu-used": "2"})
 MARK_RADIUS = 0.01  # [m]
 MARK_COLOUR = (0.95, 0.75, 0.1, 1.0)
-INK_RADIUS = 0.0006  # [m]
-INK_COLOUR = (0.05, 0.1, 0.35, 1.0)
 
 
 # Azimuth and elevation of views for every model [degrees]: between two fingers, or from above.
@@ -419,21 +419,22 @@ def draw_ink(scene: Any, ink: ArrayLike) -> None:
     lines = np.reshape(np.asarray(ink, float), (-1, 2, 3))
     for begin, end in lines[max(len(lines) - (scene.maxgeom - scene.ngeom), 0) :]:
         shape, capsule = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
-        colour = np.array(INK_COLOUR, np.float32)
+        colour = np.array(look.INK_COLOUR, np.float32)
         mujoco.mjv_initGeom(shape, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-        mujoco.mjv_connector(shape, capsule, INK_RADIUS, begin, end)
+        mujoco.mjv_connector(shape, capsule, look.INK_RADIUS, begin, end)
         scene.ngeom += 1
 
 
 def save_film(images: Iterable[Array], path: Path, rate: int | Fraction) -> None:
-    """Writes a film of images, height x width x 3, at a rate [images/s]."""
+    """Writes a film of images, height x width x 3, at a rate [images/s]: an .mp4 or a .webm."""
     extras.require("film", "av")
     import av
 
     with whole_file(path) as part, av.open(str(part), "w") as container:
-        stream = container.add_stream("libx264", rate=rate)
+        codec, options = WEBM if path.suffix == ".webm" else MP4
+        stream = cast("av.VideoStream", container.add_stream(codec, rate=rate))
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": "23", "preset": "veryfast"}
+        stream.options = {**options}
         for number, picture in enumerate(images):
             # The format allows only even sizes: images of odd sizes lose a row or a column.
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]

@@ -15,9 +15,9 @@ from conftest import PROGRAM, StartProgram
 from trifinger.commands import film
 from trifinger.commands.film import find_session
 from trifinger.foreign_models import model_of
-from trifinger.log.film import Scene, object_poses
-from trifinger.log.ink import TOUCH, written
+from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace
+from trifinger.log.objects import TOUCH, object_poses, written
 from trifinger.picture import Painter, View
 
 

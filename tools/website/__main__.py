@@ -44,7 +44,7 @@ LOG_FRAME = r'<iframe src="log.html" title="\1" loading="lazy"></iframe>'
 
 
 def home(text: str) -> str:
-    """Returns the first page with films for its pictures, and the side bar's lists behind it."""
+    """Returns the first page, with films for pictures, and behind it the lists of the side bar."""
     text = STILL.sub(FILM, LOG_PAGE.sub(LOG_FRAME, text))
     for caption, names in CONTENTS.items():
         entries = "\n".join(name if "<" in name else f"/{name}" for name in names)

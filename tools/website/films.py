@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 import trifinger
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from PIL import Image
 from tracked_files import ROOT
 from trifinger.environments import Environment
 from trifinger.log.film import Scene
-from trifinger.picture import FILM_RATE, View
+from trifinger.picture import FILM_RATE, View, save_film
 from trifinger.training import Plan, Training
 
 FOLDER = ROOT / "docs/images/films"
@@ -125,15 +124,7 @@ def pushes() -> Iterator[Picture]:
 
 def save(images: list[Picture], name: str, still: float) -> None:
     """Writes a film for browsers, and a picture of it."""
-    with av.open(str(FOLDER / f"{name}.webm"), "w") as container:
-        stream = container.add_stream("libvpx-vp9", rate=FILM_RATE)
-        stream.width, stream.height = SIZE
-        stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": "34", "b": "0", "deadline": "good", "cpu-used": "2"}
-        for image in images:
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
+    save_film(images, FOLDER / f"{name}.webm", FILM_RATE)
     Image.fromarray(images[int(still * (len(images) - 1))]).save(
         FOLDER / f"{name}.jpg", quality=82, optimize=True
     )

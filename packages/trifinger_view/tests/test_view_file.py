@@ -16,7 +16,7 @@ from chromium import open_browser
 from conftest import BUILD, PROGRAM
 from playwright.sync_api import Browser, Page
 from trifinger.errors import InvalidArgument
-from trifinger.picture import INK_RADIUS
+from trifinger.look import INK_RADIUS
 from trifinger_view import logged, page as viewed
 from trifinger_view.commands import view
 from trifinger_view.html_file import write_html

@@ -24,8 +24,8 @@ from trifinger._trifinger import Log, LoggedSession, Status, lateness_of
 from trifinger.arrays import Array
 from trifinger.element_text import positions_field
 from trifinger.errors import CameraLost, InvalidArgument, NotInLog
-from trifinger.log.film import object_poses
 from trifinger.log.images import LoggedCameras
+from trifinger.log.objects import object_poses
 from trifinger.log.plot.panels import Contents, contents_of
 from trifinger.log.steps import parts_of
 from trifinger.log.types import Steps

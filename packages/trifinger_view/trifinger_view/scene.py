@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from trifinger.foreign_models import model_of
-from trifinger.log.ink import stick_length, written
-from trifinger.look import BELOW, landing_height, lowest_height
-from trifinger.picture import INK_COLOUR, INK_RADIUS
+from trifinger.log.objects import stick_length, written
+from trifinger.look import BELOW, INK_COLOUR, INK_RADIUS, landing_height, lowest_height
 from trifinger.placement import Placement
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ class Scene:
     def ink(self, steps: Array, objects: Mapping[str, Array]) -> tuple[Array, Mesh]:
         """What sticks have written: the step of each line, and two triangles for each of them.
 
-        The arguments are those of `trifinger.log.ink.written`.
+        The arguments are those of `trifinger.log.objects.written`.
         """
         ends, lines = written(self._model, steps, objects)
         begin, end = lines[:, 0], lines[:, 1]

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A session as a film, and as a strip of its pictures.
 
-The scene is drawn only from the log: joints as measured, objects as seen. Measured poses of objects
-are noisy, so each is the mean of several.
+The scene is drawn only from the log: joints as measured, objects as seen.
 """
 
 import contextlib
@@ -18,15 +17,14 @@ from trifinger._trifinger import LoggedSession
 from trifinger.arrays import Array
 from trifinger.element_text import positions_field
 from trifinger.errors import InvalidArgument
-from trifinger.log.ink import written
 from trifinger.log.manipulation import Trace, save_report
+from trifinger.log.objects import object_poses, written
 from trifinger.log.steps import steps_between
 from trifinger.picture import Painter, View
 from trifinger.progress import shown
 from trifinger.whole_file import whole_file
 
 STRIP_IMAGES = 8
-SMOOTHING = 5  # poses of an object in a mean
 
 
 class Scene:
@@ -81,28 +79,6 @@ class Scene:
     def close(self) -> None:
         """Releases the memory for drawing."""
         self._painter.close()
-
-
-def object_poses(session: LoggedSession) -> tuple[Array, dict[str, Array]]:
-    """The steps at which objects were seen, and for each a row of position and quaternion."""
-    elements = session.companion("object").observations
-    if not len(elements):
-        return np.empty(0), {}
-    kernel = np.ones(SMOOTHING) / SMOOTHING
-    objects = {}
-    for name in elements.dtype.names or ():
-        if name == "stamp":
-            continue
-        parts = [np.asarray(elements[name][part]) for part in ("position", "orientation")]
-        poses = np.concatenate(parts, axis=1)
-        # A quaternion and its negative are the same rotation, but have no mean.
-        turn = poses[:, 3:]
-        signs = np.sign(np.einsum("ij,ij->i", turn[1:], turn[:-1]))
-        turn[1:] *= np.cumprod(np.where(signs == 0, 1, signs))[:, None]
-        padded = np.pad(poses, ((SMOOTHING // 2, SMOOTHING // 2), (0, 0)), mode="edge")
-        columns = [np.convolve(column, kernel, "valid") for column in padded.T]
-        objects[name] = np.stack(columns, axis=1)
-    return np.asarray(elements["stamp"]["capture_index"]), objects
 
 
 def save_film(scene: Scene, path: Path) -> None:

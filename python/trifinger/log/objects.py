@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a pen has written: a stick whose nib, the end along its x axis, touched the table."""
+"""Where objects were in a session, and what a pen has written.
+
+Measured poses of objects are noisy, so each is the mean of several. A pen is a stick whose nib, the
+end along its x axis, touches the table.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +12,35 @@ from typing import Any
 
 import numpy as np
 
+from trifinger._trifinger import LoggedSession
 from trifinger.arrays import Array
 
+SMOOTHING = 5  # poses of an object in a mean
 TOUCH = 0.001  # height up to which a nib writes, more than seen poses are wrong [m]
 LIFT = 0.0003  # height of the ink, so that it is not in the table [m]
 GRAIN = 0.0003  # a nib that moves less writes nothing new [m]
+
+
+def object_poses(session: LoggedSession) -> tuple[Array, dict[str, Array]]:
+    """The steps at which objects were seen, and for each a row of position and quaternion."""
+    elements = session.companion("object").observations
+    if not len(elements):
+        return np.empty(0), {}
+    kernel = np.ones(SMOOTHING) / SMOOTHING
+    objects = {}
+    for name in elements.dtype.names or ():
+        if name == "stamp":
+            continue
+        parts = [np.asarray(elements[name][part]) for part in ("position", "orientation")]
+        poses = np.concatenate(parts, axis=1)
+        # A quaternion and its negative are the same rotation, but have no mean.
+        turn = poses[:, 3:]
+        signs = np.sign(np.einsum("ij,ij->i", turn[1:], turn[:-1]))
+        turn[1:] *= np.cumprod(np.where(signs == 0, 1, signs))[:, None]
+        padded = np.pad(poses, ((SMOOTHING // 2, SMOOTHING // 2), (0, 0)), mode="edge")
+        columns = [np.convolve(column, kernel, "valid") for column in padded.T]
+        objects[name] = np.stack(columns, axis=1)
+    return np.asarray(elements["stamp"]["capture_index"]), objects
 
 
 def written(model: Any, steps: Array, objects: Mapping[str, Array]) -> tuple[Array, Array]:
