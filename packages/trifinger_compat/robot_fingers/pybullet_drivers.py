@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Back-ends of simulated robots, by the original's name. They need no PyBullet."""
 
+from functools import partial
+
 from trifinger_compat import physics
 from trifinger_compat.generation import chosen
 from trifinger_compat.robot_data import BaseData, RobotBackend
@@ -34,13 +36,16 @@ def simulator_overrides(finger_type: str) -> dict[str, object]:
 
 
 def _create(
-    finger_type: str,
-    position: list[float],
     robot_data: BaseData,
     real_time_mode: bool,
-    first_action_timeout: float,
-    max_number_of_actions: int,
+    visualize: bool,  # noqa: ARG001  # `trifinger view` shows every robot
+    first_action_timeout: float = float("inf"),
+    max_number_of_actions: int = 0,
+    *,
+    finger_type: str,
+    position: list[float],
 ) -> RobotBackend:
+    """Starts a simulated robot; `trifinger view` shows it in a browser."""
     return RobotBackend(
         robot_data,
         CONFIGURATIONS[finger_type],
@@ -55,25 +60,6 @@ def _create(
     )
 
 
-def create_trifinger_backend(
-    robot_data: BaseData,
-    real_time_mode: bool,
-    visualize: bool,  # noqa: ARG001  # `trifinger view` shows every robot
-    first_action_timeout: float = float("inf"),
-    max_number_of_actions: int = 0,
-) -> RobotBackend:
-    """Starts a simulated TriFingerPro; `trifinger view` shows it in a browser."""
-    limits = (first_action_timeout, max_number_of_actions)
-    return _create("trifingerpro", [0, 0.9, -1.7], robot_data, real_time_mode, *limits)
-
-
-def create_single_finger_backend(
-    robot_data: BaseData,
-    real_time_mode: bool,
-    visualize: bool,  # noqa: ARG001  # `trifinger view` shows every robot
-    first_action_timeout: float = float("inf"),
-    max_number_of_actions: int = 0,
-) -> RobotBackend:
-    """Starts a simulated FingerOne; `trifinger view` shows it in a browser."""
-    limits = (first_action_timeout, max_number_of_actions)
-    return _create("fingerone", [0, -0.7, -1.5], robot_data, real_time_mode, *limits)
+# A TriFingerPro and a FingerOne.
+create_trifinger_backend = partial(_create, finger_type="trifingerpro", position=[0, 0.9, -1.7])
+create_single_finger_backend = partial(_create, finger_type="fingerone", position=[0, -0.7, -1.5])

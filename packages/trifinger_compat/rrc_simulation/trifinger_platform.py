@@ -16,20 +16,10 @@ from rrc_simulation import trifingerpro_limits
 from rrc_simulation.sim_finger import SimFinger
 
 
-class _Spaces:
-    """Ranges of everything, each also as a space of Gymnasium."""
-
-    robot_torque = trifingerpro_limits.robot_torque
-    robot_position = trifingerpro_limits.robot_position
-    robot_velocity = trifingerpro_limits.robot_velocity
-    object_position = trifingerpro_limits.object_position
-    object_orientation = trifingerpro_limits.object_orientation
-
-
 class TriFingerPlatform(_TriFingerPlatform):
     """A simulated TriFingerPro; a step takes 4 ms, and the cube's pose is new at each step."""
 
-    spaces = _Spaces
+    spaces = trifingerpro_limits._limits
     _finger_class = SimFinger
     _image_size = FIRST.image_size
 

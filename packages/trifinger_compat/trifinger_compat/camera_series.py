@@ -13,7 +13,6 @@ from trifinger.cameras import Cameras
 from trifinger.errors import CameraLost, HistoryLost, InvalidArgument
 from trifinger.log.original import CameraEntry, read_camera_log
 from trifinger_simulation.trifinger_platform import (
-    CameraObservation,
     ObjectPose,
     TriCameraObjectObservation,
     TriCameraObservation,
@@ -256,13 +255,3 @@ class RunningCameras:
         configuration = self._robot.documents()["configuration.yml"]
         rate = re.search(r"^cameras:\n(?:  .*\n)*?  rate: (\S+)$", configuration, re.MULTILINE)
         return info_of(calibration, float(rate[1]) if rate is not None else 0.0)
-
-
-__all__ = [
-    "CameraObservation",
-    "LogReaderBase",
-    "RobotCameras",
-    "RunningCameras",
-    "TriCameraFrontend",
-    "to_entry",
-]

@@ -3,17 +3,20 @@
 
 from typing import Any, NamedTuple
 
-from trifinger_compat.binary_log import BaseBinaryLogReader, LogEntry as LogEntry
-from trifinger_compat.generic import Status as Status
+from trifinger_compat.binary_log import BaseBinaryLogReader, LogEntry
+from trifinger_compat.generic import Status
 from trifinger_compat.logger import BaseLogger
 from trifinger_compat.robot_data import (
-    BaseData as BaseData,
+    BaseData,
     MultiProcessData,
     RobotBackend,
     RobotFrontend,
     SingleProcessData,
 )
 from trifinger_compat.structures import BaseAction, BaseObservation, BaseTipObservation
+
+# What all robots share.
+__all__ = ["Backend", "BaseData", "LogEntry", "Status"]
 
 Backend = RobotBackend  # the name that the original has for it
 

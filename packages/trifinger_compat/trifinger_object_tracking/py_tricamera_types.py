@@ -1,19 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The three cameras of the platform, and where the object is in their images."""
 
-from trifinger_compat.camera_backends import (
-    CameraBackend as Backend,
-    CameraObjectLogger as Logger,
-    PyBulletTriCameraObjectTrackerDriver as PyBulletTriCameraObjectTrackerDriver,
-    SingleProcessCameras as SingleProcessData,
-    TriCameraObjectTrackerDriver as TriCameraObjectTrackerDriver,
-)
+from trifinger_compat import camera_backends as _backends, camera_series as _series
 from trifinger_compat.camera_info import TriCameraInfo as TriCameraInfo
-from trifinger_compat.camera_series import (
-    LogReaderBase as _LogReader,
-    RunningCameras as MultiProcessData,
-    TriCameraFrontend as _Frontend,
-)
 from trifinger_simulation.trifinger_platform import (
     ObjectPose as ObjectPose,
     TriCameraObjectObservation as TriCameraObjectObservation,
@@ -21,32 +10,22 @@ from trifinger_simulation.trifinger_platform import (
 
 from trifinger_object_tracking.cube_visualizer import CubeVisualizer as CubeVisualizer
 
-BaseData = SingleProcessData
-
-__all__ = [
-    "Backend",
-    "BaseData",
-    "CubeVisualizer",
-    "Frontend",
-    "LogReader",
-    "Logger",
-    "MultiProcessData",
-    "ObjectPose",
-    "PyBulletTriCameraObjectTrackerDriver",
-    "SingleProcessData",
-    "TriCameraInfo",
-    "TriCameraObjectObservation",
-    "TriCameraObjectTrackerDriver",
-]
+Backend = _backends.CameraBackend
+BaseData = _backends.SingleProcessCameras
+Logger = _backends.CameraObjectLogger
+MultiProcessData = _series.RunningCameras
+PyBulletTriCameraObjectTrackerDriver = _backends.PyBulletTriCameraObjectTrackerDriver
+SingleProcessData = _backends.SingleProcessCameras
+TriCameraObjectTrackerDriver = _backends.TriCameraObjectTrackerDriver
 
 
-class Frontend(_Frontend):
+class Frontend(_series.TriCameraFrontend):
     """Reads images and poses of a running robot by their own numbers."""
 
     has_object = True
 
 
-class LogReader(_LogReader):
+class LogReader(_series.LogReaderBase):
     """Reads a log of three cameras with poses of the object."""
 
     has_object = True

@@ -12,7 +12,6 @@ import numpy as np
 from trifinger.whole_file import whole_file
 from trifinger_compat.generation import chosen
 from trifinger_compat.physics import MESH_MARGIN
-from trifinger_compat.spaces import Range
 from trifinger_compat.types import ActionLike, Array, Image, Numbers, PoseLike
 
 from trifinger_simulation import camera, collision_objects, trifingerpro_limits
@@ -90,23 +89,13 @@ class ObjectType(enum.Enum):
     DICE = 2
 
 
-class _Spaces:
-    """Ranges of everything, each also as a space of Gymnasium."""
-
-    robot_torque: Range = trifingerpro_limits.robot_torque
-    robot_position: Range = trifingerpro_limits.robot_position
-    robot_velocity: Range = trifingerpro_limits.robot_velocity
-    object_position: Range = trifingerpro_limits.object_position
-    object_orientation: Range = trifingerpro_limits.object_orientation
-
-
 class TriFingerPlatform:
     """A simulated TriFingerPro with its table, object and cameras.
 
     Each appended action acts at once. Observation t is the state just before action t acts.
     """
 
-    spaces: type[_Spaces] | Any = _Spaces
+    spaces: Any = trifingerpro_limits._limits
 
     # Its own figures, which rrc_simulation changes.
     _finger_class: type[SimFinger] = SimFinger

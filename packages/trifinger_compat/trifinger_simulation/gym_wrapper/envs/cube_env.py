@@ -80,10 +80,77 @@ def to_robot_action(platform: Any, action_type: ActionType, action: Any) -> Any:
     return platform.Action(torque=action["torque"], position=action["position"])
 
 
-class CubeEnv(OldEnvironment):
-    """Moving the cube to a goal; the reward of a step is minus the sum of its costs."""
+class PlatformEnvironment(OldEnvironment):
+    """A task on the platform; the reward of a step is minus the sum of its costs."""
 
     _platform_class: type[Any] = TriFingerPlatform
+
+    def __init__(
+        self,
+        initializer: Any,
+        action_type: ActionType,
+        visualization: bool,
+        goal_space: Any,
+        info: dict[str, Any],
+    ) -> None:
+        super().__init__()
+        self.initializer = initializer
+        self.action_type = action_type
+        self.visualization = visualization
+        spaces = self._platform_class.spaces
+        self.action_space = action_space(action_type, spaces)
+        self.observation_space = dict_space(
+            observation=dict_space(
+                position=spaces.robot_position.gym,
+                velocity=spaces.robot_velocity.gym,
+                torque=spaces.robot_torque.gym,
+            ),
+            desired_goal=goal_space,
+            achieved_goal=goal_space,
+        )
+        self.platform: Any = None
+        self.info = info
+        self.step_count = 0
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> float:
+        """Minus the cost of what was achieved."""
+        raise NotImplementedError
+
+    def _step(self, action: Any, steps: int, length: int, hint: str = "") -> Any:
+        """Acts for some steps of the robot in an episode of `length`."""
+        if self.platform is None:
+            raise RuntimeError("Call `reset()` before starting to step.")
+        if not self.action_space.contains(action):
+            raise ValueError("Given action is not contained in the action space.")
+        if self.step_count + steps > length:
+            raise RuntimeError(f"the episode of {length} steps is over{hint}")
+        reward = 0.0
+        observation: Any = None
+        for _ in range(steps):
+            robot_action = to_robot_action(self.platform, self.action_type, action)
+            t = self.platform.append_desired_action(robot_action)
+            # What the action has done is to be seen one step later.
+            self._advance_to(t + 1)
+            observation = self._create_observation(t + 1)
+            reward += self.compute_reward(
+                observation["achieved_goal"], observation["desired_goal"], self.info
+            )
+        return observation, reward, self.step_count >= length, self.info
+
+    def _advance_to(self, t: int) -> None:
+        self.step_count = t
+
+    def _robot_state(self, t: int) -> dict[str, Any]:
+        robot = self.platform.get_robot_observation(t)
+        return {"position": robot.position, "velocity": robot.velocity, "torque": robot.torque}
+
+    def _create_observation(self, t: int) -> dict[str, Any]:
+        raise NotImplementedError
+
+
+class CubeEnv(PlatformEnvironment):
+    """Moving the cube to a goal; the reward of a step is minus the sum of its costs."""
+
     _task: Any = _move_cube
 
     def __init__(
@@ -94,31 +161,16 @@ class CubeEnv(OldEnvironment):
         visualization: bool = False,
     ) -> None:
         """`frameskip` is the number of steps of the robot in one step."""
-        super().__init__()
         if frameskip < 1:
             raise ValueError("frameskip cannot be less than 1.")
-        self.initializer = initializer
-        self.action_type = action_type
-        self.frameskip = frameskip
-        self.visualization = visualization
         spaces = self._platform_class.spaces
-        self.action_space = action_space(action_type, spaces)
         pose = dict_space(
             position=spaces.object_position.gym, orientation=spaces.object_orientation.gym
         )
-        self.observation_space = dict_space(
-            observation=dict_space(
-                position=spaces.robot_position.gym,
-                velocity=spaces.robot_velocity.gym,
-                torque=spaces.robot_torque.gym,
-            ),
-            desired_goal=pose,
-            achieved_goal=pose,
-        )
-        self.platform: Any = None
+        info = {"difficulty": initializer.difficulty}
+        super().__init__(initializer, action_type, visualization, pose, info)
+        self.frameskip = frameskip
         self.goal: Any = None
-        self.info: dict[str, Any] = {"difficulty": initializer.difficulty}
-        self.step_count = 0
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> float:
         """Minus the cost of a pose."""
@@ -131,25 +183,8 @@ class CubeEnv(OldEnvironment):
         Raises ValueError for an action that is not in the space, RuntimeError before the first
         reset and after the end.
         """
-        if self.platform is None:
-            raise RuntimeError("Call `reset()` before starting to step.")
-        if not self.action_space.contains(action):
-            raise ValueError("Given action is not contained in the action space.")
         length = self._task.episode_length
-        if self.step_count + self.frameskip > length:
-            raise RuntimeError(f"the episode of {length} steps is over; call `reset()`")
-        reward = 0.0
-        observation: Any = None
-        for _ in range(self.frameskip):
-            robot_action = to_robot_action(self.platform, self.action_type, action)
-            t = self.platform.append_desired_action(robot_action)
-            self.step_count = t + 1
-            # What the action has done is to be seen one step later.
-            observation = self._create_observation(t + 1)
-            reward += self.compute_reward(
-                observation["achieved_goal"], observation["desired_goal"], self.info
-            )
-        return observation, reward, self.step_count >= length, self.info
+        return self._step(action, self.frameskip, length, "; call `reset()`")
 
     def reset(self, **_: Any) -> Any:
         """Begins an episode and gives the first observation."""
@@ -172,14 +207,9 @@ class CubeEnv(OldEnvironment):
         return [chosen]
 
     def _create_observation(self, t: int) -> dict[str, Any]:
-        robot = self.platform.get_robot_observation(t)
         pose = self._object_pose(t)
         return {
-            "observation": {
-                "position": robot.position,
-                "velocity": robot.velocity,
-                "torque": robot.torque,
-            },
+            "observation": self._robot_state(t),
             "desired_goal": self.goal,
             "achieved_goal": {"position": pose.position, "orientation": pose.orientation},
         }

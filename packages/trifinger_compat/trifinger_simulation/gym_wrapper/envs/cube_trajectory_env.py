@@ -4,12 +4,10 @@
 from typing import Any
 
 import numpy as np
-from trifinger_compat.gym_environment import OldEnvironment, dict_space
 
 from trifinger_simulation.gym_wrapper.envs.cube_env import (
     ActionType as ActionType,
-    action_space,
-    to_robot_action,
+    PlatformEnvironment,
 )
 from trifinger_simulation.tasks import move_cube_on_trajectory as task
 from trifinger_simulation.trifinger_platform import TriFingerPlatform
@@ -36,7 +34,7 @@ class FixedInitializer:
         return self.trajectory
 
 
-class CubeTrajectoryEnv(OldEnvironment):
+class CubeTrajectoryEnv(PlatformEnvironment):
     """Moving the cube along positions; the reward of a step is minus the sum of its costs."""
 
     def __init__(
@@ -47,27 +45,11 @@ class CubeTrajectoryEnv(OldEnvironment):
         visualization: bool = False,
     ) -> None:
         """`step_size` is the number of steps of the robot in one step."""
-        super().__init__()
         if step_size < 1:
             raise ValueError("step_size cannot be less than 1.")
-        self.initializer = initializer
-        self.action_type = action_type
+        position = TriFingerPlatform.spaces.object_position.gym
+        super().__init__(initializer, action_type, visualization, position, {"time_index": -1})
         self.step_size = step_size
-        self.visualization = visualization
-        spaces = TriFingerPlatform.spaces
-        self.action_space = action_space(action_type, spaces)
-        self.observation_space = dict_space(
-            observation=dict_space(
-                position=spaces.robot_position.gym,
-                velocity=spaces.robot_velocity.gym,
-                torque=spaces.robot_torque.gym,
-            ),
-            desired_goal=spaces.object_position.gym,
-            achieved_goal=spaces.object_position.gym,
-        )
-        self.platform: Any = None
-        self.info: dict[str, Any] = {"time_index": -1}
-        self.step_count = 0
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> float:
         """Minus the cost of a position at a step; the goal is that of the trajectory."""
@@ -77,26 +59,11 @@ class CubeTrajectoryEnv(OldEnvironment):
 
     def step(self, action: Any) -> Any:
         """Acts; gives observation, reward, done and info. Raises like CubeEnv.step()."""
-        if self.platform is None:
-            raise RuntimeError("Call `reset()` before starting to step.")
-        if not self.action_space.contains(action):
-            raise ValueError("Given action is not contained in the action space.")
-        if self.step_count + self.step_size > task.EPISODE_LENGTH:
-            raise RuntimeError(f"the episode of {task.EPISODE_LENGTH} steps is over")
-        reward = 0.0
-        observation: Any = None
-        for _ in range(self.step_size):
-            t = self.platform.append_desired_action(
-                to_robot_action(self.platform, self.action_type, action)
-            )
-            # What the action has done is to be seen one step later.
-            self.info["time_index"] = t + 1
-            self.step_count = t + 1
-            observation = self._create_observation(t + 1)
-            reward += self.compute_reward(
-                observation["achieved_goal"], observation["desired_goal"], self.info
-            )
-        return observation, reward, self.step_count >= task.EPISODE_LENGTH, self.info
+        return self._step(action, self.step_size, task.EPISODE_LENGTH)
+
+    def _advance_to(self, t: int) -> None:
+        super()._advance_to(t)
+        self.info["time_index"] = t
 
     def reset(self, **_: Any) -> Any:
         """Begins an episode and gives the first observation."""
@@ -118,15 +85,10 @@ class CubeTrajectoryEnv(OldEnvironment):
         return [chosen]
 
     def _create_observation(self, t: int) -> dict[str, Any]:
-        robot = self.platform.get_robot_observation(t)
         pose = self.platform.get_camera_observation(t).filtered_object_pose
         goal = task.get_active_goal(self.info["trajectory"], t)
         return {
-            "observation": {
-                "position": robot.position,
-                "velocity": robot.velocity,
-                "torque": robot.torque,
-            },
+            "observation": self._robot_state(t),
             "desired_goal": np.asarray(goal),
             "achieved_goal": pose.position,
         }
