@@ -81,10 +81,6 @@ class Reporter {
  public:
   explicit Reporter(std::function<void(const EpisodeReport&)> report)
       : report_(std::move(report)), thread_([this](const std::stop_token& stop) { run(stop); }) {}
-  // Hands on what is left.
-  ~Reporter() = default;
-  Reporter(const Reporter&) = delete;
-  Reporter& operator=(const Reporter&) = delete;
 
   void add(const EpisodeReport& report) {
     {

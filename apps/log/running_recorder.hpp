@@ -28,8 +28,6 @@ class RunningRecorder {
       Signals::notify();
     });
   }
-  RunningRecorder(const RunningRecorder&) = delete;
-  RunningRecorder& operator=(const RunningRecorder&) = delete;
   ~RunningRecorder() { recorder_.request_stop(); }
 
   [[nodiscard]] log::Recorder& recorder() noexcept { return recorder_; }

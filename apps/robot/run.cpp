@@ -142,9 +142,6 @@ class Run {
                                      backend_);
     }
   }
-  Run(const Run&) = delete;
-  Run& operator=(const Run&) = delete;
-  ~Run() = default;
 
   // Returns the exit code after somebody has stopped the robot. Throws what ended the back-end
   // before.

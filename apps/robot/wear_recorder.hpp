@@ -21,8 +21,6 @@ class WearRecorder {
   // Makes `driver` go on from the file. Call this before the robot runs. `driver` and `host` must
   // outlive the recorder.
   WearRecorder(const std::string& robot, boards::BoardRobot& driver, const SessionHost& host);
-  WearRecorder(const WearRecorder&) = delete;
-  WearRecorder& operator=(const WearRecorder&) = delete;
   // Writes what is left.
   ~WearRecorder();
 

@@ -55,8 +55,6 @@ struct PythonBatch {
 class BatchCost {
  public:
   explicit BatchCost(nanobind::object function) noexcept : function_(std::move(function)) {}
-  BatchCost(const BatchCost&) = delete;
-  BatchCost& operator=(const BatchCost&) = delete;
   ~BatchCost();
 
   /// @throws what the function raises; InvalidArgument if it does not return a number per rollout

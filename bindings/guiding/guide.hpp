@@ -16,8 +16,6 @@ class PythonGuide {
   /// Takes over `frontend`, a PythonFrontend. If it is the guide's own, the end of a `with` block
   /// closes it.
   PythonGuide(nanobind::object frontend, bool owns_frontend, guiding::GuideOptions options);
-  PythonGuide(const PythonGuide&) = delete;
-  PythonGuide& operator=(const PythonGuide&) = delete;
   ~PythonGuide();
 
   [[nodiscard]] guiding::Guide& guide() const noexcept { return *guide_; }

@@ -19,9 +19,6 @@ namespace trifinger::bindings {
 /// `sys.exit()`, to the thread for which it was meant.
 class Interruption {
  public:
-  Interruption() = default;
-  Interruption(const Interruption&) = delete;
-  Interruption& operator=(const Interruption&) = delete;
   ~Interruption();
 
   /// Keeps the first exception for the calling thread. Call this with the GIL.

@@ -34,8 +34,6 @@ class PythonHand {
  public:
   explicit PythonHand(std::string robot)
       : robot_(std::move(robot)), writer_(make(robot_)), bodies_(writer_->bodies()) {}
-  PythonHand(const PythonHand&) = delete;
-  PythonHand& operator=(const PythonHand&) = delete;
   ~PythonHand() { close(); }
 
   [[nodiscard]] const std::string& robot() const noexcept { return robot_; }

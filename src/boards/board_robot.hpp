@@ -118,8 +118,6 @@ class BoardRobot final : public CountedDriver {
   /// `buses` has the bus of each board. `clock`, which must outlive the robot, is the back-end's.
   /// @throws InvalidArgument
   BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses, const Clock& clock);
-  BoardRobot(const BoardRobot&) = delete;
-  BoardRobot& operator=(const BoardRobot&) = delete;
   ~BoardRobot() override;
 
   [[nodiscard]] const Options& options() const noexcept { return options_; }

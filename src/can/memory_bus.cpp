@@ -98,8 +98,6 @@ class MemoryBus::Wire {
 class MemoryBus::Node final : public Bus {
  public:
   explicit Node(Wire& wire) : wire_(wire), number_(wire.attach(*this)), inbox_(wire.queue()) {}
-  Node(const Node&) = delete;
-  Node& operator=(const Node&) = delete;
   ~Node() override { wire_.detach(*this); }
 
   [[nodiscard]] std::size_t number() const noexcept { return number_; }

@@ -48,8 +48,6 @@ class MemoryBus {
  public:
   /// `clock` must live as long as the bus. It tells when frames are sent and faults begin.
   explicit MemoryBus(const Clock& clock, const MemoryBusOptions& options = {});
-  MemoryBus(const MemoryBus&) = delete;
-  MemoryBus& operator=(const MemoryBus&) = delete;
   ~MemoryBus();
 
   /// A further node. The first one has number 0. A node must not outlive its bus.

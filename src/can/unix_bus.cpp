@@ -120,9 +120,6 @@ const sockaddr* generic(const sockaddr_un& address) noexcept {
 
 class UnixNode final : public UnixBus {
  public:
-  UnixNode() = default;
-  UnixNode(const UnixNode&) = delete;
-  UnixNode& operator=(const UnixNode&) = delete;
   ~UnixNode() override;
 
   // If this throws, the destructor undoes what was done.

@@ -68,8 +68,6 @@ class Watchdog {
     const BlockedSignals blocked;
     thread_ = std::thread([this] { watch(); });
   }
-  Watchdog(const Watchdog&) = delete;
-  Watchdog& operator=(const Watchdog&) = delete;
   ~Watchdog() {
     {
       const std::lock_guard lock(mutex_);

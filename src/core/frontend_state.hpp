@@ -92,8 +92,6 @@ struct FrontendState {
   // `backend` is null if another thread runs the back-end.
   explicit FrontendState(Part part, bool its_strictness = false, Backend* backend = nullptr,
                          std::shared_ptr<void> its_owner = nullptr);
-  FrontendState(const FrontendState&) = delete;
-  FrontendState& operator=(const FrontendState&) = delete;
   // Gives control back.
   ~FrontendState();
 

@@ -251,8 +251,6 @@ void require_payload_reference(const ElementDescription& element) {
 struct PayloadWriter::State {
   State(std::optional<ipc::SharedMemory> its_lock, std::shared_ptr<PayloadMemory> its_memory)
       : lock(std::move(its_lock)), memory(std::move(its_memory)) {}
-  State(const State&) = delete;
-  State& operator=(const State&) = delete;
   ~State() {
     if (!lock || fork.is_inherited()) return;
     // The lock is still ours, so the file is, too. Readers in this process keep the memory itself.

@@ -24,8 +24,6 @@ class SessionPlace {
  public:
   // Throws RobotOwned, InvalidArgument.
   SessionPlace(std::shared_ptr<Directory> directory, std::string name, SessionOptions options);
-  SessionPlace(const SessionPlace&) = delete;
-  SessionPlace& operator=(const SessionPlace&) = delete;
   ~SessionPlace();
 
   struct Writers {

@@ -51,8 +51,6 @@ struct SessionPlan {
 class SessionWriter {
  public:
   SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan);
-  SessionWriter(const SessionWriter&) = delete;
-  SessionWriter& operator=(const SessionWriter&) = delete;
   ~SessionWriter();
 
   [[nodiscard]] StateHeader& header() const noexcept { return *header_; }

@@ -23,8 +23,6 @@ class Emulator {
   /// @throws InvalidArgument, SystemError
   Emulator(const std::vector<EmulatedMotorOptions>& motors, Plant& plant,
            const EmulatedBusOptions& options = {}, const std::string& link = {});
-  Emulator(const Emulator&) = delete;
-  Emulator& operator=(const Emulator&) = delete;
   /// Ends the thread and closes the terminal: its users see that the line has gone.
   ~Emulator();
 

@@ -177,8 +177,6 @@ class Guide::Implementation {
       throw;
     }
   }
-  Implementation(const Implementation&) = delete;
-  Implementation& operator=(const Implementation&) = delete;
   ~Implementation() {
     try {
       static_cast<void>(end(End::kAtOnce, kTimeout, {}));

@@ -11,8 +11,6 @@ namespace trifinger::ipc {
 class ForkableMutex {
  public:
   ForkableMutex();
-  ForkableMutex(const ForkableMutex&) = delete;
-  ForkableMutex& operator=(const ForkableMutex&) = delete;
   ~ForkableMutex();
 
   void lock() { mutex_.lock(); }

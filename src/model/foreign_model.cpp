@@ -249,8 +249,6 @@ class ForeignModel::Files {
       throw Error("MuJoCo takes no files from us");
     }
   }
-  Files(const Files&) = delete;
-  Files& operator=(const Files&) = delete;
   ~Files() { mj_deleteVFS(&vfs_); }
 
   [[nodiscard]] const std::string& main() const noexcept { return main_; }

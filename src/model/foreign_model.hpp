@@ -27,8 +27,6 @@ class ForeignModel {
   // line and the largest value allowed.
   ForeignModel(const std::filesystem::path& file,
                const std::optional<std::filesystem::path>& mesh_folder, bool repairs, bool radians);
-  ForeignModel(const ForeignModel&) = delete;
-  ForeignModel& operator=(const ForeignModel&) = delete;
   ~ForeignModel();
 
   // Throws InvalidArgument with MuJoCo's own words.

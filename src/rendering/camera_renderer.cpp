@@ -54,8 +54,6 @@ class CameraRenderer::Implementation {
     }
     set_options(options);
   }
-  Implementation(const Implementation&) = delete;
-  Implementation& operator=(const Implementation&) = delete;
   ~Implementation() { free_pictures(); }
 
   void set_options(const RenderingOptions& options) {

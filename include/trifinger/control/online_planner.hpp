@@ -53,8 +53,6 @@ class OnlinePlanner {
   /// @throws InvalidArgument that names the first value that makes no sense.
   OnlinePlanner(PlanningModel model, PlanningTask task, const PlannerOptions& options = {},
                 const OnlinePlannerOptions& online = {});
-  OnlinePlanner(const OnlinePlanner&) = delete;
-  OnlinePlanner& operator=(const OnlinePlanner&) = delete;
   /// Waits for the end of the plan under way.
   ~OnlinePlanner();
 

@@ -86,8 +86,6 @@ class Backend {
   /// @throws InvalidArgument
   Backend(UntypedDriver& driver, SessionHost& host, BackendOptions options = {},
           Clock& clock = MonotonicClock::instance());
-  Backend(const Backend&) = delete;
-  Backend& operator=(const Backend&) = delete;
   /// Ends the session (`kStopped`) and brings the robot to rest.
   ~Backend();
 
@@ -135,8 +133,6 @@ class BackendThread {
   explicit BackendThread(Backend& backend,
                          const RealtimeOptions& realtime = {.demand = Demand::kOff},
                          std::function<void()> on_end = {});
-  BackendThread(const BackendThread&) = delete;
-  BackendThread& operator=(const BackendThread&) = delete;
   /// Stops the back-end in an orderly way and waits for it.
   ~BackendThread();
 

@@ -101,8 +101,6 @@ class PayloadReader {
   /// Reads payloads of the sensor `sensor` of `robot`, whose fields are `payload`. The sensor need
   /// not run yet.
   PayloadReader(std::string robot, std::string sensor, ElementDescription payload);
-  PayloadReader(const PayloadReader&) = delete;
-  PayloadReader& operator=(const PayloadReader&) = delete;
   ~PayloadReader();
 
   /// The payload of an element. The first call, and the first one after the sensor's process was

@@ -32,8 +32,6 @@ class UntypedSensorWriter {
   UntypedSensorWriter(const std::string& robot, const std::string& sensor,
                       const ElementDescription& element, std::size_t history = 64,
                       const ElementDescription& payload = {});
-  UntypedSensorWriter(const UntypedSensorWriter&) = delete;
-  UntypedSensorWriter& operator=(const UntypedSensorWriter&) = delete;
   ~UntypedSensorWriter();
 
   /// Hands over an element that was captured at this instant of the monotonic clock. Its stamp is
@@ -101,8 +99,6 @@ class LoopSensorReader {
   /// @throws InvalidArgument
   LoopSensorReader(const std::string& robot, const std::string& sensor,
                    const ElementDescription& element, Timeout timeout = kForever);
-  LoopSensorReader(const LoopSensorReader&) = delete;
-  LoopSensorReader& operator=(const LoopSensorReader&) = delete;
   ~LoopSensorReader();
 
   /// Copies the newest element, also if it was read before. Its stamp has no steps. False if no
@@ -133,8 +129,6 @@ class DriverWithSensors final : public UntypedDriver {
   /// @throws InvalidArgument if two companions have one name or an element has no stamp
   DriverWithSensors(std::unique_ptr<UntypedDriver> driver, const std::string& robot,
                     std::vector<CompanionDescription> sensors);
-  DriverWithSensors(const DriverWithSensors&) = delete;
-  DriverWithSensors& operator=(const DriverWithSensors&) = delete;
   ~DriverWithSensors() override;
 
   /// What has happened to the sensors since the last call, in sentences. Any thread may call this.

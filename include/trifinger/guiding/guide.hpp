@@ -72,8 +72,6 @@ class Guide {
   /// For a robot whose session has no configuration; the frames are those of `robot`.
   Guide(std::shared_ptr<UntypedFrontend> frontend, const GuidedRobot& robot,
         GuideOptions options = {});
-  Guide(const Guide&) = delete;
-  Guide& operator=(const Guide&) = delete;
   /// Ends the session at once, if it still runs, and releases the robot. Does not wait for a
   /// back-end that does not answer, nor for a robot that is still homing.
   ~Guide();

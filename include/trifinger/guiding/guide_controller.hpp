@@ -110,8 +110,6 @@ class GuideController {
   /// @throws InvalidArgument
   GuideController(const GuidedRobot& robot, const GuideSpeeds& speeds,
                   Nanoseconds period = std::chrono::milliseconds(1));
-  GuideController(const GuideController&) = delete;
-  GuideController& operator=(const GuideController&) = delete;
   ~GuideController();
 
   /// Begins to hold the measured pose. Returns false, and does nothing, if a position is not a

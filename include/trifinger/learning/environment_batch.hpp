@@ -83,8 +83,6 @@ class EnvironmentBatch {
                    const std::optional<rendering::VisionOptions>& vision = {})
       : EnvironmentBatch(find_task(task), options, simulation, size, num_threads, vision) {}
   ~EnvironmentBatch();
-  EnvironmentBatch(const EnvironmentBatch&) = delete;
-  EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;
 
   [[nodiscard]] const Environment& environment() const noexcept;
   [[nodiscard]] std::size_t size() const noexcept;

@@ -102,8 +102,6 @@ class HandWriter {
   /// @throws SessionNotFound, InvalidArgument if the robot cannot be pulled, Error with the
   /// holder's number if another process is the hand, SystemError
   explicit HandWriter(const std::string& robot);
-  HandWriter(const HandWriter&) = delete;
-  HandWriter& operator=(const HandWriter&) = delete;
   ~HandWriter();
 
   /// What can be pulled, see `pullable_bodies`.

@@ -44,8 +44,6 @@ class ImageThread {
   // Begins with element `first` of `companion`, which has the images of `cameras`.
   ImageThread(const Session& companion, const SessionHeader& header, SessionCameras cameras,
               const ImageOptions& options, TimeIndex first);
-  ImageThread(const ImageThread&) = delete;
-  ImageThread& operator=(const ImageThread&) = delete;
   ~ImageThread();
 
   // Takes messages of `max_size` bytes together, or one that is larger. Their times are those on

@@ -55,7 +55,6 @@ class SessionCopier {
   [[nodiscard]] bool is_done() const noexcept { return is_done_; }
 
   [[nodiscard]] const Session& session() const noexcept { return session_; }
-  [[nodiscard]] bool backend_is_gone() const { return !session_.info().backend_is_alive; }
   [[nodiscard]] TimeIndex next_step() const noexcept;
   [[nodiscard]] std::shared_ptr<const std::atomic<TimeIndex>> shared_next_step() const noexcept {
     return next_step_;

@@ -20,8 +20,6 @@ namespace {
 class BackgroundPlanner {
  public:
   explicit BackgroundPlanner(Skill& skill) : skill_(skill), thread_([this] { work(); }) {}
-  BackgroundPlanner(const BackgroundPlanner&) = delete;
-  BackgroundPlanner& operator=(const BackgroundPlanner&) = delete;
   ~BackgroundPlanner() {
     // The thread then waits for the next request, and looks at nothing meanwhile.
     if (is_busy_) made_.acquire();
