@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <chrono>
@@ -201,11 +201,7 @@ int cameras(const CamerasOptions& options) {
   }
   const std::unique_ptr<camera::Source> source = open_source(found, options.log);
   camera::CameraFeed feed(*source, found.robot, found.cameras, found.options.period);
-  std::string names;
-  for (const camera::Camera& camera : found.cameras) {
-    names += (names.empty() ? "" : ", ") + camera.name;
-  }
-  say(found.robot, fmt::format("{} deliver images, {}", names,
+  say(found.robot, fmt::format("{} deliver images, {}", fmt::join(source->names(), ", "),
                                rate_text(1e9 / static_cast<double>(found.options.period.count()))));
   const Deadline deadline(options.length > Nanoseconds(0) ? options.length : kForever);
   while (!deadline.passed() && !signals.wait(Nanoseconds::zero())) {

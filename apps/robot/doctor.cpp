@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/core.h>
+#include <fmt/ranges.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -154,10 +154,9 @@ Finding check_governor(const Machine& machine) {
   if (governors.empty()) {
     return {"frequency governor", Verdict::kGood, "none: the frequency is not ours to change", ""};
   }
-  std::string found;
-  for (const std::string& governor : governors) found += (found.empty() ? "" : ", ") + governor;
   const bool is_fast = governors == std::set<std::string>{"performance"};
-  return {"frequency governor", is_fast ? Verdict::kGood : Verdict::kFails, found,
+  return {"frequency governor", is_fast ? Verdict::kGood : Verdict::kFails,
+          fmt::format("{}", fmt::join(governors, ", ")),
           is_fast ? "" : "cpupower frequency-set --governor performance"};
 }
 

@@ -2,9 +2,9 @@
 #include "boards/calibration.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <ctime>
+#include <iomanip>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -21,15 +21,9 @@ namespace trifinger::boards {
 namespace {
 
 using config::Node;
+using trifinger::detail::joined;
 using trifinger::detail::text_of;
-
-std::string now_text() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  ::gmtime_r(&now, &parts);
-  std::array<char, 64> text{};
-  return {text.data(), std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%S UTC", &parts)};
-}
+using trifinger::detail::utc_text;
 
 std::string_view name_of(HomingMethod method) {
   return std::ranges::find(homing_methods(), method, [](const auto& named) { return named.second; })
@@ -41,12 +35,7 @@ std::string number_text(double value) { return std::string(FixedText().append(va
 
 template <class T, class Text>
 std::string list_text(const std::vector<T>& values, const Text& text_of_value) {
-  std::string text;
-  for (const T& value : values) {
-    text += text.empty() ? "[" : ", ";
-    text += text_of_value(value);
-  }
-  return text + "]";
+  return "[" + joined(values, text_of_value) + "]";
 }
 
 // A list, or one value if all are the same.
@@ -62,23 +51,13 @@ std::vector<Node> entries_of(const Node& node, std::size_t count) {
   return node.is_list() ? node.items() : std::vector<Node>(count, node);
 }
 
-// A text in YAML that may contain any character of a line.
-std::string quoted(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c;
-  }
-  return quoted + "\"";
-}
-
 }  // namespace
 
 Calibration Calibration::of(const std::string& robot, const std::string& serial,
                             const BoardRobotOptions& options, std::vector<double> home_position) {
   Calibration calibration{.robot = robot,
                           .serial = serial,
-                          .date = now_text(),
+                          .date = utc_text(std::time(nullptr), "%F %T UTC"),
                           .method = {},
                           .direction = {},
                           .polarity = {},
@@ -94,9 +73,9 @@ Calibration Calibration::of(const std::string& robot, const std::string& serial,
 }
 
 std::string Calibration::text() const {
-  return text_of("# Written by 'trifinger calibrate'.\nrobot: ", quoted(robot),
-                 "\n# What is written on the robot.\nserial: ", quoted(serial),
-                 "\ndate: ", quoted(date),
+  return text_of("# Written by 'trifinger calibrate'.\nrobot: ", std::quoted(robot),
+                 "\n# What is written on the robot.\nserial: ", std::quoted(serial),
+                 "\ndate: ", std::quoted(date),
                  "\n# Homing finds other places if one of these changes.\nmethod: ",
                  shortest_text(method, name_of), "\ndirection: ", list_text(direction, number_text),
                  "\npolarity: ", list_text(polarity, number_text),

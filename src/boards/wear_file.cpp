@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "base/regular_file.hpp"
+#include "base/text_of.hpp"
 #include "ipc/file_lock.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
@@ -112,14 +113,6 @@ void read_list(const config::Node& section, const FieldDescription& field,
 // True for what a record has: everything but the stamp.
 bool is_kept(const FieldDescription& field) { return !field.name.starts_with("stamp."); }
 
-std::string time_text() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  ::gmtime_r(&now, &parts);
-  std::array<char, 32> text{};
-  return {text.data(), std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts)};
-}
-
 struct stat status_of(const ipc::FileDescriptor& file, const std::filesystem::path& path) {
   struct stat status{};
   if (::fstat(file.get(), &status) != 0) throw SystemError("inspect " + path.string(), errno);
@@ -216,8 +209,9 @@ std::vector<std::byte> WearFile::parse(const std::string& line) const {
 
 std::string WearFile::line_of(std::span<const std::byte> element) const {
   // Names of robots are names of files without special characters.
-  std::string text = R"({"time":")" + time_text() + R"(","robot":")" + owner_.robot +
-                     R"(","type":")" + owner_.type + R"(","wear":{)";
+  std::string text = R"({"time":")" + trifinger::detail::utc_text(std::time(nullptr), "%FT%TZ") +
+                     R"(","robot":")" + owner_.robot + R"(","type":")" + owner_.type +
+                     R"(","wear":{)";
   const char* separator = "";
   for (const FieldDescription& field : element_.fields()) {
     if (!is_kept(field)) continue;

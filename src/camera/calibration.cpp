@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <iomanip>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -64,19 +65,7 @@ std::string number_text(double value) { return std::string(FixedText().append(va
 
 template <class Numbers>
 std::string list_text(const Numbers& values) {
-  std::string text;
-  for (const double value : values) text += (text.empty() ? "[" : ", ") + number_text(value);
-  return text + "]";
-}
-
-// A text in YAML that may contain any character of a line.
-std::string quoted(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    quoted += c;
-  }
-  return quoted + "\"";
+  return "[" + trifinger::detail::joined(values, number_text) + "]";
 }
 
 std::string text_of_camera(const Camera& camera) {
@@ -84,15 +73,16 @@ std::string text_of_camera(const Camera& camera) {
   const Eigen::Vector3d& place = camera.pose.translation();
   const Eigen::Quaterniond turn(camera.pose.linear());
   using Pair = std::array<double, 2>;
-  return text_of("  - name: ", quoted(camera.name), "\n    serial: ", quoted(camera.serial),
-                 "\n    width: ", camera.format.width, "\n    height: ", camera.format.height,
-                 "\n    pixels: ", name_of(camera.format.pixels),
-                 "\n    focal_length: ", list_text(Pair{lens.fx, lens.fy}),
-                 "\n    principal_point: ", list_text(Pair{lens.cx, lens.cy}),
-                 "\n    distortion: ", list_text(lens.distortion), "\n    position: ",
-                 list_text(std::array<double, 3>{place.x(), place.y(), place.z()}),
-                 "\n    orientation: ",
-                 list_text(std::array<double, 4>{turn.w(), turn.x(), turn.y(), turn.z()}), "\n");
+  return text_of(
+      "  - name: ", std::quoted(camera.name), "\n    serial: ", std::quoted(camera.serial),
+      "\n    width: ", camera.format.width, "\n    height: ", camera.format.height,
+      "\n    pixels: ", name_of(camera.format.pixels),
+      "\n    focal_length: ", list_text(Pair{lens.fx, lens.fy}),
+      "\n    principal_point: ", list_text(Pair{lens.cx, lens.cy}),
+      "\n    distortion: ", list_text(lens.distortion),
+      "\n    position: ", list_text(std::array<double, 3>{place.x(), place.y(), place.z()}),
+      "\n    orientation: ",
+      list_text(std::array<double, 4>{turn.w(), turn.x(), turn.y(), turn.z()}), "\n");
 }
 
 }  // namespace
@@ -102,7 +92,7 @@ std::string Calibration::text() const {
       "# Written by 'trifinger calibrate cameras'. Lenses are in OpenCV's model, with (0, 0) at\n"
       "# the centre of the first pixel. Poses are those of the cameras' frames in the world: x\n"
       "# right, y down, z forward [m], quaternions w, x, y, z.\ndate: ",
-      quoted(date.empty() ? "unknown" : date),
+      std::quoted(date.empty() ? "unknown" : date),
       "\n# Root mean square of what remained unexplained [pixel].\nresidual: ",
       number_text(residual), "\ncameras:\n");
   for (const Camera& camera : cameras) text += text_of_camera(camera);

@@ -23,18 +23,12 @@ Nanoseconds timeout_of(Nanoseconds period) {
 }
 
 void require_same(const Source& source, const std::vector<Camera>& cameras) {
-  const auto list = [](const auto& items, const auto& name) {
-    std::string text;
-    for (const auto& item : items) text += (text.empty() ? "" : ", ") + name(item);
-    return text;
-  };
   std::vector<std::string> names;
   names.reserve(cameras.size());
   for (const Camera& camera : cameras) names.push_back(camera.name);
-  const auto same = [](const std::string& name) { return name; };
-  detail::require(source.names() == names, "the source has the cameras " +
-                                               list(source.names(), same) + ", the robot has " +
-                                               list(names, same));
+  detail::require(source.names() == names,
+                  "the source has the cameras " + trifinger::detail::joined(source.names()) +
+                      ", the robot has " + trifinger::detail::joined(names));
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const ImageFormat& found = source.formats()[i];
     const ImageFormat& expected = cameras[i].format;

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/errors.hpp"
@@ -149,9 +150,8 @@ void Images::require_valid() const {
 std::span<const std::byte> Images::pixels(const std::string& camera) const {
   const auto found = std::ranges::find(*cameras_, camera, &Camera::name);
   if (found == cameras_->end()) {
-    std::string names;
-    for (const Camera& known : *cameras_) names += (names.empty() ? "" : ", ") + known.name;
-    throw InvalidArgument("there is no camera '" + camera + "'; there are " + names);
+    throw InvalidArgument("there is no camera '" + camera + "'; there are " +
+                          trifinger::detail::joined(*cameras_, &Camera::name));
   }
   return pixels(static_cast<std::size_t>(found - cameras_->begin()));
 }

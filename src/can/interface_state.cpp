@@ -14,6 +14,7 @@
 #include <cstring>
 #include <memory>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
@@ -123,12 +124,6 @@ std::string number_text(double number) {
   std::string text = std::to_string(std::round(number * 1e3) / 1e3);
   text.erase(text.find_last_not_of('0') + 1);
   if (text.back() == '.') text.pop_back();
-  return text;
-}
-
-std::string joined(const std::vector<std::string>& parts) {
-  std::string text;
-  for (const std::string& part : parts) text += (text.empty() ? "" : ", ") + part;
   return text;
 }
 
@@ -248,8 +243,8 @@ std::vector<Problem> problems(const InterfaceState& state, const InterfaceNeeds&
   if (state.controller) {
     const auto wrong = wrong_settings(*state.controller, needs);
     if (!wrong.empty()) {
-      found.push_back(
-          {.sentence = state.name + ": " + joined(wrong), .command = set_command(state, needs)});
+      found.push_back({.sentence = state.name + ": " + trifinger::detail::joined(wrong),
+                       .command = set_command(state, needs)});
     }
     // A virtual interface has no queue.
     if (state.send_queue < needs.send_queue) {

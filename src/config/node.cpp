@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "element.hpp"
 
 namespace trifinger::config {
@@ -115,9 +116,7 @@ std::string canonical_text(const Element& element) {
   if (!items.empty() && std::ranges::count(items, items.front()) == std::ssize(items)) {
     return items.front();
   }
-  std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
-  return "[" + text + "]";
+  return "[" + trifinger::detail::joined(items) + "]";
 }
 
 }  // namespace detail

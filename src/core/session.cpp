@@ -8,6 +8,7 @@
 
 #include "base/moved.hpp"
 #include "base/suggestion.hpp"
+#include "base/text_of.hpp"
 #include "core/refused_sessions.hpp"
 #include "frontend_state.hpp"
 #include "ipc/file_lock.hpp"
@@ -55,12 +56,6 @@ std::vector<std::string> names_of_running(bool with_companions) {
   return names;
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 std::string not_found_text(const std::string& name) {
   if (name.find('.') == std::string::npos) {
     if (const std::string remedy = remedy_for(name); !remedy.empty()) {
@@ -76,7 +71,7 @@ std::string not_found_text(const std::string& name) {
   }
   const std::vector<std::string> others = names_of_running(/*with_companions=*/true);
   const std::string_view similar = closest(name, {others.begin(), others.end()});
-  if (!others.empty()) text += "; running: " + joined(others);
+  if (!others.empty()) text += "; running: " + detail::joined(others);
   if (!similar.empty()) text += "; perhaps '" + std::string(similar) + "' is meant";
   return text + "; 'trifinger run sim --name " + name + "' starts a simulated one";
 }
@@ -225,7 +220,8 @@ std::string running_robot(const std::string& name) {
     throw SessionNotFound(
         "no robot runs on this machine; 'trifinger run sim' starts a simulated one");
   }
-  throw InvalidArgument("several robots run on this machine, name one of them: " + joined(names));
+  throw InvalidArgument("several robots run on this machine, name one of them: " +
+                        detail::joined(names));
 }
 
 std::vector<std::string> refused_sessions() {

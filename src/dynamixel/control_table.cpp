@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/text_of.hpp"
+
 namespace trifinger::dynamixel {
 
 std::string_view name_of(OperatingMode mode) noexcept {
@@ -48,13 +50,7 @@ bool MotorModel::has(OperatingMode mode) const noexcept {
   return name_of(mode) != "unknown" && (has_current() || !needs_current(mode));
 }
 
-std::string names_of_models() {
-  std::string names;
-  for (const MotorModel& model : kMotorModels) {
-    names.append(names.empty() ? "" : ", ").append(model.name);
-  }
-  return names;
-}
+std::string names_of_models() { return trifinger::detail::joined(kMotorModels, &MotorModel::name); }
 
 std::vector<Register> control_table_of(const MotorModel& model) {
   std::vector<Register> table(kControlTable.begin(), kControlTable.end());

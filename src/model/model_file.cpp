@@ -31,12 +31,6 @@ std::string name_of(const mjModel& model, mjtObj type, int id) {
   return name != nullptr ? name : "";
 }
 
-std::string joined(std::span<const std::string> names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text.empty() ? "none" : text;
-}
-
 bool is_scalar(int type) { return type == mjJNT_HINGE || type == mjJNT_SLIDE; }
 
 bool is_scalar(const mjModel& model, int joint) { return is_scalar(model.jnt_type[joint]); }
@@ -111,8 +105,10 @@ std::vector<Target> named_targets(const mjModel& model, const std::vector<std::s
     const Target target = joint >= 0 ? Target{mjOBJ_JOINT, joint} : Target{mjOBJ_TENDON, tendon};
     const bool is_drivable =
         joint >= 0 ? is_scalar(model, joint) : tendon >= 0 && is_fixed_tendon(model, tendon);
-    require(is_drivable, text_of(file, "no joint or fixed tendon '", name,
-                                 "' can be driven; there are ", joined(drivable_names(model))));
+    const std::vector<std::string> known = drivable_names(model);
+    require(is_drivable,
+            text_of(file, "no joint or fixed tendon '", name, "' can be driven; there are ",
+                    known.empty() ? "none" : detail::joined(known)));
     require(std::ranges::find(targets, target) == targets.end(),
             text_of(file, "joint '", name, "' is named twice"));
     targets.push_back(target);

@@ -16,6 +16,7 @@ namespace trifinger::servos {
 namespace {
 
 using config::Node;
+using trifinger::detail::joined;
 using trifinger::detail::text_of;
 
 constexpr std::string_view kEmulated = "emulated";
@@ -68,9 +69,7 @@ std::size_t index_of(const Node& place, const std::string& name,
                      const std::vector<std::string>& names) {
   const auto found = std::ranges::find(names, name);
   if (found == names.end()) {
-    std::string known;
-    for (const std::string& other : names) known += (known.empty() ? "" : ", ") + other;
-    place.fail("has '" + name + "', which is no driven joint; there are " + known);
+    place.fail("has '" + name + "', which is no driven joint; there are " + joined(names));
   }
   return static_cast<std::size_t>(found - names.begin());
 }
@@ -103,10 +102,9 @@ ResetOptions read_reset(const Node& section, const std::vector<std::string>& joi
 int read_baud(const Node& section) {
   const auto baud = section.required<int>("baud", {.min = 9600, .max = 4.5e6});
   if (std::ranges::find(dynamixel::kBaudRates, baud) == dynamixel::kBaudRates.end()) {
-    std::string known;
-    for (const int rate : dynamixel::kBaudRates)
-      known += (known.empty() ? "" : ", ") + text_of(rate);
-    section.at("baud").fail(text_of("is ", baud, ", motors know ", known));
+    section.at("baud").fail(
+        text_of("is ", baud, ", motors know ",
+                joined(dynamixel::kBaudRates, [](int rate) { return text_of(rate); })));
   }
   return baud;
 }

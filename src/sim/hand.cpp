@@ -28,6 +28,7 @@
 namespace trifinger {
 namespace {
 
+using detail::joined;
 using detail::require;
 using detail::text_of;
 
@@ -42,12 +43,6 @@ bool is_within(const std::array<double, 3>& values, double limit) noexcept {
 
 std::string text_of_values(const std::array<double, 3>& values) {
   return text_of("(", values[0], ", ", values[1], ", ", values[2], ")");
-}
-
-std::string joined(std::span<const std::string> names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
 }
 
 // The bodies of a robot that runs.

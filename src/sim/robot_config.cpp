@@ -196,9 +196,7 @@ std::filesystem::path find_config(const std::string& name, const std::string& fo
     const std::filesystem::path path = place / (name + std::string(kSuffix));
     if (std::filesystem::exists(path)) return path;
   }
-  std::string known;
-  for (const std::string& other : config_names(folder))
-    known += (known.empty() ? "" : ", ") + other;
+  const std::string known = detail::joined(config_names(folder));
   throw InvalidArgument("there is no configuration '" + name + "'; " +
                         (known.empty() ? "none is installed" : "there are " + known) +
                         ", or give the path of a file");

@@ -28,11 +28,9 @@ std::vector<std::string> colours_of(const TrackedObject& object, const ColourMod
   std::vector<std::string> colours;
   for (const ColouredFace& face : object.faces) {
     if (model.find(face.colour) == nullptr) {
-      std::string known;
-      for (const Colour& colour : model.colours) known += (known.empty() ? "" : ", ") + colour.name;
       throw InvalidArgument(text_of("a face of '", object.name, "' is ", face.colour,
                                     ", a colour that the colour model does not know; it knows ",
-                                    known));
+                                    trifinger::detail::joined(model.colours, &Colour::name)));
     }
     if (std::ranges::find(colours, face.colour) == colours.end()) colours.push_back(face.colour);
   }

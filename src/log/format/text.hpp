@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cstdint>
 #include <ctime>
@@ -10,6 +9,7 @@
 #include <string>
 #include <string_view>
 
+#include "base/text_of.hpp"
 #include "trifinger/base/time.hpp"
 
 namespace trifinger::log::detail {
@@ -36,19 +36,10 @@ namespace trifinger::log::detail {
   return std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
 }
 
-// Formats a time since 1970 [s] with a format string of `strftime`.
-[[nodiscard]] inline std::string utc_text(std::time_t time, const char* format) {
-  std::tm date{};
-  ::gmtime_r(&time, &date);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), format, &date);
-  return text.data();
-}
-
 // Formats a time since 1970 [s] as in the names of logs: "2026-11-20_09-05-12", UTC. Sorts in the
 // order of time.
 [[nodiscard]] inline std::string date_text(std::time_t time) {
-  return utc_text(time, "%Y-%m-%d_%H-%M-%S");
+  return trifinger::detail::utc_text(time, "%Y-%m-%d_%H-%M-%S");
 }
 
 inline constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";

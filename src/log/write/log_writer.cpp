@@ -81,7 +81,7 @@ class LogWriter::Implementation {
                {"trifinger_version", TRIFINGER_VERSION},
                {"host", host_name()},
                {"kernel", kernel_version()},
-               {"created", utc_text(wall_seconds(), "%FT%TZ")},
+               {"created", trifinger::detail::utc_text(wall_seconds(), "%FT%TZ")},
                {"part", std::to_string(options.part)},
                {"recording", options.recording.empty() ? random_id() : options.recording},
                {"precision", std::string(name_of(precision_))}};
