@@ -258,6 +258,12 @@ void vary_place(SkillTrial& trial, TrialRandom& random, double radius) {
   object.orientation = {turned.w(), turned.x(), turned.y(), turned.z()};
 }
 
+void vary_place_and_physics(SkillTrial& trial, std::uint64_t seed) {
+  TrialRandom random(seed);
+  vary_place(trial, random);
+  vary_physics(trial, random);
+}
+
 SkillTrial make_skill_trial(const std::string& robot, const std::string& skill,
                             const std::vector<std::string>& robot_settings,
                             const std::vector<std::string>& skill_settings) {

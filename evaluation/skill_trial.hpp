@@ -71,6 +71,7 @@ void vary_physics(SkillTrial& trial, TrialRandom& random, double least_friction 
 // Moves the object within a circle of `radius` [m] about where it lies, and turns it about the
 // vertical by any angle.
 void vary_place(SkillTrial& trial, TrialRandom& random, double radius = 0.03);
+void vary_place_and_physics(SkillTrial& trial, std::uint64_t seed);
 
 // What was true at a step.
 struct TrueStep {

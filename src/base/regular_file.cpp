@@ -118,6 +118,22 @@ int open_regular_file(const std::filesystem::path& path, int flags, NamedBy name
   return file;
 }
 
+std::size_t read_at(int file, std::uint64_t offset, std::span<std::byte> bytes,
+                    const std::filesystem::path& path) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t count =
+        ::pread(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (count == 0) break;
+    if (count > 0) {
+      done += static_cast<std::size_t>(count);
+    } else if (errno != EINTR) {
+      throw SystemError("read " + path.string(), errno);
+    }
+  }
+  return done;
+}
+
 FileReader::FileReader(const std::filesystem::path& path)
     : path_(path), file_(open_regular_file(path, O_RDONLY, NamedBy::kUser)) {
   struct stat status{};
@@ -127,18 +143,8 @@ FileReader::FileReader(const std::filesystem::path& path)
 FileReader::~FileReader() { ::close(file_); }
 
 std::size_t FileReader::read(std::span<char> bytes) {
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t count =
-        ::pread(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset_));
-    if (count == 0) break;
-    if (count > 0) {
-      done += static_cast<std::size_t>(count);
-      offset_ += static_cast<std::uint64_t>(count);
-    } else if (errno != EINTR) {
-      throw SystemError("read " + path_.string(), errno);
-    }
-  }
+  const std::size_t done = read_at(file_, offset_, std::as_writable_bytes(bytes), path_);
+  offset_ += done;
   return done;
 }
 

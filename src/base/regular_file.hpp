@@ -29,6 +29,12 @@ enum class NamedBy : std::uint8_t {
 [[nodiscard]] int open_regular_file(const std::filesystem::path& path, int flags, NamedBy named_by,
                                     mode_t mode = 0);
 
+/// Reads bytes from `offset` on and returns their number. It is smaller than requested only at the
+/// end of the file `path`, whose descriptor is `file`.
+/// @throws SystemError
+[[nodiscard]] std::size_t read_at(int file, std::uint64_t offset, std::span<std::byte> bytes,
+                                  const std::filesystem::path& path);
+
 /// A regular file that a user has named. It is read once from its beginning.
 class FileReader {
  public:

@@ -168,18 +168,8 @@ void WearFile::open() {
 std::string WearFile::read_end() const {
   const auto size = static_cast<std::size_t>(status_of(file_, path_).st_size);
   std::string text(std::min(size, kEnd), '\0');
-  std::size_t done = 0;
-  while (done < text.size()) {
-    const ssize_t count = ::pread(file_.get(), text.data() + done, text.size() - done,
-                                  static_cast<off_t>(size - text.size() + done));
-    if (count == 0) break;
-    if (count > 0) {
-      done += static_cast<std::size_t>(count);
-    } else if (errno != EINTR) {
-      throw SystemError("read " + path_.string(), errno);
-    }
-  }
-  text.resize(done);
+  text.resize(
+      read_at(file_.get(), size - text.size(), std::as_writable_bytes(std::span(text)), path_));
   return text;
 }
 

@@ -26,18 +26,7 @@ class FileSource final : public Source {
   ~FileSource() override { ::close(file_); }
 
   [[nodiscard]] std::size_t read(std::uint64_t offset, std::span<std::byte> bytes) const override {
-    std::size_t done = 0;
-    while (done < bytes.size()) {
-      const ssize_t count = ::pread(file_, bytes.data() + done, bytes.size() - done,
-                                    static_cast<off_t>(offset + done));
-      if (count == 0) break;
-      if (count > 0) {
-        done += static_cast<std::size_t>(count);
-      } else if (errno != EINTR) {
-        throw SystemError("read " + path_.string(), errno);
-      }
-    }
-    return done;
+    return read_at(file_, offset, bytes, path_);
   }
 
   [[nodiscard]] std::uint64_t size() const override {

@@ -40,12 +40,7 @@ std::vector<SkillRow> stand_rows() {
            .reach = "19 of 20",
            .needed = 0.95,
            .trial = make_skill_trial("sim_cuboid", "stand"),
-           .vary =
-               [](SkillTrial& trial, std::uint64_t seed) {
-                 TrialRandom random(seed);
-                 vary_place(trial, random);
-                 vary_physics(trial, random);
-               },
+           .vary = vary_place_and_physics,
            .judge = judge,
            .figure = "time",
            .unit = "s"}};

@@ -82,12 +82,7 @@ std::vector<SkillRow> turn_rows() {
            .reach = "18 of 20, within 20 s",
            .needed = 0.9,
            .trial = make_skill_trial("sim", "turn"),
-           .vary =
-               [](SkillTrial& trial, std::uint64_t seed) {
-                 TrialRandom random(seed);
-                 vary_place(trial, random);
-                 vary_physics(trial, random);
-               },
+           .vary = vary_place_and_physics,
            .judge = judge,
            .figure = "time",
            .unit = "s"}};
