@@ -16,7 +16,6 @@
 
 #include "base/regular_file.hpp"
 #include "realtime/processors.hpp"
-#include "trifinger/base/error.hpp"
 
 namespace trifinger::evaluation {
 

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <iterator>
 #include <string_view>
-#include <utility>
 
 namespace trifinger::evaluation {
 namespace {

@@ -23,8 +23,6 @@
 namespace trifinger::control {
 namespace {
 
-using detail::require;
-
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct DeleteBatch {

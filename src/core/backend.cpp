@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "followers.hpp"
-#include "ipc/file_lock.hpp"
 #include "ipc/futex.hpp"
 #include "loop.hpp"
 #include "session_layout.hpp"

@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "trifinger/base/error.hpp"
-#include "trifinger/core/driver.hpp"
 #include "trifinger/core/payload.hpp"
 
 namespace trifinger::detail {

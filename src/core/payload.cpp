@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
@@ -17,7 +16,6 @@
 
 #include "base/regular_file.hpp"
 #include "base/text_of.hpp"
-#include "ipc/file_lock.hpp"
 #include "ipc/shared_memory.hpp"
 #include "sensor_file.hpp"
 #include "session_directory.hpp"

@@ -33,7 +33,6 @@
 #include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
-#include "trifinger/ipc/process.hpp"
 
 // docs/decisions/sensors_in_other_processes.md says why this is as it is.
 namespace trifinger {

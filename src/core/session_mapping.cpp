@@ -14,7 +14,6 @@
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/payload.hpp"
-#include "trifinger/core/status.hpp"
 
 namespace trifinger::detail {
 namespace {

@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "trifinger/learning/task.hpp"
-#include "trifinger/model/robot_model.hpp"
 
 namespace trifinger::learning {
 namespace {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/model/robot_model.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "model/export.hpp"

@@ -18,7 +18,6 @@
 #include "log/write/image_thread.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/camera/calibration.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -98,8 +97,6 @@ struct ShownSession {
            .element = std::vector<std::byte>(messages.header().companions[i].element.size())});
     }
   }
-
-  [[nodiscard]] const std::string& name() const noexcept { return messages.header().name; }
 
   [[nodiscard]] TimeIndex whole_steps() const {
     // The status is written last in each step, but the end has a status without a step.

@@ -5,8 +5,6 @@
 #include <map>
 #include <utility>
 
-#include "trifinger/base/error.hpp"
-
 namespace trifinger::log::detail {
 
 namespace {

@@ -6,8 +6,6 @@
 #include <limits>
 
 #include "manipulation/parts/soft_limits.hpp"
-#include "trifinger/base/error.hpp"
-#include "trifinger/control/trajectories.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "manipulation/parts/repose.hpp"
 
-#include <algorithm>
 #include <array>
 #include <limits>
 #include <utility>

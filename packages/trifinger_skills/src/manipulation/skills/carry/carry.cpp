@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <memory>
@@ -21,7 +20,6 @@
 #include "manipulation/skills/carry/carry_planner.hpp"
 #include "manipulation/skills/makers.hpp"
 #include "trifinger/config/file.hpp"
-#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::manipulation {
 namespace {

@@ -12,7 +12,6 @@
 #include "manipulation/skills/draw/drawing.hpp"
 #include "manipulation/skills/makers.hpp"
 #include "model/rotation_between.hpp"
-#include "trifinger/config/file.hpp"
 
 namespace trifinger::manipulation {
 namespace {

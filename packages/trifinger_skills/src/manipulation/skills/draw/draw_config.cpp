@@ -4,7 +4,6 @@
 #include <array>
 
 #include "manipulation/parts/settings.hpp"
-#include "manipulation/skills/draw/letters.hpp"
 #include "manipulation/skills/makers.hpp"
 
 namespace trifinger::manipulation {
