@@ -15,7 +15,6 @@
 #include "evaluation/cube_trial.hpp"
 #include "evaluation/skill_rows.hpp"
 #include "manipulation/skills/lift/lift.hpp"
-#include "trifinger/base/error.hpp"
 
 namespace trifinger::evaluation {
 namespace {

@@ -14,7 +14,6 @@
 
 #include "base/regular_file.hpp"
 #include "evaluation/teaching.hpp"
-#include "trifinger/base/error.hpp"
 #include "trifinger/manipulation/skills.hpp"
 
 namespace trifinger::evaluation {

@@ -10,7 +10,6 @@
 #include <limits>
 
 #include "shared/text.hpp"
-#include "trifinger/core/errors.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -12,7 +12,6 @@
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/terminal.hpp"
-#include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/log.hpp"
 

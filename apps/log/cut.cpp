@@ -9,7 +9,6 @@
 #include "log/copy.hpp"
 #include "log/options.hpp"
 #include "shared/output.hpp"
-#include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 
 namespace trifinger::apps {

@@ -9,7 +9,6 @@
 #include "log/summary.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
-#include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 
 namespace trifinger::apps {

@@ -11,7 +11,6 @@
 #include "log/flight_recorder.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
-#include "shared/text.hpp"
 #include "trifinger/base/text.hpp"
 #include "trifinger/log/log.hpp"
 

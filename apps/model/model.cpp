@@ -12,7 +12,6 @@
 #include "shared/output.hpp"
 #include "shared/output_file.hpp"
 #include "shared/terminal.hpp"
-#include "trifinger/base/error.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 namespace trifinger::apps {

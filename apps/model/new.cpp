@@ -18,7 +18,6 @@
 #include "shared/shipped_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/model_file.hpp"
-#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
 namespace {

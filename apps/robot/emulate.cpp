@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
-#include <sys/types.h>
 
 #include <chrono>
 #include <csignal>

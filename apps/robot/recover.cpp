@@ -9,7 +9,6 @@
 #include "shared/command_line.hpp"
 #include "shared/options.hpp"
 #include "shared/output.hpp"
-#include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
 
 namespace trifinger::apps {

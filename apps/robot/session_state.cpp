@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include "shared/exit_code.hpp"
-#include "shared/text.hpp"
 
 namespace trifinger::apps {
 namespace {

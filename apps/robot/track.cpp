@@ -16,7 +16,6 @@
 #include "shared/options.hpp"
 #include "shared/output.hpp"
 #include "shared/signals.hpp"
-#include "sim/robot_cameras.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/errors.hpp"

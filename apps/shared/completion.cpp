@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "commands.hpp"
-#include "shared/options.hpp"
 #include "shared/shipped_file.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/robot_config.hpp"

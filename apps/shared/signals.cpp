@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "shared/signals.hpp"
 
-#include <pthread.h>
 #include <unistd.h>
 
 #include <cstdlib>
