@@ -2,13 +2,17 @@
 #include "frontend.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <string_view>
 
 #include "checks.hpp"
+#include "conversion/choice.hpp"
 #include "conversion/element.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "joint/hold_action.hpp"
 #include "payload.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/guiding/guide.hpp"
@@ -28,6 +32,9 @@ auto without_gil(std::shared_ptr<Handle> handle, const Wait& wait) {
 }
 
 constexpr const char* kClosedMeanwhile = "this handle was closed while a thread waited with it";
+
+// The enumerators of `OnLate`.
+constexpr std::array<std::string_view, 3> kOnLate{"nothing", "repeat", "hold"};
 
 std::string suggestion(const nb::object& name, const nb::object& names) {
   const nb::object matches =
@@ -146,6 +153,13 @@ TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, const Shown
     check_signals();
   }
   return t;
+}
+
+void PythonFrontend::set_on_late(const std::string& on_late) const {
+  const std::shared_ptr<Handle> handle = open();
+  const auto what = choice<OnLate>("on_late", kOnLate, on_late);
+  handle->frontend.set_on_late(
+      what, what == OnLate::kHold ? hold_action_of(handle->frontend.session()) : HoldAction{});
 }
 
 PythonFrontend::Held::~Held() {

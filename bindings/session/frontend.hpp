@@ -39,6 +39,9 @@ class PythonFrontend {
   /// of this robot
   TimeIndex append_desired_action(nanobind::handle action, const ShownSeconds& timeout);
   TimeIndex append_desired_actions(nanobind::handle actions, const ShownSeconds& timeout);
+  /// `on_late` is "nothing", "repeat" or "hold".
+  void set_on_late(const std::string& on_late) const;
+  [[nodiscard]] bool is_late() const { return open()->frontend.is_late(); }
   /// The default action with `fields` filled in.
   [[nodiscard]] Shown<"Action"> new_action(const nanobind::kwargs& fields) const;
 

@@ -2,13 +2,16 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "base/moved.hpp"
 #include "frontend_state.hpp"
 #include "ipc/futex.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
+#include "stand_in.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
@@ -51,6 +54,7 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
   state.require_own();
   state.require_control();
   if (state.inline_backend != nullptr && !state.inline_thread->take()) state.throw_moved();
+  const auto turn = detail::StandIn::turn_of(state);
   const detail::StateHeader& header = state.header();
   while (true) {
     // relaxed: no other data depends on this flag.
@@ -70,15 +74,7 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
 
     state.queue_entry[0] = is_acausal ? detail::QueueFlags::kAcausal : 0;
     std::memcpy(state.queue_entry.data() + 1, action, state.queue.shape().element_size - 8);
-    state.queue.write(t, state.queue_entry.data(), std::memory_order_seq_cst);
-    state.last_appended = t;
-    auto& event = state.action_header()->event;
-    // release, because the slot was written before: a back-end that has seen the new word finds
-    // the action. A back-end that has not found the action can only sleep on the old word.
-    event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-    // seq_cst: either the back-end found the action before it went to sleep, or we see that it
-    // sleeps.
-    if (header.backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
+    state.put(t);
     // seq_cst: a back-end that closes t says so before it looks for the action once more. If t is
     // not closed here, the back-end will find the action.
     if (header.is_real_time == 0 || header.next_action.load(std::memory_order_seq_cst) <= t ||
@@ -86,6 +82,23 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
       return t;
     }
   }
+}
+
+void UntypedFrontend::set_on_late(OnLate on_late, HoldAction hold) {
+  detail::FrontendState& state = *checked(state_);
+  state.require_own();
+  state.require_control();
+  if (on_late == OnLate::kHold && !hold) {
+    throw InvalidArgument("OnLate::kHold needs a function that makes the action");
+  }
+  if (state.header().is_real_time == 0) return;
+  if (!state.stand_in) state.stand_in = std::make_unique<detail::StandIn>(state);
+  state.stand_in->set(on_late, std::move(hold));
+}
+
+bool UntypedFrontend::is_late() const {
+  const detail::FrontendState& state = *checked(state_);
+  return state.stand_in && state.stand_in->is_late();
 }
 
 TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size_t count,
@@ -106,6 +119,7 @@ void UntypedFrontend::finish(Timeout timeout) {
   if (state.inline_backend != nullptr && !state.inline_thread->take()) {
     state.throw_moved();
   }
+  if (state.stand_in) state.stand_in->set(OnLate::kNothing, {});
   const detail::SessionMapping& mapping = *state.mapping;
   if (!mapping.has_ended()) {
     detail::send_request(*state.action_header(), detail::kFinish);

@@ -6,6 +6,7 @@
 
 #include "session_directory.hpp"
 #include "session_place.hpp"
+#include "stand_in.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::detail {
@@ -31,7 +32,12 @@ FrontendState::FrontendState(Part part, bool its_strictness, Backend* backend,
 }
 
 FrontendState::~FrontendState() {
-  if (!action || fork.is_inherited()) return;
+  if (!action) return;
+  if (fork.is_inherited()) {
+    static_cast<void>(stand_in.release());  // its thread is in the parent
+    return;
+  }
+  stand_in.reset();
   if (last_appended < 0) {
     // release: the lock is given back later, together with the file.
     action_header()->controller_pid.store(0, std::memory_order_release);
@@ -76,6 +82,18 @@ void FrontendState::look_for_interrupted_step() const {
   // If the user's own code has ended an inline session within a step, the interrupt reports that
   // first.
   if (inline_backend != nullptr && interrupt) interrupt();
+}
+
+void FrontendState::put(TimeIndex t) noexcept {
+  queue.write(t, queue_entry.data(), std::memory_order_seq_cst);
+  last_appended = t;
+  auto& event = action_header()->event;
+  // release, because the slot was written before: a back-end that has seen the new word finds
+  // the action. A back-end that has not found the action can only sleep on the old word.
+  event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  // seq_cst: either the back-end found the action before it went to sleep, or we see that it
+  // sleeps.
+  if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
 }
 
 void FrontendState::run_inline_to_end() const noexcept {

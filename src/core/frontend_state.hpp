@@ -26,6 +26,8 @@
 
 namespace trifinger::detail {
 
+class StandIn;
+
 // Each session has its own files, so there is no event to wait for between two sessions.
 inline constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 // Waits check the other side's health and call the interrupt at least this often.
@@ -116,6 +118,8 @@ struct FrontendState {
   void wait(const Ready& ready, const Wanted& wanted, Timeout timeout, const What& what) const;
   // Brings the robot of an inline back-end to rest.
   void run_inline_to_end() const noexcept;
+  // Puts `queue_entry` into the queue as the action of step `t`.
+  void put(TimeIndex t) noexcept;
 
   std::shared_ptr<void> owner;  // destroyed last, because it contains the inline back-end
   std::shared_ptr<const SessionMapping> mapping;
@@ -131,6 +135,7 @@ struct FrontendState {
   ipc::Ring queue;
   std::vector<std::uint64_t> queue_entry;
   TimeIndex last_appended{-1};
+  std::unique_ptr<StandIn> stand_in;              // null if nobody appends for the program
   mutable std::atomic<TimeIndex> handed_out{-1};  // newest step whose observation the user knows
   mutable std::atomic<bool> backend_died{false};
 

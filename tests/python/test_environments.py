@@ -839,6 +839,83 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
     environment.close()
 
 
+class Thinker:
+    """A program that thinks, beside a robot in real time that bears 1000 late actions in a row."""
+
+    def __init__(self, start_program: StartProgram, **arguments: Any) -> None:
+        words = ["--name", "learner", *PATIENT, "--set", "backend.late_action.max_repeats=1000"]
+        start_program("run", "trifinger_edu", *words).wait_for("waits for a user")
+        self.environment = Environment(
+            "reach", duration=0.4, connect=lambda: trifinger.connect("learner"), **arguments
+        )
+
+    def think(self) -> None:
+        """Returns after 2500 steps, unless the robot stops."""
+        robot = self.environment.process.robot
+        robot.wait_until_time_index(robot.current_time_index() + 2500)
+
+    def act(self) -> tuple[bool, dict[str, Any]]:
+        """Acts with all torques at a third; returns whether the episode has ended, and info."""
+        *_, terminated, truncated, info = self.environment.step(np.full(9, 0.3, np.float32))
+        return terminated or truncated, info
+
+
+@pytest.mark.without_sanitizer  # it needs the program
+@pytest.mark.parametrize("mapping", ["approximation", "state_augmentation"])
+@pytest.mark.parametrize("on_late", ["hold", "repeat", "end"])
+def test_a_program_that_thinks_does_not_stop_its_robot(start_program, mapping, on_late):
+    thinker = Thinker(start_program, mapping=mapping, on_late=on_late)
+    environment = thinker.environment
+    environment.reset(seed=1)
+    robot = environment.process.robot
+    thinker.think()  # before the first action the robot is held, and nothing is late
+    assert np.abs(robot.latest_observation().velocity).max() < 0.05
+    has_ended, info = thinker.act()
+    assert (has_ended, info["late_steps"], info["fault"]) == (False, 0, 0)
+    last = environment.process.robot.get_desired_action(environment.process.time_index)
+    thinker.think()
+    now = robot.current_time_index()
+    late = robot.get_desired_action(now - 1)
+    if on_late == "repeat":
+        np.testing.assert_array_equal(late.torque, last.torque)
+    else:
+        assert not late.torque.any()
+        assert np.isfinite(late.position).all()
+    has_ended, info = thinker.act()
+    assert has_ended == (on_late == "end")
+    assert info["late_steps"] >= 2400
+    assert info["fault"] == 0
+    thinker.environment.reset()
+    assert thinker.act()[1]["late_steps"] == 0
+    environment.close()
+
+
+@pytest.mark.without_sanitizer  # it needs the program
+@pytest.mark.parametrize("recovers", [False, True])
+def test_a_robot_that_has_stopped_goes_on_if_that_is_allowed(start_program, recovers):
+    thinker = Thinker(start_program, recovers=recovers)
+    thinker.environment.reset(seed=1)
+    thinker.act()
+    thinker.environment.process.robot.set_on_late("nothing")
+    with pytest.raises(trifinger.RobotStopped, match="was not there in time"):
+        thinker.think()
+    has_ended, info = thinker.act()
+    assert has_ended
+    assert "was not there in time" in info["fault_text"]
+    if recovers:
+        thinker.environment.reset()
+        assert thinker.act()[1]["fault"] == 0
+    else:
+        with pytest.raises(trifinger.RobotStopped):
+            thinker.environment.reset()
+    thinker.environment.close()
+
+
+def test_what_happens_late_is_one_of_three_things():
+    with pytest.raises(trifinger.InvalidArgument, match="on_late is 'wait'"):
+        Environment("reach", connect=lambda: trifinger.connect("sim"), on_late="wait")
+
+
 def sleeps(thread: threading.Thread) -> bool:
     """Whether a thread waits in the kernel. It is not for Python's lock: a read gives that away."""
     stat = Path(f"/proc/self/task/{thread.native_id}/stat").read_text()

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -30,6 +32,18 @@ struct FrontendOptions {
       std::chrono::seconds(5)};  ///< How long to wait for a session that is about to begin.
 };
 
+/// What a front-end does if its program has not appended the action of the next step in time, in
+/// real-time mode.
+enum class OnLate : std::uint8_t {
+  kNothing,  ///< The back-end decides: it repeats the last action, or ends the session.
+  kRepeat,   ///< The front-end appends the last action once more.
+  kHold,     ///< The front-end holds the robot where it is.
+};
+
+/// Writes the action that holds a robot to `action`, which has the default action, from what the
+/// robot measures. It does not block, allocate or throw.
+using HoldAction = std::function<void(const void* observation, void* action)>;
+
 /// The front-end without types. Elements are bytes in the layout that the session's description
 /// gives. Python and tools use this class directly. C++ programs use `Frontend`, which documents
 /// the functions.
@@ -56,6 +70,16 @@ class UntypedFrontend {
   TimeIndex append_desired_action(const void* action, Timeout timeout);
   /// Appends `count` actions, one after the other. Returns the index of the last one.
   TimeIndex append_desired_actions(const void* actions, std::size_t count, Timeout timeout);
+
+  /// Says what happens from now on if no action of the program is there shortly before its step
+  /// begins. A thread of this front-end appends actions then, so the program can think as long as
+  /// it likes; what it appends next acts behind these, up to 10 ms later. `hold` is for kHold.
+  /// Nothing happens before the first action, after `finish`, and outside real-time mode, where the
+  /// robot waits.
+  /// @throws InvalidArgument for a handle that only observes, and for kHold without `hold`
+  void set_on_late(OnLate on_late, HoldAction hold = {});
+  /// True if the newest action is not the program's, because that did not come in time.
+  [[nodiscard]] bool is_late() const;
 
   /// Copies the element of step `t`; waits for it.
   void get(Series series, TimeIndex t, void* element, Timeout timeout) const;
@@ -149,6 +173,24 @@ class Frontend {
   TimeIndex append_desired_actions(std::span<const Action> actions, Timeout timeout = kForever) {
     return untyped_.append_desired_actions(actions.data(), actions.size(), timeout);
   }
+
+  /// Says what happens from now on if an action does not come in time: see
+  /// `UntypedFrontend::set_on_late`. `hold` makes the action that holds the robot, for example
+  /// `hold_position`, and is for OnLate::kHold. It does not block, allocate or throw.
+  void set_on_late(OnLate on_late, Action (*hold)(const Observation&) = nullptr) {
+    HoldAction any;
+    if (hold != nullptr) {
+      any = [hold](const void* observation, void* action) {
+        Observation y;
+        std::memcpy(&y, observation, sizeof(y));
+        const Action a = hold(y);
+        std::memcpy(action, &a, sizeof(a));
+      };
+    }
+    untyped_.set_on_late(on_late, std::move(any));
+  }
+  /// True if the newest action is not the program's, because that did not come in time.
+  [[nodiscard]] bool is_late() const { return untyped_.is_late(); }
 
   /// Returns y[t]; waits for it if `t` lies in the future.
   /// @throws HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,

@@ -4,7 +4,7 @@
 import contextlib
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -34,6 +34,9 @@ from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped
 from trifinger.picture import View
 from trifinger.tasks import Task
 
+OnLate = Literal["hold", "repeat", "end"]
+
+ON_LATE = ("hold", "repeat", "end")
 OBJECT = "object"  # the companion with the poses of objects
 NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
@@ -53,6 +56,16 @@ def _observed(state: Any) -> Observed:
     return observed
 
 
+# Makes front-ends that hold the robot as long as the program appends nothing.
+def _held(connect: Callable[[], Frontend]) -> Callable[[], Frontend]:
+    def begin() -> Frontend:
+        robot = connect()
+        robot.set_on_late("hold")
+        return robot
+
+    return begin
+
+
 class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     """A task on one robot: on its own simulation, or on a robot that `connect` attaches to.
 
@@ -63,6 +76,13 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     the environment's own simulation, never to what a connected robot measures. `view` is the camera
     and the size of what `render` draws; a window starts with it. `changes` are other values of
     options, as in `duration=1.0`.
+
+    A connected robot in real time does not wait. From the end of reset() to the first action a
+    thread holds it, whatever the program does meanwhile. `on_late` says what happens if a later
+    action does not come in time: "hold" holds the robot until the action comes, "repeat" lets the
+    last action act until then, "end" holds the robot and truncates the episode. info["late_steps"]
+    is the number of steps that this took. With `recovers`, reset() recovers the robot after a fault,
+    up to three times; the robot must then be in a place where nobody can be hurt.
     """
 
     _core: _trifinger.Episodes
@@ -79,8 +99,12 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         config_overrides: dict[str, object] | None = None,
         render_mode: Mode | None = None,
         view: View | None = None,
+        on_late: OnLate = "hold",
+        recovers: bool = False,
         **changes: Any,
     ) -> None:
+        require(on_late in ON_LATE, "on_late", on_late, "'hold', 'repeat' or 'end'")
+
         def make_core(
             known: str | Task, options: Options, config: str, overrides: dict[str, object]
         ) -> _trifinger.Episodes:
@@ -103,12 +127,16 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         if self.options.observation == "goal":
             # Checkers take an environment that has this for one with goals.
             self.compute_reward = self._compute_reward
+        self._on_late = on_late
+        self._recoveries = 1 if connect is None else 3 * recovers
         self._object = self._core.object_name
         self._sees_objects = bool(self._object or self._core.bodies)
         self._simulation = None
         if connect is None:
             self._simulation = Simulation(*self.scene)
             connect = self._simulation.connect
+        else:
+            connect = _held(connect)
         # What knows where the object really is, if that decides about the outcome.
         self._judge = self._simulation if self._core.judges_by_truth else None
         self._poses: Frontend | None = None
@@ -126,6 +154,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._episode = 0
         self._is_running = False
         self._acted_to = -1  # the last step whose outcome is known
+        self._has_acted = False
+        self._late_steps = 0
         self.metadata = {**type(self).metadata, "render_fps": self._frame_rate}
 
     def __repr__(self) -> str:
@@ -155,8 +185,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
         If no seed was ever given, one is drawn: `np_random_seed` modulo 2^32. `options` may be
         {"episode": n} to begin episode n instead. Raises what `connect` raises: ControlHeld if
-        somebody else controls the robot, RobotStopped if a fault was not yet recovered. The
-        environment recovers faults of its own simulation by itself.
+        somebody else controls the robot, RobotStopped after a fault, if the environment may not
+        recover it. It recovers faults of its own simulation by itself.
         """
         if seed is not None:
             seed = whole_number("seed", seed, 64)
@@ -172,6 +202,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         if episode is not None:
             self._episode = episode
         self._is_running = False
+        self._late_steps = 0
         position, object_position, orientation, velocity, variation, stream, joints = (
             self._core.begin(self._seed, self._episode)
         )
@@ -187,12 +218,10 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self._image[name] = np.zeros((height, width, 3), np.uint8)
             self._captured[name] = NEVER
         try:
-            state = self._begin_session()
+            self._begin_session()
             robot = self._process.robot
             if self._image:
                 self._cameras = Cameras(robot)
-            if simulation is None:
-                self._move_there(state)
             self._poses = robot.companion(OBJECT) if self._sees_objects else None
             seen = self._core.look(robot, self._process.time_index, self._poses, self._judge)
             self._take(seen)
@@ -202,18 +231,25 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self._process.close()
             raise
         self._is_running = True
+        self._has_acted = False
         if self.render_mode == "human":
             self.render()
         return self._observation(), self._info(is_success=seen[4])
 
-    def _begin_session(self) -> Any:
-        try:
-            return self._process.reset()
-        except RobotStopped:
-            if self._simulation is None:
-                raise
-            self._process.robot.recover()
-            return self._process.reset()
+    # Begins a session, after a fault if that is allowed, and moves a connected robot to its start.
+    def _begin_session(self) -> None:
+        recoveries = self._recoveries
+        while True:
+            try:
+                state = self._process.reset()
+                if self._simulation is None:
+                    self._move_there(state)
+                return
+            except RobotStopped:
+                if recoveries == 0:
+                    raise
+                recoveries -= 1
+                self._process.robot.recover()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
         """Applies `action`; numbers are clipped to -1 to 1.
@@ -233,8 +269,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             raise InvalidArgument(
                 f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
             )
+        robot = self._process.robot
+        if self._simulation is None and not self._has_acted:
+            robot.set_on_late("repeat" if self._on_late == "repeat" else "hold")
+        elif self._on_late == "end" and robot.is_late():
+            return self._end_late(robot)
         try:
-            seen = self._core.step(self._process.robot, numbers, self._poses, self._judge)
+            before = self._process.time_index
+            seen = self._core.step(robot, numbers, self._poses, self._judge)
             self._take(seen)
         except ControlHeld:
             raise  # another thread steps, and goes on
@@ -247,14 +289,28 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 self._end_unjudged()
             raise
         self._acted_to, reward, terminated, truncated, success, _ = seen
+        if self._has_acted:
+            self._late_steps = self._acted_to - before - self.options.steps_per_action
+        self._has_acted = True
         if terminated or truncated:
-            self._is_running = False
-            # Actions that have not acted yet may cause a fault; the episode has ended before it.
-            with contextlib.suppress(RobotStopped):
-                self._process.finish()
+            self._finish()
         if self.render_mode == "human":
             self.render()
         return self._observation(), reward, terminated, truncated, self._info(is_success=success)
+
+    # The robot is held since its last action has ended: this one comes too late.
+    def _end_late(self, robot: Frontend) -> tuple[Observation, float, bool, bool, Info]:
+        is_first = isinstance(self._process, mappings.StateAugmentation)  # of those of its action
+        due = self._process.time_index + (self.options.steps_per_action if is_first else 1)
+        self._late_steps = robot.current_time_index() - due
+        self._finish()
+        return self._observation(), self._last_reward, False, True, self._info(is_success=False)
+
+    def _finish(self) -> None:
+        self._is_running = False
+        # Actions that have not acted yet may cause a fault; the episode has ended before it.
+        with contextlib.suppress(RobotStopped):
+            self._process.finish()
 
     # The robot has moved, and nobody knows how the episode goes on.
     def _end_unjudged(self) -> None:
@@ -315,6 +371,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         info: Info = {"is_success": False, "fault": 0} | self._measures()
         if info["distance"].ndim == 0:
             info["distance"] = float(info["distance"])
+        if self._simulation is None:
+            info["late_steps"] = self._late_steps
         return info | more
 
     # Moves a connected robot to where the episode begins.

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "stand_in.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <stop_token>
+#include <utility>
+
+#include "ipc/futex.hpp"
+#include "ipc/ring.hpp"
+#include "session_layout.hpp"
+#include "session_mapping.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/realtime/thread.hpp"
+
+namespace trifinger::detail {
+namespace {
+
+// What is queued ahead of the robot while its program is late: enough for a thread that a busy
+// machine delays, and little for the action that comes behind it.
+constexpr Nanoseconds kAhead = std::chrono::milliseconds(10);
+// A thread looks whether it shall end, and whether the back-end lives, at least this often.
+constexpr Nanoseconds kLook = std::chrono::milliseconds(20);
+
+}  // namespace
+
+StandIn::StandIn(FrontendState& state)
+    : state_(state),
+      ahead_(std::max<TimeIndex>(1, kAhead.count() / state.header().period)),
+      observation_(state.mapping->element(Series::kObservation).size()),
+      thread_([this](const std::stop_token& stop) { work(stop); }) {}
+
+void StandIn::set(OnLate on_late, HoldAction hold) {
+  {
+    const std::lock_guard lock(mutex_);
+    on_late_ = on_late;
+    hold_ = std::move(hold);
+  }
+  changed_.notify_all();
+}
+
+bool StandIn::is_late() const {
+  const std::lock_guard lock(mutex_);
+  return is_late_;
+}
+
+std::unique_lock<std::mutex> StandIn::turn_of(const FrontendState& state) {
+  if (!state.stand_in) return {};
+  std::unique_lock lock(state.stand_in->mutex_);
+  state.stand_in->is_late_ = false;
+  return lock;
+}
+
+void StandIn::work(const std::stop_token& stop) {
+  // Below the back-end's priority. What costs memory or power is for the program to decide.
+  static_cast<void>(
+      enter_realtime({.priority = 70, .lock_memory = false, .heap = 0, .keep_cpus_awake = false}));
+  // The program has this long, after its last action began to act, to append the next one.
+  const Nanoseconds patience = Nanoseconds(state_.header().period) * 6 / 10;
+  // The first action begins the session.
+  if (!wait_for_observation(state_.header().first_index, stop)) return;
+  std::unique_lock lock(mutex_);
+  while (changed_.wait(lock, stop, [this] { return on_late_ != OnLate::kNothing; })) {
+    const TimeIndex last = state_.last_appended;
+    const TimeIndex awaited = is_late_ ? last - ahead_ / 2 : last;
+    lock.unlock();
+    if (!wait_for_observation(awaited, stop)) return;
+    lock.lock();
+    const auto is_outdated = [&] {
+      return state_.last_appended != last || on_late_ == OnLate::kNothing;
+    };
+    if (is_outdated()) continue;
+    if (!is_late_) {
+      if (changed_.wait_for(lock, stop, patience, is_outdated) || stop.stop_requested()) continue;
+      if (!make_action()) continue;
+      is_late_ = true;
+    }
+    append();
+  }
+}
+
+bool StandIn::wait_for_observation(TimeIndex t, const std::stop_token& stop) const {
+  const SessionMapping& mapping = *state_.mapping;
+  const auto& word = state_.header().event;
+  while (mapping.end_of(Series::kObservation) <= t) {
+    // seq_cst: the wait slot comes after it, see SessionWriter::announce.
+    const std::uint32_t event = word.load(std::memory_order_seq_cst);
+    if (stop.stop_requested() || mapping.has_ended() || !mapping.backend_is_alive()) return false;
+    const WaitSlot slot(state_.action_header(), {Wanted::kObservation, t});
+    if (mapping.end_of(Series::kObservation) <= t && word.load(std::memory_order_seq_cst) == event)
+      ipc::futex_wait(word, event, kLook);
+  }
+  return true;
+}
+
+bool StandIn::make_action() {
+  state_.queue_entry[0] = 0;
+  if (on_late_ == OnLate::kRepeat) return true;  // The rest of the entry is still there.
+  const SessionMapping& mapping = *state_.mapping;
+  const TimeIndex newest = mapping.end_of(Series::kObservation) - 1;
+  if (mapping.ring(Series::kObservation).read(newest, observation_.data()) !=
+      ipc::ReadResult::kDone) {
+    return false;
+  }
+  const std::vector<std::byte>& action = mapping.description().default_action;
+  std::memcpy(state_.queue_entry.data() + 1, action.data(), action.size());
+  hold_(observation_.data(), state_.queue_entry.data() + 1);
+  return true;
+}
+
+void StandIn::append() {
+  const TimeIndex newest = state_.mapping->end_of(Series::kObservation) - 1;
+  const auto capacity = static_cast<TimeIndex>(state_.queue.shape().capacity);
+  do {
+    // acquire: the slots of indices taken before are free.
+    const TimeIndex open = state_.header().next_action.load(std::memory_order_acquire);
+    const TimeIndex t = std::max(state_.last_appended + 1, open);
+    if (t - open >= capacity) return;
+    // If the back-end closes this step just now, the next action comes in time.
+    state_.put(t);
+  } while (state_.last_appended - newest < ahead_);
+}
+
+}  // namespace trifinger::detail

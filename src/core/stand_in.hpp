@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <mutex>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
+#include "frontend_state.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/frontend.hpp"
+
+namespace trifinger::detail {
+
+// Appends the actions of a program that is late, in a thread that needs nothing of the program: see
+// UntypedFrontend::set_on_late. It writes the action file of a front-end that has real time.
+class StandIn {
+ public:
+  // `state` must outlive this object.
+  explicit StandIn(FrontendState& state);
+  StandIn(const StandIn&) = delete;
+  StandIn& operator=(const StandIn&) = delete;
+  ~StandIn() = default;
+
+  void set(OnLate on_late, HoldAction hold);
+  [[nodiscard]] bool is_late() const;
+
+  // As long as it is kept, only the program appends.
+  [[nodiscard]] static std::unique_lock<std::mutex> turn_of(const FrontendState& state);
+
+ private:
+  void work(const std::stop_token& stop);
+  // Waits until y_t is there. False if the session or this object has ended.
+  [[nodiscard]] bool wait_for_observation(TimeIndex t, const std::stop_token& stop) const;
+  // Makes the action that takes the place of the missing ones. False if it cannot be made just now.
+  [[nodiscard]] bool make_action();
+  // Appends this action until enough are in the queue, and at least once.
+  void append();
+
+  FrontendState& state_;
+  TimeIndex ahead_;  // Steps that are kept in the queue while the program is late.
+
+  mutable std::mutex mutex_;
+  std::condition_variable_any changed_;
+  // The mutex guards these, and the queue of the front-end.
+  OnLate on_late_{OnLate::kNothing};
+  HoldAction hold_;
+  std::vector<std::byte> observation_;
+  bool is_late_{false};
+
+  std::jthread thread_;  // Last member, because the thread uses the others.
+};
+
+}  // namespace trifinger::detail

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <thread>
+
+#include "core/drivers_of_tests.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
+#include "support/message_of.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
+
+// What a front-end does for a program that is late. On a clock that runs ahead of all threads, a
+// back-end sometimes finds no action, so it may repeat the one before.
+
+namespace trifinger::test {
+namespace {
+
+using ::testing::HasSubstr;
+using Traits = FakeDriverTraits;
+
+constexpr std::uint32_t kMany = 1'000'000'000;  // repeats that are allowed
+constexpr TimeIndex kAhead = 10;                // steps that are queued for a late program
+
+FakeAction hold(const FakeObservation& observation) {
+  return {.setpoint = 1000.0 + observation.setpoint};
+}
+
+template <class Transport>
+class StandIn : public ::testing::Test {
+ protected:
+  using Rig = typename Transport::template Rig<Traits>;
+};
+using Transports = ::testing::Types<InProcess, AcrossProcesses>;
+
+struct TransportName {
+  template <class T>
+  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
+    return std::string(T::kName);
+  }
+};
+TYPED_TEST_SUITE(StandIn, Transports, TransportName);
+
+template <class Robot>
+void wait_until_late(const Robot& robot) {
+  const Deadline deadline(kLong);
+  while (!robot.is_late()) {
+    ASSERT_FALSE(deadline.passed()) << "nobody appends for the late program";
+    std::this_thread::yield();
+  }
+}
+
+// Appends the first action, lets it act and waits until the program is late.
+template <class Rig, class Robot>
+void be_late_after_one_action(Rig& rig, Robot& robot) {
+  rig.tick();
+  ASSERT_EQ(robot.append_desired_action(Traits::action(0)), 0);
+  rig.tick();
+  wait_until_late(robot);
+}
+
+TYPED_TEST(StandIn, HoldsTheRobotAsLongAsTheProgramThinks) {
+  typename TestFixture::Rig rig(with_deadlines(kMany));
+  auto robot = rig.connect();
+  robot.set_on_late(OnLate::kHold, hold);
+  be_late_after_one_action(rig, robot);
+  const double held = hold(robot.get_observation(0)).setpoint;
+  const Deadline deadline(kLong);
+  int count = 0;
+  for (TimeIndex t = 1; count < 100; ++t) {
+    ASSERT_FALSE(deadline.passed()) << count << " actions in " << t << " steps";
+    rig.tick();
+    ASSERT_EQ(robot.get_desired_action(t, kLong).setpoint, held) << t;
+    if (!has_flag(robot, t, Status::kActionRepeated)) ++count;
+  }
+  EXPECT_TRUE(robot.is_late());
+}
+
+TYPED_TEST(StandIn, RepeatsTheLastActionIfToldSo) {
+  typename TestFixture::Rig rig(with_deadlines(kMany));
+  auto robot = rig.connect();
+  robot.set_on_late(OnLate::kRepeat);
+  be_late_after_one_action(rig, robot);
+  rig.tick();
+  EXPECT_EQ(robot.get_desired_action(1, kLong).setpoint, Traits::action(0).setpoint);
+}
+
+TYPED_TEST(StandIn, LetsTheProgramGoOnBehindItsActions) {
+  typename TestFixture::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  robot.set_on_late(OnLate::kHold, hold);
+  be_late_after_one_action(rig, robot);
+  const TimeIndex t = robot.append_desired_action(Traits::action(1));
+  EXPECT_FALSE(robot.is_late());
+  EXPECT_GT(t, 1);
+  EXPECT_LE(t, kAhead + 1);
+  rig.tick(static_cast<int>(t));
+  EXPECT_EQ(robot.get_desired_action(t, kLong).setpoint, Traits::action(1).setpoint);
+  EXPECT_EQ(robot.get_desired_action(t - 1, kLong).setpoint,
+            hold(robot.get_observation(0)).setpoint);
+}
+
+TYPED_TEST(StandIn, AppendsNothingBeforeTheFirstActionAndAfterTheLast) {
+  typename TestFixture::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  robot.set_on_late(OnLate::kHold, hold);
+  rig.tick(5);
+  EXPECT_EQ(robot.current_time_index(), -1);
+  EXPECT_FALSE(robot.is_late());
+  append_ahead<Traits>(robot, 0, 2);
+  EXPECT_THROW(robot.finish(Timeout::zero()), TimedOut);  // it is asked for
+  rig.clock().run_free();
+  robot.finish(kLong);
+  EXPECT_THROW(static_cast<void>(robot.get_desired_action(3)), RobotStopped);
+}
+
+TYPED_TEST(StandIn, LeavesTheRestToTheBackendIfToldSo) {
+  typename TestFixture::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  robot.set_on_late(OnLate::kHold, hold);
+  robot.set_on_late(OnLate::kNothing);
+  rig.tick();
+  ASSERT_EQ(robot.append_desired_action(Traits::action(0)), 0);
+  rig.clock().run_free();
+  EXPECT_THROW(static_cast<void>(robot.get_observation(1000, kLong)), RobotStopped);
+  EXPECT_EQ(robot.fault()->code, Fault::Code::kActionLate);
+  EXPECT_FALSE(robot.is_late());
+}
+
+TYPED_TEST(StandIn, EndsWithItsHandle) {
+  typename TestFixture::Rig rig(with_deadlines());
+  {
+    auto robot = rig.connect();
+    robot.set_on_late(OnLate::kHold, hold);
+    be_late_after_one_action(rig, robot);
+  }
+  rig.clock().run_free();
+  auto next = rig.connect();  // the session of the first handle has ended as "detached"
+  EXPECT_EQ(next.current_time_index(), -1);
+}
+
+TYPED_TEST(StandIn, IsForControllersAndKnowsHowToHold) {
+  typename TestFixture::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  auto observer = rig.observe();
+  EXPECT_THAT(message_of([&] { observer.set_on_late(OnLate::kRepeat); }),
+              HasSubstr("only observes"));
+  EXPECT_THAT(message_of([&] { robot.set_on_late(OnLate::kHold); }), HasSubstr("needs a function"));
+}
+
+TEST(StandInAcrossProcesses, DoesNotOutliveItsProgram) {
+  AcrossProcesses::Rig<Traits> rig(with_deadlines(kMany));
+  ChildProcess program([&] {
+    auto robot = rig.connect();
+    robot.set_on_late(OnLate::kHold, hold);
+    robot.append_desired_action(Traits::action(0));
+    while (true) ::pause();
+    return 0;
+  });
+  auto observer = rig.observe();
+  rig.tick();
+  while (observer.current_time_index() < 0) std::this_thread::yield();
+  for (TimeIndex t = 0; observer.get_desired_action(t, kLong).setpoint < 1000.0; ++t) rig.tick();
+  program.kill();
+  rig.clock().run_free();
+  EXPECT_THROW(static_cast<void>(observer.get_observation(1'000'000, kLong)), RobotStopped);
+  EXPECT_EQ(observer.fault()->code, Fault::Code::kControllerDied);
+}
+
+}  // namespace
+}  // namespace trifinger::test
