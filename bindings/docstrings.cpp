@@ -1067,6 +1067,7 @@ const char* const linear = R"(Velocity of its centre of mass [m/s].)";
 }
 
 namespace UntypedFrontend {
+const char* const is_late = R"(True if the newest action is not the program's, because that did not come in time.)";
 const char* const range = R"(The first index of `series` that can still be read, and the first index not yet written.)";
 }
 

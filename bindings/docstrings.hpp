@@ -710,6 +710,7 @@ extern const char* const linear;
 }
 
 namespace UntypedFrontend {
+extern const char* const is_late;
 extern const char* const range;
 }
 

@@ -62,15 +62,14 @@ void StandIn::work(const std::stop_token& stop) {
   // The first action begins the session.
   if (!wait_for_observation(state_.header().first_index, stop)) return;
   std::unique_lock lock(mutex_);
-  while (changed_.wait(lock, stop, [this] { return on_late_ != OnLate::kNothing; })) {
+  const auto is_on = [this] { return on_late_ != OnLate::kNothing; };
+  while (changed_.wait(lock, stop, is_on) && !stop.stop_requested()) {
     const TimeIndex last = state_.last_appended;
     const TimeIndex awaited = is_late_ ? last - ahead_ / 2 : last;
     lock.unlock();
     if (!wait_for_observation(awaited, stop)) return;
     lock.lock();
-    const auto is_outdated = [&] {
-      return state_.last_appended != last || on_late_ == OnLate::kNothing;
-    };
+    const auto is_outdated = [&] { return state_.last_appended != last || !is_on(); };
     if (is_outdated()) continue;
     if (!is_late_) {
       if (changed_.wait_for(lock, stop, patience, is_outdated) || stop.stop_requested()) continue;

@@ -146,9 +146,10 @@ TYPED_TEST(StandIn, IsForControllersAndKnowsHowToHold) {
   typename TestFixture::Rig rig(with_deadlines());
   auto robot = rig.connect();
   auto observer = rig.observe();
-  EXPECT_THAT(message_of([&] { observer.set_on_late(OnLate::kRepeat); }),
+  EXPECT_THAT(message_of<InvalidArgument>([&] { observer.set_on_late(OnLate::kRepeat); }),
               HasSubstr("only observes"));
-  EXPECT_THAT(message_of([&] { robot.set_on_late(OnLate::kHold); }), HasSubstr("needs a function"));
+  EXPECT_THAT(message_of<InvalidArgument>([&] { robot.set_on_late(OnLate::kHold); }),
+              HasSubstr("needs a function"));
 }
 
 TEST(StandInAcrossProcesses, DoesNotOutliveItsProgram) {

@@ -16,6 +16,7 @@ from trifinger.cameras import Cameras
 from trifinger.environments.options import (
     AnyTask,
     Options,
+    require,
     reset_options,
     whole_number,
 )
