@@ -82,8 +82,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     thread holds it, whatever the program does meanwhile. `on_late` says what happens if a later
     action does not come in time: "hold" holds the robot until the action comes, "repeat" lets the
     last action act until then, "end" holds the robot and truncates the episode. info["late_steps"]
-    is the number of steps that this took. With `recovers`, reset() recovers the robot after a fault,
-    up to three times; the robot must then be in a place where nobody can be hurt.
+    is the number of steps that this took. With `recovers`, reset() recovers the robot after a
+    fault, up to three times: only for robots that can hurt nobody.
     """
 
     _core: _trifinger.Episodes
