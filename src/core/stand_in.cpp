@@ -18,9 +18,9 @@
 namespace trifinger::detail {
 namespace {
 
-// What is queued ahead of the robot while its program is late: enough for a thread that a busy
-// machine delays, and little for the action that comes behind it.
-constexpr Nanoseconds kAhead = std::chrono::milliseconds(10);
+// A short delay disturbs little: the last action acts on for so long before the robot is held.
+// Later, so much is queued ahead of the robot that a busy machine may delay this thread.
+constexpr Nanoseconds kGrace = std::chrono::milliseconds(10);
 // A thread looks whether it shall end, and whether the back-end lives, at least this often.
 constexpr Nanoseconds kLook = std::chrono::milliseconds(20);
 
@@ -28,7 +28,7 @@ constexpr Nanoseconds kLook = std::chrono::milliseconds(20);
 
 StandIn::StandIn(FrontendState& state)
     : state_(state),
-      ahead_(std::max<TimeIndex>(1, kAhead.count() / state.header().period)),
+      grace_(std::max<TimeIndex>(1, kGrace.count() / state.header().period)),
       observation_(state.mapping->element(Series::kObservation).size()),
       thread_([this](const std::stop_token& stop) { work(stop); }) {}
 
@@ -43,13 +43,13 @@ void StandIn::set(OnLate on_late, HoldAction hold) {
 
 bool StandIn::is_late() const {
   const std::lock_guard lock(mutex_);
-  return is_late_;
+  return appended_ > 0;
 }
 
 std::unique_lock<std::mutex> StandIn::turn_of(const FrontendState& state) {
   if (!state.stand_in) return {};
   std::unique_lock lock(state.stand_in->mutex_);
-  state.stand_in->is_late_ = false;
+  state.stand_in->appended_ = 0;
   return lock;
 }
 
@@ -58,25 +58,22 @@ void StandIn::work(const std::stop_token& stop) {
   static_cast<void>(
       enter_realtime({.priority = 70, .lock_memory = false, .heap = 0, .keep_cpus_awake = false}));
   // The program has this long, after its last action began to act, to append the next one.
-  const Nanoseconds patience = Nanoseconds(state_.header().period) * 6 / 10;
+  const Nanoseconds patience = Nanoseconds(state_.header().period) * 8 / 10;
   // The first action begins the session.
   if (!wait_for_observation(state_.header().first_index, stop)) return;
   std::unique_lock lock(mutex_);
   const auto is_on = [this] { return on_late_ != OnLate::kNothing; };
   while (changed_.wait(lock, stop, is_on) && !stop.stop_requested()) {
     const TimeIndex last = state_.last_appended;
-    const TimeIndex awaited = is_late_ ? last - ahead_ / 2 : last;
+    // It grows with the delay, so that the program's next action is not much later than it was.
+    const TimeIndex ahead = std::min(appended_, grace_);
     lock.unlock();
-    if (!wait_for_observation(awaited, stop)) return;
+    if (!wait_for_observation(last - ahead / 2, stop)) return;
     lock.lock();
     const auto is_outdated = [&] { return state_.last_appended != last || !is_on(); };
     if (is_outdated()) continue;
-    if (!is_late_) {
-      if (changed_.wait_for(lock, stop, patience, is_outdated) || stop.stop_requested()) continue;
-      if (!make_action()) continue;
-      is_late_ = true;
-    }
-    append();
+    if (appended_ == 0 && changed_.wait_for(lock, stop, patience, is_outdated)) continue;
+    if (!stop.stop_requested()) append(std::max<TimeIndex>(ahead, 1));
   }
 }
 
@@ -94,32 +91,31 @@ bool StandIn::wait_for_observation(TimeIndex t, const std::stop_token& stop) con
   return true;
 }
 
-bool StandIn::make_action() {
-  state_.queue_entry[0] = 0;
-  if (on_late_ == OnLate::kRepeat) return true;  // The rest of the entry is still there.
-  const SessionMapping& mapping = *state_.mapping;
-  const TimeIndex newest = mapping.end_of(Series::kObservation) - 1;
-  if (mapping.ring(Series::kObservation).read(newest, observation_.data()) !=
-      ipc::ReadResult::kDone) {
-    return false;
-  }
-  const std::vector<std::byte>& action = mapping.description().default_action;
-  std::memcpy(state_.queue_entry.data() + 1, action.data(), action.size());
-  hold_(observation_.data(), state_.queue_entry.data() + 1);
-  return true;
-}
-
-void StandIn::append() {
+void StandIn::append(TimeIndex ahead) {
   const TimeIndex newest = state_.mapping->end_of(Series::kObservation) - 1;
   const auto capacity = static_cast<TimeIndex>(state_.queue.shape().capacity);
+  state_.queue_entry[0] = 0;  // The rest is still the last action.
   do {
     // acquire: the slots of indices taken before are free.
     const TimeIndex open = state_.header().next_action.load(std::memory_order_acquire);
     const TimeIndex t = std::max(state_.last_appended + 1, open);
     if (t - open >= capacity) return;
+    if (on_late_ == OnLate::kHold && appended_ == grace_) hold_robot(newest);
     // If the back-end closes this step just now, the next action comes in time.
     state_.put(t);
-  } while (state_.last_appended - newest < ahead_);
+    ++appended_;
+  } while (state_.last_appended - newest < ahead);
+}
+
+void StandIn::hold_robot(TimeIndex newest) {
+  const SessionMapping& mapping = *state_.mapping;
+  if (mapping.ring(Series::kObservation).read(newest, observation_.data()) !=
+      ipc::ReadResult::kDone) {
+    return;  // A damaged file: the back-end ends the session.
+  }
+  const std::vector<std::byte>& action = mapping.description().default_action;
+  std::memcpy(state_.queue_entry.data() + 1, action.data(), action.size());
+  hold_(observation_.data(), state_.queue_entry.data() + 1);
 }
 
 }  // namespace trifinger::detail

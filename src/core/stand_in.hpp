@@ -34,13 +34,13 @@ class StandIn {
   void work(const std::stop_token& stop);
   // Waits until y_t is there. False if the session or this object has ended.
   [[nodiscard]] bool wait_for_observation(TimeIndex t, const std::stop_token& stop) const;
-  // Makes the action that takes the place of the missing ones. False if it cannot be made just now.
-  [[nodiscard]] bool make_action();
-  // Appends this action until enough are in the queue, and at least once.
-  void append();
+  // Appends until so many actions are in the queue, and at least one.
+  void append(TimeIndex ahead);
+  // Makes the action that holds the robot where it was at this step.
+  void hold_robot(TimeIndex newest);
 
   FrontendState& state_;
-  TimeIndex ahead_;  // Steps that are kept in the queue while the program is late.
+  TimeIndex grace_;  // Steps for which the last action acts on.
 
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
@@ -48,7 +48,7 @@ class StandIn {
   OnLate on_late_{OnLate::kNothing};
   HoldAction hold_;
   std::vector<std::byte> observation_;
-  bool is_late_{false};
+  TimeIndex appended_{0};  // Actions since the program's last one.
 
   std::jthread thread_;  // Last member, because the thread uses the others.
 };

@@ -37,7 +37,7 @@ struct FrontendOptions {
 enum class OnLate : std::uint8_t {
   kNothing,  ///< The back-end decides: it repeats the last action, or ends the session.
   kRepeat,   ///< The front-end appends the last action once more.
-  kHold,     ///< The front-end holds the robot where it is.
+  kHold,     ///< The same for 10 ms; then the front-end holds the robot where it is.
 };
 
 /// Writes the action that holds a robot to `action`, which has the default action, from what the
@@ -73,9 +73,9 @@ class UntypedFrontend {
 
   /// Says what happens from now on if no action of the program is there shortly before its step
   /// begins. A thread of this front-end appends actions then, so the program can think as long as
-  /// it likes; what it appends next acts behind these, up to 10 ms later. `hold` is for kHold.
-  /// Nothing happens before the first action, after `finish`, and outside real-time mode, where the
-  /// robot waits.
+  /// it likes. What it appends next acts behind these: by as much later as it was late, and at most
+  /// 10 ms. `hold` is for kHold. Nothing happens before the first action, after `finish`, and
+  /// outside real-time mode, where the robot waits.
   /// @throws InvalidArgument for a handle that only observes, and for kHold without `hold`
   void set_on_late(OnLate on_late, HoldAction hold = {});
   /// True if the newest action is not the program's, because that did not come in time.

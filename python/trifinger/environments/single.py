@@ -80,10 +80,10 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     A connected robot in real time does not wait. From the end of reset() to the first action a
     thread holds it, whatever the program does meanwhile. `on_late` says what happens if a later
-    action does not come in time: "hold" holds the robot until the action comes, "repeat" lets the
-    last action act until then, "end" holds the robot and truncates the episode. info["late_steps"]
-    is the number of steps that this took. With `recovers`, reset() recovers the robot after a
-    fault, up to three times: only for robots that can hurt nobody.
+    action does not come in time: "hold" holds the robot until the action comes, if that takes
+    longer than 10 ms, "repeat" lets the last action act until then, "end" truncates the episode.
+    info["late_steps"] is the number of steps that this took. With `recovers`, reset() recovers the
+    robot after a fault, up to three times: only for robots that can hurt nobody.
     """
 
     _core: _trifinger.Episodes
@@ -299,7 +299,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self.render()
         return self._observation(), reward, terminated, truncated, self._info(is_success=success)
 
-    # The robot is held since its last action has ended: this one comes too late.
+    # The next action comes too late: the robot is already held.
     def _end_late(self, robot: Frontend) -> tuple[Observation, float, bool, bool, Info]:
         is_first = isinstance(self._process, mappings.StateAugmentation)  # of those of its action
         due = self._process.time_index + (self.options.steps_per_action if is_first else 1)
