@@ -103,13 +103,14 @@ instead.)"));
           "set_on_late", &PythonFrontend::set_on_late, "on_late"_a,
           nb::sig("def set_on_late(self, on_late: typing.Literal['nothing', 'repeat', 'hold']) -> "
                   "None"),
-          R"(Says what happens from now on if no action is there shortly before its step begins, in real-time
-mode: "nothing", so that the back-end repeats the last action or ends the session; "repeat", so that
-the last action acts on; "hold", so that it acts on for 10 ms and then the robot is held where it
-is. A thread does this, which needs nothing of Python: so the program can think as long as it likes.
-What it appends next acts behind these actions: by as much later as it was late, and at most 10 ms.
-Nothing happens before the first action and after finish(). Raises InvalidArgument for a handle that
-only observes, and for "hold" if the robot has no joint positions.)")
+          R"(Says what happens from now on if no action is there when nine tenths of the period before its step
+are over, in real-time mode: "nothing", so that the back-end repeats the last action or ends the
+session; "repeat", so that the last action acts on; "hold", so that it acts on for 10 ms, at least a
+step, and then the robot is held where it is. A thread does this, which needs nothing of Python: so
+the program can think as long as it likes. What it appends next is delayed once more, by the time
+that it was late, and at most by 10 ms. Nothing happens before the first action and after finish().
+Raises InvalidArgument for a handle that only observes, and for "hold" if the robot has no joint
+positions; ControlHeld if another thread is appending.)")
       .def("is_late", &PythonFrontend::is_late, docs::UntypedFrontend::is_late)
       .def("new_action", &PythonFrontend::new_action, "fields"_a,
            nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> Action"),

@@ -155,8 +155,9 @@ TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, const Shown
   return t;
 }
 
-void PythonFrontend::set_on_late(const std::string& on_late) const {
+void PythonFrontend::set_on_late(const std::string& on_late) {
   const std::shared_ptr<Handle> handle = open();
+  const Appending appending(*this);
   const auto what = choice<OnLate>("on_late", kOnLate, on_late);
   handle->frontend.set_on_late(
       what, what == OnLate::kHold ? hold_action_of(handle->frontend.session()) : HoldAction{});

@@ -40,7 +40,7 @@ class PythonFrontend {
   TimeIndex append_desired_action(nanobind::handle action, const ShownSeconds& timeout);
   TimeIndex append_desired_actions(nanobind::handle actions, const ShownSeconds& timeout);
   /// `on_late` is "nothing", "repeat" or "hold".
-  void set_on_late(const std::string& on_late) const;
+  void set_on_late(const std::string& on_late);
   [[nodiscard]] bool is_late() const { return open()->frontend.is_late(); }
   /// The default action with `fields` filled in.
   [[nodiscard]] Shown<"Action"> new_action(const nanobind::kwargs& fields) const;

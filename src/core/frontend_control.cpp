@@ -54,9 +54,9 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
   state.require_own();
   state.require_control();
   if (state.inline_backend != nullptr && !state.inline_thread->take()) state.throw_moved();
-  const auto turn = detail::StandIn::turn_of(state);
   const detail::StateHeader& header = state.header();
   while (true) {
+    auto turn = detail::StandIn::turn_of(state);
     // relaxed: no other data depends on this flag.
     const bool has_died = state.backend_died.load(std::memory_order_relaxed);
     if (has_died || state.mapping->has_ended()) state.throw_stopped();
@@ -65,6 +65,7 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
     const TimeIndex t = std::max(state.last_appended + 1, open);
     const auto capacity = static_cast<TimeIndex>(state.queue.shape().capacity);
     if (t - open >= capacity) {
+      turn = {};
       wait_for_queue_space(state, t - capacity, timeout);
       continue;
     }
@@ -75,6 +76,7 @@ TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout tim
     state.queue_entry[0] = is_acausal ? detail::QueueFlags::kAcausal : 0;
     std::memcpy(state.queue_entry.data() + 1, action, state.queue.shape().element_size - 8);
     state.put(t);
+    turn = {};
     // seq_cst: a back-end that closes t says so before it looks for the action once more. If t is
     // not closed here, the back-end will find the action.
     if (header.is_real_time == 0 || header.next_action.load(std::memory_order_seq_cst) <= t ||
@@ -92,12 +94,14 @@ void UntypedFrontend::set_on_late(OnLate on_late, HoldAction hold) {
     throw InvalidArgument("OnLate::kHold needs a function that makes the action");
   }
   if (state.header().is_real_time == 0) return;
+  if (!state.stand_in && on_late == OnLate::kNothing) return;
   if (!state.stand_in) state.stand_in = std::make_unique<detail::StandIn>(state);
   state.stand_in->set(on_late, std::move(hold));
 }
 
 bool UntypedFrontend::is_late() const {
   const detail::FrontendState& state = *checked(state_);
+  state.require_own();
   return state.stand_in && state.stand_in->is_late();
 }
 
@@ -119,10 +123,12 @@ void UntypedFrontend::finish(Timeout timeout) {
   if (state.inline_backend != nullptr && !state.inline_thread->take()) {
     state.throw_moved();
   }
-  if (state.stand_in) state.stand_in->set(OnLate::kNothing, {});
   const detail::SessionMapping& mapping = *state.mapping;
-  if (!mapping.has_ended()) {
-    detail::send_request(*state.action_header(), detail::kFinish);
+  const bool has_ended = mapping.has_ended();
+  if (!has_ended) detail::send_request(*state.action_header(), detail::kFinish);
+  // Only now, so that no step is without an action before the back-end knows that it is the end.
+  if (state.stand_in) state.stand_in->set(OnLate::kNothing, {});
+  if (!has_ended) {
     state.wait([&mapping] { return mapping.has_ended(); }, {Wanted::kAnything, 0}, timeout,
                [] { return std::string("the end of the session"); });
     state.run_inline_to_end();

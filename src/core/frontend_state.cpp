@@ -37,8 +37,11 @@ FrontendState::~FrontendState() {
     static_cast<void>(stand_in.release());  // its thread is in the parent
     return;
   }
-  stand_in.reset();
-  if (last_appended < 0) {
+  const bool has_acted = [this] {
+    const auto turn = StandIn::turn_of(*this);
+    return last_appended >= 0;
+  }();
+  if (!has_acted) {
     // release: the lock is given back later, together with the file.
     action_header()->controller_pid.store(0, std::memory_order_release);
   } else {
@@ -46,6 +49,7 @@ FrontendState::~FrontendState() {
     send_request(*action_header(), kDetach);
     run_inline_to_end();
   }
+  stand_in.reset();
 }
 
 void FrontendState::require_own() const {

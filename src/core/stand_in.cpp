@@ -13,6 +13,7 @@
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/core/status.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::detail {
@@ -28,7 +29,8 @@ constexpr Nanoseconds kLook = std::chrono::milliseconds(20);
 
 StandIn::StandIn(FrontendState& state)
     : state_(state),
-      grace_(std::max<TimeIndex>(1, kGrace.count() / state.header().period)),
+      capacity_(static_cast<TimeIndex>(state.queue.shape().capacity)),
+      grace_(std::clamp<TimeIndex>(kGrace.count() / state.header().period, 1, capacity_ / 2)),
       observation_(state.mapping->element(Series::kObservation).size()),
       thread_([this](const std::stop_token& stop) { work(stop); }) {}
 
@@ -50,15 +52,18 @@ std::unique_lock<std::mutex> StandIn::turn_of(const FrontendState& state) {
   if (!state.stand_in) return {};
   std::unique_lock lock(state.stand_in->mutex_);
   state.stand_in->appended_ = 0;
+  state.stand_in->is_held_ = false;
   return lock;
 }
 
 void StandIn::work(const std::stop_token& stop) {
-  // Below the back-end's priority. What costs memory or power is for the program to decide.
+  // On any processor, and below the back-end's priority. What costs memory or power is for the
+  // program to decide.
+  leave_realtime();
   static_cast<void>(
       enter_realtime({.priority = 70, .lock_memory = false, .heap = 0, .keep_cpus_awake = false}));
-  // The program has this long, after its last action began to act, to append the next one.
-  const Nanoseconds patience = Nanoseconds(state_.header().period) * 8 / 10;
+  // Of each period the program has this much to append the next action.
+  const Nanoseconds patience = Nanoseconds(state_.header().period) * 9 / 10;
   // The first action begins the session.
   if (!wait_for_observation(state_.header().first_index, stop)) return;
   std::unique_lock lock(mutex_);
@@ -72,18 +77,34 @@ void StandIn::work(const std::stop_token& stop) {
     lock.lock();
     const auto is_outdated = [&] { return state_.last_appended != last || !is_on(); };
     if (is_outdated()) continue;
-    if (appended_ == 0 && changed_.wait_for(lock, stop, patience, is_outdated)) continue;
+    if (appended_ == 0) {
+      // The observation came some time after the step had begun.
+      const Instant begun = std::min(begin_of(last), std::chrono::steady_clock::now());
+      if (changed_.wait_until(lock, stop, begun + patience, is_outdated)) continue;
+    }
     if (!stop.stop_requested()) append(std::max<TimeIndex>(ahead, 1));
   }
+}
+
+Instant StandIn::begin_of(TimeIndex t) const {
+  Status status;
+  const ipc::Ring& ring = state_.mapping->ring(Series::kStatus);
+  if (ring.read(t, &status) != ipc::ReadResult::kDone) return Instant::max();
+  return Instant(Nanoseconds(status.time));
 }
 
 bool StandIn::wait_for_observation(TimeIndex t, const std::stop_token& stop) const {
   const SessionMapping& mapping = *state_.mapping;
   const auto& word = state_.header().event;
+  Deadline look(kLook);
   while (mapping.end_of(Series::kObservation) <= t) {
     // seq_cst: the wait slot comes after it, see SessionWriter::announce.
     const std::uint32_t event = word.load(std::memory_order_seq_cst);
-    if (stop.stop_requested() || mapping.has_ended() || !mapping.backend_is_alive()) return false;
+    if (stop.stop_requested() || mapping.has_ended()) return false;
+    if (look.passed()) {
+      if (!mapping.backend_is_alive()) return false;
+      look = Deadline(kLook);
+    }
     const WaitSlot slot(state_.action_header(), {Wanted::kObservation, t});
     if (mapping.end_of(Series::kObservation) <= t && word.load(std::memory_order_seq_cst) == event)
       ipc::futex_wait(word, event, kLook);
@@ -93,29 +114,30 @@ bool StandIn::wait_for_observation(TimeIndex t, const std::stop_token& stop) con
 
 void StandIn::append(TimeIndex ahead) {
   const TimeIndex newest = state_.mapping->end_of(Series::kObservation) - 1;
-  const auto capacity = static_cast<TimeIndex>(state_.queue.shape().capacity);
   state_.queue_entry[0] = 0;  // The rest is still the last action.
   do {
     // acquire: the slots of indices taken before are free.
     const TimeIndex open = state_.header().next_action.load(std::memory_order_acquire);
     const TimeIndex t = std::max(state_.last_appended + 1, open);
-    if (t - open >= capacity) return;
-    if (on_late_ == OnLate::kHold && appended_ == grace_) hold_robot(newest);
+    if (t - open >= capacity_) return;
+    const bool shall_hold = on_late_ == OnLate::kHold && appended_ >= grace_;
+    if (shall_hold && !is_held_) is_held_ = make_hold_action(newest);
     // If the back-end closes this step just now, the next action comes in time.
     state_.put(t);
     ++appended_;
   } while (state_.last_appended - newest < ahead);
 }
 
-void StandIn::hold_robot(TimeIndex newest) {
+bool StandIn::make_hold_action(TimeIndex newest) {
   const SessionMapping& mapping = *state_.mapping;
   if (mapping.ring(Series::kObservation).read(newest, observation_.data()) !=
       ipc::ReadResult::kDone) {
-    return;  // A damaged file: the back-end ends the session.
+    return false;  // A newer one is there.
   }
   const std::vector<std::byte>& action = mapping.description().default_action;
   std::memcpy(state_.queue_entry.data() + 1, action.data(), action.size());
   hold_(observation_.data(), state_.queue_entry.data() + 1);
+  return true;
 }
 
 }  // namespace trifinger::detail

@@ -36,11 +36,14 @@ class StandIn {
   [[nodiscard]] bool wait_for_observation(TimeIndex t, const std::stop_token& stop) const;
   // Appends until so many actions are in the queue, and at least one.
   void append(TimeIndex ahead);
-  // Makes the action that holds the robot where it was at this step.
-  void hold_robot(TimeIndex newest);
+  // Makes the action that holds the robot where it was at this step. False if it cannot.
+  [[nodiscard]] bool make_hold_action(TimeIndex newest);
+  // When step t began; the end of time if nobody knows.
+  [[nodiscard]] Instant begin_of(TimeIndex t) const;
 
   FrontendState& state_;
-  TimeIndex grace_;  // Steps for which the last action acts on.
+  TimeIndex capacity_;  // of the queue
+  TimeIndex grace_;     // Steps for which the last action acts on.
 
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
@@ -49,6 +52,7 @@ class StandIn {
   HoldAction hold_;
   std::vector<std::byte> observation_;
   TimeIndex appended_{0};  // Actions since the program's last one.
+  bool is_held_{false};    // True if the newest of them holds the robot.
 
   std::jthread thread_;  // Last member, because the thread uses the others.
 };

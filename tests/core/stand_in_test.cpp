@@ -88,8 +88,28 @@ TYPED_TEST(StandIn, RepeatsTheLastActionIfToldSo) {
   auto robot = rig.connect();
   robot.set_on_late(OnLate::kRepeat);
   be_late_after_one_action(rig, robot);
-  rig.tick();
-  EXPECT_EQ(robot.get_desired_action(1, kLong).setpoint, Traits::action(0).setpoint);
+  const Deadline deadline(kLong);
+  int count = 0;
+  for (TimeIndex t = 1; count < 50; ++t) {
+    ASSERT_FALSE(deadline.passed()) << count << " actions in " << t << " steps";
+    rig.tick();
+    ASSERT_EQ(robot.get_desired_action(t, kLong).setpoint, Traits::action(0).setpoint) << t;
+    if (!has_flag(robot, t, Status::kActionRepeated)) ++count;
+  }
+}
+
+TYPED_TEST(StandIn, HoldsTheRobotAlsoIfItIsToldSoLate) {
+  typename TestFixture::Rig rig(with_deadlines(kMany));
+  auto robot = rig.connect();
+  robot.set_on_late(OnLate::kRepeat);
+  be_late_after_one_action(rig, robot);
+  for (TimeIndex t = 1; t <= 30; ++t) rig.tick();
+  robot.set_on_late(OnLate::kHold, hold);
+  const Deadline deadline(kLong);
+  for (TimeIndex t = 31; robot.get_desired_action(t - 1, kLong).setpoint < 1000.0; ++t) {
+    ASSERT_FALSE(deadline.passed()) << "the robot is not held";
+    rig.tick();
+  }
 }
 
 TYPED_TEST(StandIn, LetsTheProgramGoOnBehindItsActions) {
@@ -164,8 +184,11 @@ TEST(StandInAcrossProcesses, DoesNotOutliveItsProgram) {
     return 0;
   });
   auto observer = rig.observe();
-  rig.tick();
-  while (observer.current_time_index() < 0) std::this_thread::yield();
+  const Deadline deadline(kLong);
+  while (observer.current_time_index() < 0) {
+    ASSERT_FALSE(deadline.passed());
+    rig.tick();
+  }
   for (TimeIndex t = 0; observer.get_desired_action(t, kLong).setpoint < 1000.0; ++t) rig.tick();
   program.kill();
   rig.clock().run_free();

@@ -886,8 +886,8 @@ def test_a_program_that_thinks_does_not_stop_its_robot(start_program, mapping, o
     assert has_ended == (on_late == "end")
     assert info["late_steps"] >= 2400
     assert info["fault"] == 0
-    thinker.environment.reset()
-    assert thinker.act()[1]["late_steps"] == 0
+    environment.reset()
+    assert thinker.act()[1]["fault"] == 0
     environment.close()
 
 
@@ -912,9 +912,28 @@ def test_a_robot_that_has_stopped_goes_on_if_that_is_allowed(start_program, reco
     thinker.environment.close()
 
 
-def test_what_happens_late_is_one_of_three_things():
+@pytest.mark.without_sanitizer  # it needs the program
+def test_a_fault_that_comes_while_the_program_thinks_is_told(start_program):
+    thinker = Thinker(start_program, on_late="end", recovers=True)
+    thinker.environment.reset(seed=1)
+    thinker.act()
+    thinker.think()
+    thinker.environment.process.robot.set_on_late("nothing")
+    with pytest.raises(trifinger.RobotStopped):
+        thinker.think()
+    has_ended, info = thinker.act()
+    assert has_ended
+    assert "was not there in time" in info["fault_text"]
+    thinker.environment.close()
+
+
+def test_what_a_connected_robot_does_late_is_a_choice():
     with pytest.raises(trifinger.InvalidArgument, match="on_late is 'wait'"):
         Environment("reach", connect=lambda: trifinger.connect("sim"), on_late="wait")
+    with pytest.raises(trifinger.InvalidArgument, match="left out without connect"):
+        Environment("reach", on_late="end")
+    with pytest.raises(trifinger.InvalidArgument, match="left out without connect"):
+        Environment("reach", recovers=True)
 
 
 def sleeps(thread: threading.Thread) -> bool:

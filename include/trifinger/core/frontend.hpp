@@ -37,7 +37,7 @@ struct FrontendOptions {
 enum class OnLate : std::uint8_t {
   kNothing,  ///< The back-end decides: it repeats the last action, or ends the session.
   kRepeat,   ///< The front-end appends the last action once more.
-  kHold,     ///< The same for 10 ms; then the front-end holds the robot where it is.
+  kHold,     ///< The same for 10 ms, at least a step; then it holds the robot where it is.
 };
 
 /// Writes the action that holds a robot to `action`, which has the default action, from what the
@@ -71,11 +71,12 @@ class UntypedFrontend {
   /// Appends `count` actions, one after the other. Returns the index of the last one.
   TimeIndex append_desired_actions(const void* actions, std::size_t count, Timeout timeout);
 
-  /// Says what happens from now on if no action of the program is there shortly before its step
-  /// begins. A thread of this front-end appends actions then, so the program can think as long as
-  /// it likes. What it appends next acts behind these: by as much later as it was late, and at most
-  /// 10 ms. `hold` is for kHold. Nothing happens before the first action, after `finish`, and
-  /// outside real-time mode, where the robot waits.
+  /// Says what happens from now on if no action of the program is there when nine tenths of the
+  /// period before its step are over. A thread of this front-end appends actions then, so the
+  /// program can think as long as it likes. What it appends next is delayed once more, by the time
+  /// that it was late, and at most by 10 ms. `hold` is for kHold. Nothing happens before the first
+  /// action, after `finish`, and outside real-time mode, where the robot waits. For the thread that
+  /// appends.
   /// @throws InvalidArgument for a handle that only observes, and for kHold without `hold`
   void set_on_late(OnLate on_late, HoldAction hold = {});
   /// True if the newest action is not the program's, because that did not come in time.

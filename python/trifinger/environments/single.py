@@ -4,7 +4,7 @@
 import contextlib
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import gymnasium
 import numpy as np
@@ -35,9 +35,10 @@ from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped
 from trifinger.picture import View
 from trifinger.tasks import Task
 
-OnLate = Literal["hold", "repeat", "end"]
+OnLate = Literal["hold", "repeat", "end", "nothing"]
 
-ON_LATE = ("hold", "repeat", "end")
+ON_LATE = get_args(OnLate)
+RECOVERIES = 3  # of a reset
 OBJECT = "object"  # the companion with the poses of objects
 NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
@@ -57,16 +58,6 @@ def _observed(state: Any) -> Observed:
     return observed
 
 
-# Makes front-ends that hold the robot as long as the program appends nothing.
-def _held(connect: Callable[[], Frontend]) -> Callable[[], Frontend]:
-    def begin() -> Frontend:
-        robot = connect()
-        robot.set_on_late("hold")
-        return robot
-
-    return begin
-
-
 class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     """A task on one robot: on its own simulation, or on a robot that `connect` attaches to.
 
@@ -78,12 +69,13 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     and the size of what `render` draws; a window starts with it. `changes` are other values of
     options, as in `duration=1.0`.
 
-    A connected robot in real time does not wait. From the end of reset() to the first action a
-    thread holds it, whatever the program does meanwhile. `on_late` says what happens if a later
-    action does not come in time: "hold" holds the robot until the action comes, if that takes
-    longer than 10 ms, "repeat" lets the last action act until then, "end" truncates the episode.
-    info["late_steps"] is the number of steps that this took. With `recovers`, reset() recovers the
-    robot after a fault, up to three times: only for robots that can hurt nobody.
+    A connected robot in real time does not wait. Before the first action of an episode it stays
+    where reset() has brought it, whatever the program does meanwhile. `on_late` says what happens
+    if a later action does not come in time: "hold" holds the robot until the action comes, if that
+    takes longer than 10 ms, "repeat" lets the last action act until then, "end" is like "hold" and
+    truncates the episode, "nothing" leaves it to the robot's back-end. info["late_steps"] is the
+    number of steps that this took. With `recovers`, reset() recovers the robot after a fault, up to
+    three times. It then moves by itself: only for robots that can hurt nobody.
     """
 
     _core: _trifinger.Episodes
@@ -104,7 +96,10 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         recovers: bool = False,
         **changes: Any,
     ) -> None:
-        require(on_late in ON_LATE, "on_late", on_late, "'hold', 'repeat' or 'end'")
+        require(on_late in ON_LATE, "on_late", on_late, f"one of {', '.join(ON_LATE)}")
+        is_own = connect is None
+        require(not is_own or on_late == "hold", "on_late", on_late, "left out without connect")
+        require(not (is_own and recovers), "recovers", recovers, "left out without connect")
 
         def make_core(
             known: str | Task, options: Options, config: str, overrides: dict[str, object]
@@ -129,15 +124,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             # Checkers take an environment that has this for one with goals.
             self.compute_reward = self._compute_reward
         self._on_late = on_late
-        self._recoveries = 1 if connect is None else 3 * recovers
+        self._recoveries = 1 if is_own else RECOVERIES * recovers
+        self._robot_name = ""  # of a robot that was connected
         self._object = self._core.object_name
         self._sees_objects = bool(self._object or self._core.bodies)
         self._simulation = None
         if connect is None:
             self._simulation = Simulation(*self.scene)
             connect = self._simulation.connect
-        else:
-            connect = _held(connect)
         # What knows where the object really is, if that decides about the outcome.
         self._judge = self._simulation if self._core.judges_by_truth else None
         self._poses: Frontend | None = None
@@ -244,13 +238,19 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             try:
                 state = self._process.reset()
                 if self._simulation is None:
+                    # All actions before the first of the episode are places to be.
+                    self._process.robot.set_on_late("repeat")
+                    self._robot_name = self._process.robot.session_info().name
                     self._move_there(state)
                 return
             except RobotStopped:
-                if recoveries == 0:
+                if recoveries == 0 or not (self._simulation or self._robot_name):
                     raise
                 recoveries -= 1
-                self._process.robot.recover()
+                if self._simulation is None:
+                    _trifinger.recover(self._robot_name)
+                else:
+                    self._process.robot.recover()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
         """Applies `action`; numbers are clipped to -1 to 1.
@@ -271,12 +271,13 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
             )
         robot = self._process.robot
-        if self._simulation is None and not self._has_acted:
-            robot.set_on_late("repeat" if self._on_late == "repeat" else "hold")
-        elif self._on_late == "end" and robot.is_late():
-            return self._end_late(robot)
+        ends_if_late = self._on_late == "end" and self._has_acted
         try:
-            before = self._process.time_index
+            if self._simulation is None and not self._has_acted:
+                robot.set_on_late("hold" if self._on_late == "end" else self._on_late)
+            elif ends_if_late and robot.is_late() and robot.fault() is None:
+                return self._end_late(robot)
+            before, self._late_steps = self._process.time_index, 0
             seen = self._core.step(robot, numbers, self._poses, self._judge)
             self._take(seen)
         except ControlHeld:
@@ -292,6 +293,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._acted_to, reward, terminated, truncated, success, _ = seen
         if self._has_acted:
             self._late_steps = self._acted_to - before - self.options.steps_per_action
+            truncated = truncated or (ends_if_late and self._late_steps > 0)
         self._has_acted = True
         if terminated or truncated:
             self._finish()
@@ -303,7 +305,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     def _end_late(self, robot: Frontend) -> tuple[Observation, float, bool, bool, Info]:
         is_first = isinstance(self._process, mappings.StateAugmentation)  # of those of its action
         due = self._process.time_index + (self.options.steps_per_action if is_first else 1)
-        self._late_steps = robot.current_time_index() - due
+        self._late_steps = max(1, robot.current_time_index() + 1 - due)
         self._finish()
         return self._observation(), self._last_reward, False, True, self._info(is_success=False)
 
