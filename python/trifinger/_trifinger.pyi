@@ -4,7 +4,7 @@ import enum
 import os
 import pathlib
 import types
-from typing import Annotated, Any, overload
+from typing import Annotated, Any, Literal, overload
 
 import numpy
 import numpy.typing
@@ -307,6 +307,23 @@ class Frontend:
         Appends several actions, one per step, and returns the step of the last one.
 
         `actions` are a one-dimensional array of `action_dtype`.
+        """
+
+    def set_on_late(self, on_late: Literal['nothing', 'repeat', 'hold']) -> None:
+        """
+        Says what happens from now on if no action is there when nine tenths of the period before its step
+        are over, in real-time mode: "nothing", so that the back-end repeats the last action or ends the
+        session; "repeat", so that the last action acts on; "hold", so that it acts on for 10 ms, at least a
+        step, and then the robot is held where it is. A thread does this, which needs nothing of Python: so
+        the program can think as long as it likes. What it appends next is delayed once more, by the time
+        that it was late, and at most by 10 ms. Nothing happens before the first action and after finish().
+        Raises InvalidArgument for a handle that only observes, and for "hold" if the robot has no joint
+        positions; ControlHeld if another thread is appending.
+        """
+
+    def is_late(self) -> bool:
+        """
+        True if the newest action is not the program's, because that did not come in time.
         """
 
     def new_action(self, **fields: numpy.typing.ArrayLike) -> Action:
