@@ -12,7 +12,7 @@ PAGE = Path(__file__).parents[2] / "docs/learning.md"
 # Episodes of 20 actions, three of them after learning has begun.
 CHANGES = {
     '    mapping="state_augmentation",\n': '    mapping="state_augmentation",\n    duration=0.4,\n',
-    "gradient_steps=100": "gradient_steps=20, learning_starts=40",
+    "gradient_steps=100": "gradient_steps=4, learning_starts=40",
     "70_000": "100",
 }
 
@@ -38,5 +38,5 @@ def test_the_program_of_the_page_learns_on_a_robot(
     exec(program, names)  # noqa: S102, our own page
     assert names["model"].num_timesteps == 100  # type: ignore[attr-defined]
     assert names["robot"].episode[1] == 5  # type: ignore[attr-defined]  # one begins after the last
-    with trifinger.connect("trifinger_edu") as free:  # the robot is not stopped
+    with trifinger.connect("trifinger-edu") as free:  # the robot is not stopped
         assert free.fault() is None
