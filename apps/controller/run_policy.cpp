@@ -39,6 +39,7 @@ namespace {
 
 using learning::EpisodeReport;
 using learning::Policy;
+using learning::PolicySource;
 
 struct RunPolicyOptions {
   std::string policy;
@@ -66,9 +67,10 @@ void print(const EpisodeReport& report) {
   const auto& outcome = report.outcome;
   double worst = 0.0;
   for (const double distance : outcome.distance) worst = std::max(worst, distance);
-  print_safely("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}\n",
+  print_safely("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}{}\n",
                report.number, report.actions, report.total_reward, 1e3 * worst,
                outcome.success ? ", success" : "",
+               report.policy != 0 ? fmt::format(", policy {}", report.policy) : "",
                report.repeated_steps > 0
                    ? fmt::format(", {} steps without an action in time", report.repeated_steps)
                    : "");
@@ -167,6 +169,7 @@ void warn_of_differences(const Policy& policy, const RunPolicyOptions& options,
 
 nlohmann::ordered_json json_of(const EpisodeReport& report) {
   return {{"episode", report.number},
+          {"policy", report.policy},
           {"actions", report.actions},
           {"total_reward", report.total_reward},
           {"distance", report.outcome.distance},
@@ -176,7 +179,8 @@ nlohmann::ordered_json json_of(const EpisodeReport& report) {
 }
 
 template <class R>
-int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) {
+int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& options) {
+  const Policy& policy = source.newest().policy;
   const config::File described = config_file_of(robot.session());
   const RobotConfig config = read_robot_config(described);
   const std::string task = metadata_of(policy, "task", options.policy);
@@ -217,7 +221,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
     reports.push_back(report);
     reporter.add(report);
   };
-  learning::run_policy(robot, environment, policy, run);
+  learning::run_policy(robot, environment, source, run);
   reporter.finish();
 
   const auto successes =
@@ -232,9 +236,11 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
 }
 
 int run(const RunPolicyOptions& options, const std::vector<std::string>& words) {
-  Policy policy = Policy::load(options.policy, options.precision);
+  PolicySource source(options.policy, options.precision, [](const std::string& why) {
+    print_safely(stderr, "trifinger run-policy: the policy before goes on: {}\n", why);
+  });
   // MODULE:CLASS is a task in Python, which only Python can ask.
-  const auto& metadata = policy.network().metadata;
+  const auto& metadata = source.newest().policy.network().metadata;
   if (const auto task = metadata.find("task");
       task != metadata.end() && task->second.find(':') != std::string::npos) {
     run_python("run-policy-of-python", "run-policy", words);
@@ -244,10 +250,10 @@ int run(const RunPolicyOptions& options, const std::vector<std::string>& words) 
   }
   if (Session::open(options.robot).info().type == Finger::kType) {
     auto robot = connect<Finger>(options.robot);
-    return run_on(robot, policy, options);
+    return run_on(robot, source, options);
   }
   auto robot = connect<TriFinger>(options.robot);
-  return run_on(robot, policy, options);
+  return run_on(robot, source, options);
 }
 
 int run_policy_command(const std::vector<std::string>& words) {

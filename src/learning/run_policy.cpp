@@ -92,21 +92,22 @@ class Process {
   TimeIndex repeated_{0};
 };
 
-// Computes actions with a policy that one finger may share with the others.
+// Computes actions with the newest policy, which one finger may share with the others.
 class Actor {
  public:
-  // Throws InvalidArgument if the policy does not fit the environment.
-  Actor(const Environment& environment, Policy& policy, std::size_t num_joints)
-      : policy_(policy),
-        sharing_(environment.observation_size() / policy.num_inputs()),
+  // Throws InvalidArgument if the policies do not fit the environment.
+  Actor(const Environment& environment, PolicySource& source, std::size_t num_joints)
+      : source_(source),
         input_(environment.observation_size()),
         output_(num_joints),
         numbers_(num_joints) {
     if (environment.options().layout != Layout::kFlat) {
       throw InvalidArgument("policies run on flat observations; this one was trained on others");
     }
+    const Policy& policy = source.newest().policy;
     const std::size_t inputs = policy.num_inputs();
     const std::size_t outputs = policy.num_outputs();
+    sharing_ = input_.size() / inputs;
     if (sharing_ * inputs != input_.size() || sharing_ * outputs != output_.size()) {
       throw InvalidArgument(text_of(
           "the policy has ", inputs, " inputs and ", outputs, " outputs; the environment has ",
@@ -114,16 +115,20 @@ class Actor {
     }
   }
 
+  // Says in `chosen_by` which policy acts.
   template <class Action>
   [[nodiscard]] Action act(const Environment& environment, std::span<const float> observation,
-                           Episode& episode) {
-    const std::size_t inputs = policy_.num_inputs();
-    const std::size_t outputs = policy_.num_outputs();
+                           Episode& episode, std::int64_t& chosen_by) {
+    PolicySource::Numbered& newest = source_.newest();
+    Policy& policy = newest.policy;
+    chosen_by = newest.number;
+    const std::size_t inputs = policy.num_inputs();
+    const std::size_t outputs = policy.num_outputs();
     std::ranges::copy(observation, input_.begin());
     bool is_done = true;
     for (std::size_t part = 0; part < sharing_; ++part) {
-      is_done = policy_.evaluate(std::span(input_).subspan(part * inputs, inputs),
-                                 std::span(output_).subspan(part * outputs, outputs)) &&
+      is_done = policy.evaluate(std::span(input_).subspan(part * inputs, inputs),
+                                std::span(output_).subspan(part * outputs, outputs)) &&
                 is_done;
     }
     std::ranges::transform(output_, numbers_.begin(),
@@ -136,8 +141,8 @@ class Actor {
   }
 
  private:
-  Policy& policy_;
-  std::size_t sharing_;
+  PolicySource& source_;
+  std::size_t sharing_{1};
   std::vector<double> input_;
   std::vector<double> output_;
   std::vector<float> numbers_;
@@ -146,9 +151,9 @@ class Actor {
 }  // namespace
 
 template <class R>
-void run_policy(Frontend<R>& robot, const Environment& environment, Policy& policy,
+void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource& source,
                 const PolicyRunOptions& options) {
-  Actor actor(environment, policy, R::kJoints);
+  Actor actor(environment, source, R::kJoints);
   const ObjectAt object_at = object_of(robot, environment.object_name());
   const auto must_stop = [&] {
     return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
@@ -187,7 +192,8 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
     report.outcome = look(y);
     const auto has_ended = [&] { return report.outcome.terminated || report.outcome.truncated; };
     while (!has_ended() && !must_stop()) {
-      y = process.step(actor.template act<typename R::Action>(environment, observation, episode));
+      y = process.step(
+          actor.template act<typename R::Action>(environment, observation, episode, report.policy));
       report.outcome = look(y);
       report.total_reward += report.outcome.reward;
     }
@@ -200,8 +206,9 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
   robot.finish();
 }
 
-template void run_policy(Frontend<TriFinger>&, const Environment&, Policy&,
+template void run_policy(Frontend<TriFinger>&, const Environment&, PolicySource&,
                          const PolicyRunOptions&);
-template void run_policy(Frontend<Finger>&, const Environment&, Policy&, const PolicyRunOptions&);
+template void run_policy(Frontend<Finger>&, const Environment&, PolicySource&,
+                         const PolicyRunOptions&);
 
 }  // namespace trifinger::learning

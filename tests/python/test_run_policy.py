@@ -2,6 +2,7 @@
 """`trifinger run-policy`: a policy acts on a robot exactly as in its environment."""
 
 import json
+import signal
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -102,6 +103,29 @@ def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_pat
     assert done.returncode == 0, done.stdout + done.stderr
     assert "episode    1:   25 actions" in done.stdout
     assert "of 2 episodes ended at their goal." in done.stdout
+
+
+def test_another_policy_takes_over(start_program: StartProgram, tmp_path: Path) -> None:
+    options = Options.of("reach", duration=0.4)
+    path = tmp_path / "p.policy"
+    write_policy(path, "reach", options)
+    robot = start_program("run", "trifinger_edu", "--name", "p", "--non-real-time")
+    robot.wait_for("waits for a user")
+    words = [path, "--robot", "p", "--episodes", 1_000_000, "-o", tmp_path / "j"]
+    actor = subprocess.Popen([PROGRAM, *map(str, words)], stdout=subprocess.PIPE, text=True)
+    assert actor.stdout is not None
+    while "episode" not in actor.stdout.readline():
+        pass
+    for count in range(1, 4):
+        write_policy(tmp_path / "new.policy", "reach", options)
+        (tmp_path / "new.policy").rename(path)
+        while f"policy {count}\n" not in actor.stdout.readline():
+            pass
+    actor.send_signal(signal.SIGINT)
+    actor.communicate()
+    acting = [report["policy"] for report in json.loads((tmp_path / "j").read_text())]
+    assert acting == sorted(acting)
+    assert set(acting) == {0, 1, 2, 3}
 
 
 def test_marks_the_episodes_that_an_environment_marks(
