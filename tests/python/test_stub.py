@@ -33,6 +33,6 @@ def test_only_fields_of_robots_that_nobody_knows_are_any() -> None:
         if re.search(r"[^\w .]\s*Any\b|\.Any\b|\bAny:", line)
     ]
     assert [line.strip() for line in code] == [
-        "from typing import Annotated, Any, overload",
+        "from typing import Annotated, Any, Literal, overload",
         "def __getattr__(self, name: str) -> Any: ...",
     ]
