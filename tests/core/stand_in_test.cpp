@@ -23,7 +23,6 @@ using ::testing::HasSubstr;
 using Traits = FakeDriverTraits;
 
 constexpr std::uint32_t kMany = 1'000'000'000;  // repeats that are allowed
-constexpr TimeIndex kAhead = 10;                // steps that are queued for a late program
 
 FakeAction hold(const FakeObservation& observation) {
   return {.setpoint = 1000.0 + observation.setpoint};
