@@ -34,7 +34,8 @@ FrontendState::FrontendState(Part part, bool its_strictness, Backend* backend,
 FrontendState::~FrontendState() {
   if (!action) return;
   if (fork.is_inherited()) {
-    static_cast<void>(stand_in.release());  // its thread is in the parent
+    // Its thread is in the parent, so nobody could end it here.
+    [[maybe_unused]] const StandIn* const left = stand_in.release();
     return;
   }
   const bool has_acted = [this] {

@@ -101,7 +101,7 @@ std::unique_ptr<PolicySource::Numbered> PolicySource::read() {
     const std::string& text = found->second;
     std::from_chars(text.data(), text.data() + text.size(), number);
   }
-  return std::unique_ptr<Numbered>(new Numbered{std::move(policy), number});
+  return std::make_unique<Numbered>(std::move(policy), number);
 }
 
 }  // namespace trifinger::learning

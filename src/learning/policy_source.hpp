@@ -10,6 +10,7 @@
 #include <stop_token>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "trifinger/learning/policy.hpp"
 #include "trifinger/realtime/annotations.hpp"
@@ -23,8 +24,11 @@ class PolicySource {
   /// A policy, and its number: the entry "number" of the file's metadata, or else how many files
   /// were taken before it.
   struct Numbered {
+    Numbered(Policy its_policy, std::int64_t its_number)
+        : policy(std::move(its_policy)), number(its_number) {}
+
     Policy policy;
-    std::int64_t number{0};
+    std::int64_t number;
     Numbered* next{nullptr};  ///< For the source alone.
   };
 

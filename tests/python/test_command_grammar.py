@@ -154,7 +154,12 @@ def test_the_only_robot_that_runs_need_not_be_named(programs: Path, start_fake: 
     "words",
     [
         *("status lift", "read lift", "stop lift", "recover lift", "look lift", "track lift"),
-        *("endurance lift", "teleop lift", "teach lift -o {file}", "job restore lift"),
+        *(
+            "endurance lift",
+            "teleop lift",
+            "teach lift -o {file}",
+            "job restore lift --ready-timeout 100ms",
+        ),
         *("manipulate lift --robot lift", "motion play {file} --robot lift"),
         "log rescue lift",
     ],
