@@ -3,13 +3,16 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdint>
 #include <thread>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/named_robot.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
 #include "support/message_of.hpp"
+#include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 
@@ -171,6 +174,32 @@ TYPED_TEST(StandIn, IsForControllersAndKnowsHowToHold) {
               HasSubstr("only observes"));
   EXPECT_THAT(message_of<InvalidArgument>([&] { robot.set_on_late(OnLate::kHold); }),
               HasSubstr("needs a function"));
+}
+
+// On the clock of this machine. A step counts only if the machine gave the program its time.
+TEST(StandInInRealTime, LeavesAProgramAloneThatIsInTime) {
+  constexpr Nanoseconds kSlow = std::chrono::milliseconds(20);
+  const SessionFolder folder;
+  const NamedRobot fake("robot", {},
+                        {.mode = BackendOptions::Mode::kRealTime,
+                         .period = kSlow,
+                         .max_action_repeats = kMany,
+                         .max_skipped_ticks = kMany});
+  Frontend<FakeRobot> robot(fake.host(), {.timeout = kLong});
+  robot.set_on_late(OnLate::kHold, hold);
+  TimeIndex t = robot.append_desired_action(Traits::action(0));
+  int in_time = 0;
+  for (int i = 0; in_time < 20 && i < 5000; ++i) {
+    static_cast<void>(robot.get_observation(t));
+    const Instant begun{Nanoseconds(robot.get_status(t).time)};
+    const TimeIndex next = robot.append_desired_action(Traits::action(i));
+    if (std::chrono::steady_clock::now() - begun < kSlow * 8 / 10) {
+      ASSERT_EQ(next, t + 1);
+      ++in_time;
+    }
+    t = next;
+  }
+  EXPECT_GT(in_time, 0);
 }
 
 TEST(StandInAcrossProcesses, DoesNotOutliveItsProgram) {
