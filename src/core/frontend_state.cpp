@@ -50,7 +50,6 @@ FrontendState::~FrontendState() {
     send_request(*action_header(), kDetach);
     run_inline_to_end();
   }
-  stand_in.reset();
 }
 
 void FrontendState::require_own() const {
