@@ -88,18 +88,6 @@ void FrontendState::look_for_interrupted_step() const {
   if (inline_backend != nullptr && interrupt) interrupt();
 }
 
-void FrontendState::put(TimeIndex t) noexcept {
-  queue.write(t, queue_entry.data(), std::memory_order_seq_cst);
-  last_appended = t;
-  auto& event = action_header()->event;
-  // release, because the slot was written before: a back-end that has seen the new word finds
-  // the action. A back-end that has not found the action can only sleep on the old word.
-  event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-  // seq_cst: either the back-end found the action before it went to sleep, or we see that it
-  // sleeps.
-  if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
-}
-
 void FrontendState::run_inline_to_end() const noexcept {
   // A back-end that was destroyed has brought the robot to rest by itself.
   if (inline_backend == nullptr || backend_life.expired()) return;

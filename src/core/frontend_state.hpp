@@ -178,6 +178,18 @@ class WaitSlot {
   std::atomic<std::uint64_t>* slot_{nullptr};
 };
 
+inline void FrontendState::put(TimeIndex t) noexcept {
+  queue.write(t, queue_entry.data(), std::memory_order_seq_cst);
+  last_appended = t;
+  auto& event = action_header()->event;
+  // release, because the slot was written before: a back-end that has seen the new word finds
+  // the action. A back-end that has not found the action can only sleep on the old word.
+  event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  // seq_cst: either the back-end found the action before it went to sleep, or we see that it
+  // sleeps.
+  if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
+}
+
 template <class Ready, class What>
 void FrontendState::wait(const Ready& ready, const Wanted& wanted, Timeout timeout,
                          const What& what) const {

@@ -48,11 +48,10 @@ bool StandIn::is_late() const {
   return appended_ > 0;
 }
 
-std::unique_lock<std::mutex> StandIn::turn_of(const FrontendState& state) {
-  if (!state.stand_in) return {};
-  std::unique_lock lock(state.stand_in->mutex_);
-  state.stand_in->appended_ = 0;
-  state.stand_in->is_held_ = false;
+std::unique_lock<std::mutex> StandIn::turn() {
+  std::unique_lock lock(mutex_);
+  appended_ = 0;
+  is_held_ = false;
   return lock;
 }
 

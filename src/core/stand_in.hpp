@@ -28,9 +28,12 @@ class StandIn {
   [[nodiscard]] bool is_late() const;
 
   // As long as it is kept, only the program appends.
-  [[nodiscard]] static std::unique_lock<std::mutex> turn_of(const FrontendState& state);
+  [[nodiscard]] static std::unique_lock<std::mutex> turn_of(const FrontendState& state) {
+    return state.stand_in ? state.stand_in->turn() : std::unique_lock<std::mutex>();
+  }
 
  private:
+  [[nodiscard]] std::unique_lock<std::mutex> turn();
   void work(const std::stop_token& stop);
   // Waits until y_t is there. False if the session or this object has ended.
   [[nodiscard]] bool wait_for_observation(TimeIndex t, const std::stop_token& stop) const;
