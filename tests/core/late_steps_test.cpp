@@ -30,15 +30,7 @@ class LateSteps : public ::testing::Test {
  protected:
   using Rig = typename Transport::template Rig<Traits>;
 };
-using Transports = ::testing::Types<InProcess, AcrossProcesses>;
-
-struct TransportName {
-  template <class T>
-  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
-    return std::string(T::kName);
-  }
-};
-TYPED_TEST_SUITE(LateSteps, Transports, TransportName);
+TYPED_TEST_SUITE(LateSteps, TransportsWithDeadlines, TransportName);
 
 // Lets the tick that is due begin `lateness` after its deadline.
 template <class Rig>

@@ -36,15 +36,7 @@ class StandIn : public ::testing::Test {
  protected:
   using Rig = typename Transport::template Rig<Traits>;
 };
-using Transports = ::testing::Types<InProcess, AcrossProcesses>;
-
-struct TransportName {
-  template <class T>
-  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
-    return std::string(T::kName);
-  }
-};
-TYPED_TEST_SUITE(StandIn, Transports, TransportName);
+TYPED_TEST_SUITE(StandIn, TransportsWithDeadlines, TransportName);
 
 template <class Robot>
 void wait_until_late(const Robot& robot) {

@@ -263,4 +263,15 @@ struct AcrossProcesses {
   };
 };
 
+/// The ways with a back-end that has a thread of its own, and so deadlines.
+using TransportsWithDeadlines = ::testing::Types<InProcess, AcrossProcesses>;
+
+/// Calls tests that have a transport as their type by its name.
+struct TransportName {
+  template <class T>
+  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
+    return std::string(T::kName);
+  }
+};
+
 }  // namespace trifinger::test

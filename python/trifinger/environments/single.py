@@ -125,7 +125,6 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self.compute_reward = self._compute_reward
         self._on_late = on_late
         self._recoveries = 1 if is_own else RECOVERIES * recovers
-        self._robot_name = ""  # of a robot that was connected
         self._object = self._core.object_name
         self._sees_objects = bool(self._object or self._core.bodies)
         self._simulation = None
@@ -240,17 +239,18 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 if self._simulation is None:
                     # All actions before the first of the episode are places to be.
                     self._process.robot.set_on_late("repeat")
-                    self._robot_name = self._process.robot.session_info().name
                     self._move_there(state)
                 return
-            except RobotStopped:
-                if recoveries == 0 or not (self._simulation or self._robot_name):
+            except RobotStopped as stopped:
+                if recoveries == 0:
                     raise
                 recoveries -= 1
-                if self._simulation is None:
-                    _trifinger.recover(self._robot_name)
-                else:
-                    self._process.robot.recover()
+                try:
+                    # Only the handle that has stopped is surely that of this robot.
+                    robot = self._process.robot
+                except InvalidArgument:
+                    raise stopped from None  # it had stopped before the first session
+                robot.recover()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
         """Applies `action`; numbers are clipped to -1 to 1.
