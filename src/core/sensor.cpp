@@ -161,6 +161,15 @@ class Mapping {
 
   [[nodiscard]] std::int64_t pid() const noexcept { return header().pid; }
   [[nodiscard]] const ipc::Ring& ring() const noexcept { return ring_; }
+  // For a sensor that is a record: the loop is done with so many elements.
+  void take(std::int64_t count) const noexcept {
+    // relaxed: nothing is freed for that.
+    taken_.store(count, std::memory_order_relaxed);
+  }
+  // Whether the loop must still take something.
+  [[nodiscard]] bool has_more() const noexcept {
+    return !memory_.is_damaged() && taken_.load(std::memory_order_relaxed) < end();
+  }
   [[nodiscard]] std::int64_t end() const noexcept {
     // acquire: the elements before it have been written.
     return header().end.load(std::memory_order_acquire);
@@ -182,6 +191,7 @@ class Mapping {
 
   ipc::SharedMemory memory_;
   ipc::Ring ring_;
+  mutable std::atomic<std::int64_t> taken_{0};
 };
 
 }  // namespace
@@ -270,19 +280,21 @@ class detail::SensorOfLoop {
  public:
   SensorOfLoop(const std::string& robot, const std::string& sensor,
                const ElementDescription& element, const ElementDescription& payload,
-               Timeout timeout = kForever)
+               Timeout timeout = kForever, bool is_record = false)
       : name_(sensor),
         file_(detail::sensor_file(robot, sensor)),
         fields_(text_of_fields(element, payload)),
         element_size_(element.size()),
-        timeout_(timeout) {}
+        timeout_(timeout),
+        is_record_(is_record) {}
 
   // ---- for the watcher ----
 
   // Looks whether a process has come or gone. Returns what has happened in a sentence, or nothing.
   std::string look() {
     release_unused();
-    if (newest_ != nullptr && newest_->is_in_use()) return look_for_progress();
+    if (newest_ != nullptr && (newest_->is_in_use() || (is_record_ && newest_->has_more())))
+      return look_for_progress();
     std::string message;
     if (newest_ != nullptr) {
       message =
@@ -348,6 +360,7 @@ class detail::SensorOfLoop {
       return true;
     }
     is_polling_ = false;
+    if (is_record_ && reading_ != nullptr) reading_->take(next_);
     return false;
   }
 
@@ -380,6 +393,14 @@ class detail::SensorOfLoop {
     const Mapping* const before = reading_;
     hold_newest();
     const std::int64_t end = reading_ != nullptr ? std::max<std::int64_t>(reading_->end(), 0) : 0;
+    if (is_record_) {
+      if (reading_ != before || end < next_) next_ = 0;
+      const auto kept =
+          static_cast<std::int64_t>(reading_ != nullptr ? reading_->ring().shape().capacity : 0);
+      next_ = std::max(next_, end - kept);
+      end_ = next_ + std::min(end - next_, kMaxPerStep);
+      return;
+    }
     // A number that went back is none of a sensor's.
     if (reading_ != before || end < end_) next_ = std::max<std::int64_t>(end - 1, 0);
     end_ = end;
@@ -419,6 +440,7 @@ class detail::SensorOfLoop {
   std::string fields_;
   std::size_t element_size_;
   Timeout timeout_;
+  bool is_record_;
 
   // Of the watcher.
   std::int64_t seen_end_{0};
@@ -509,8 +531,8 @@ DriverWithSensors::DriverWithSensors(std::unique_ptr<UntypedDriver> driver,
     detail::require(std::ranges::find(companions_, sensor.name, &CompanionDescription::name) ==
                         companions_.end(),
                     "the robot has two companions '" + sensor.name + "'");
-    sensors_.push_back(
-        std::make_unique<detail::SensorOfLoop>(robot, sensor.name, sensor.element, sensor.payload));
+    sensors_.push_back(std::make_unique<detail::SensorOfLoop>(
+        robot, sensor.name, sensor.element, sensor.payload, kForever, sensor.is_record));
     companions_.push_back(std::move(sensor));
   }
   watcher_ = std::make_unique<detail::SensorWatcher>(sensors_);

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <thread>
@@ -42,11 +43,12 @@ struct Sight {
   }
 };
 
-std::unique_ptr<DriverWithSensors> make_driver(const FakeDriver::Options& options = {}) {
+std::unique_ptr<DriverWithSensors> make_driver(const FakeDriver::Options& options = {},
+                                               bool is_record = false) {
   return std::make_unique<DriverWithSensors>(
       std::make_unique<FakeDriver>(options), "robot",
-      std::vector{
-          CompanionDescription{.name = "eye", .type = "sight", .element = describe<Sight>()}});
+      std::vector{CompanionDescription{
+          .name = "eye", .type = "sight", .element = describe<Sight>(), .is_record = is_record}});
 }
 
 // Waits for what happens next to the sensors.
@@ -289,6 +291,97 @@ TEST(Sensor, NothingAllocatesInTheLoopOrWhenItWrites) {
   }
   EXPECT_EQ(counter.count(), 0U);
   EXPECT_EQ(seen.number, 199);
+}
+
+// ---- a sensor that is a record ----
+
+// The numbers of the elements that a driver has at this step.
+std::vector<std::int64_t> numbers_at(DriverWithSensors& driver, TimeIndex step) {
+  std::vector<std::int64_t> numbers;
+  Sight seen;
+  while (driver.get_companion_element(0, step, &seen)) numbers.push_back(seen.number);
+  return numbers;
+}
+
+TEST(RecordingSensor, LosesNothingThatItsProcessesHaveWritten) {
+  const SessionFolder folder;
+  const auto driver = make_driver({}, true);
+  std::vector<std::int64_t> seen;
+  TimeIndex step = -1;
+  std::int64_t written = 0;
+  const auto take = [&] {
+    const std::vector<std::int64_t> numbers = numbers_at(*driver, step++);
+    EXPECT_LE(numbers.size(), 16U);
+    seen.insert(seen.end(), numbers.begin(), numbers.end());
+  };
+  for (int life = 0; life < 4; ++life) {
+    // A process writes before the robot knows it, between two sessions, and just before its end.
+    std::optional<SensorWriter<Sight>> writer(std::in_place, "robot", "eye");
+    const auto write = [&](int count) {
+      for (int i = 0; i < count; ++i) writer->write(Instant(1s), {.number = written++});
+    };
+    write(40);
+    if (life % 2 == 0) {
+      static_cast<void>(driver->prepare(0));
+      step = -1;
+    }
+    while (driver->take_messages().empty()) std::this_thread::sleep_for(1ms);
+    take();
+    write(20);
+    take();
+    write(3);
+    writer.reset();
+    // Time enough to look for the process several times: what it has left stays.
+    std::this_thread::sleep_for(250ms);
+    while (seen.size() < static_cast<std::size_t>(written)) take();
+    EXPECT_THAT(next_message(*driver), HasSubstr("has ended"));
+  }
+  std::vector<std::int64_t> all(static_cast<std::size_t>(written));
+  std::iota(all.begin(), all.end(), 0);
+  EXPECT_EQ(seen, all);
+}
+
+TEST(RecordingSensor, KeepsWhatAKilledProcessHasLeft) {
+  const SessionFolder folder;
+  const auto driver = make_driver({}, true);
+  ChildProcess child([] {
+    SensorWriter<Sight> writer("robot", "eye");
+    for (int i = 0; i < 30; ++i) writer.write(Instant(1s), {.number = i});
+    std::ofstream(session_folder() / "done") << "done";
+    for (;;) std::this_thread::sleep_for(1h);
+    return 0;
+  });
+  EXPECT_THAT(next_message(*driver), HasSubstr("delivers"));
+  while (!std::filesystem::exists(session_folder() / "done")) std::this_thread::sleep_for(1ms);
+  std::vector<std::int64_t> seen = numbers_at(*driver, 0);
+  EXPECT_EQ(seen.size(), 16U);
+  child.kill();
+  // Time enough to look for the process several times: what it has left stays.
+  std::this_thread::sleep_for(250ms);
+  std::vector<std::int64_t> all(30);
+  std::iota(all.begin(), all.end(), 0);
+  const std::vector<std::int64_t> more = numbers_at(*driver, 1);
+  seen.insert(seen.end(), more.begin(), more.end());
+  EXPECT_EQ(seen, all);
+}
+
+TEST(RecordingSensor, HostileBytesInItsFileHarmNobody) {
+  const SessionFolder folder;
+  SensorWriter<Sight> writer("robot", "eye");
+  const auto driver = make_driver({}, true);
+  writer.write(Instant(1s), {.number = 1});
+  EXPECT_EQ(numbers_at(*driver, 0).size(), 1U);
+  const auto path = session_folder() / "trifinger-sensor.robot.eye";
+  const auto size = std::filesystem::file_size(path);
+  for (std::uintmax_t place = 0; place < size; place += 8) {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(place));
+    file.write("\xff\xff\xff\xff\xff\xff\xff\x7f", 8);
+    file.close();
+    EXPECT_LE(numbers_at(*driver, static_cast<TimeIndex>(place + 8)).size(), 16U);
+  }
+  std::filesystem::resize_file(path, 8);
+  EXPECT_TRUE(numbers_at(*driver, 1 << 20).empty());
 }
 
 // ---- a sensor that a driver reads ----

@@ -79,6 +79,9 @@ struct CompanionDescription {
   std::size_t history{1024};   ///< Number of elements kept.
   /// Fields of the payload, see payload.hpp; none if the elements have no payload.
   ElementDescription payload{};
+  /// Of a sensor in another process: whether each of its elements counts, as in a record, not only
+  /// the newest ones; see DriverWithSensors.
+  bool is_record{false};
 };
 
 /// The robot as the back-end sees it, without types. Robots derive from `Driver` instead.

@@ -123,6 +123,10 @@ class LoopSensorReader {
 /// was written since, however long the robot has held its pose. From then on each element arrives
 /// at the first step after it was written, at most 16 per step: of more, as after a long step, the
 /// oldest are lost. Of a process that comes during a session, the newest element counts first.
+///
+/// A sensor that is a record loses none: it gets everything that a process has written from its
+/// first element on, as far as the process keeps it, at most 16 per step. What was written after
+/// the end of a session comes at the begin of the next one.
 class DriverWithSensors final : public UntypedDriver {
  public:
   /// `robot` is the name of the robot, under which its sensors look for it.
