@@ -12,9 +12,11 @@
 #include <deque>
 #include <exception>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -38,6 +40,7 @@ namespace trifinger::apps {
 namespace {
 
 using learning::EpisodeReport;
+using learning::Experience;
 using learning::Policy;
 using learning::PolicySource;
 
@@ -48,6 +51,7 @@ struct RunPolicyOptions {
   std::string output;
   std::string marks;
   std::string sentence;
+  bool is_json{false};
   Demand scheduling{Demand::kTry};
   learning::Precision precision{learning::Precision::kDouble};
 };
@@ -167,15 +171,25 @@ void warn_of_differences(const Policy& policy, const RunPolicyOptions& options,
   }
 }
 
-nlohmann::ordered_json json_of(const EpisodeReport& report) {
+// The distances are those of the parts of the goal.
+nlohmann::ordered_json json_of(const EpisodeReport& report, std::size_t parts) {
+  const std::span distance = std::span(report.outcome.distance).first(parts);
   return {{"episode", report.number},
           {"policy", report.policy},
           {"actions", report.actions},
           {"total_reward", report.total_reward},
-          {"distance", report.outcome.distance},
+          {"distance", std::vector(distance.begin(), distance.end())},
           {"is_success", report.outcome.success},
           {"is_terminated", report.outcome.terminated},
           {"repeated_steps", report.repeated_steps}};
+}
+
+// The robot's companion of experience; nothing for a back-end that does not have it.
+std::unique_ptr<SensorWriter<Experience>> experience_of(const Session& robot) {
+  const std::vector<std::string>& companions = robot.companion_names();
+  if (std::ranges::find(companions, Experience::kCompanion) == companions.end()) return {};
+  return std::make_unique<SensorWriter<Experience>>(robot.info().name, Experience::kCompanion,
+                                                    Experience::kKept);
 }
 
 template <class R>
@@ -185,7 +199,8 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
   const RobotConfig config = read_robot_config(described);
   const std::string task = metadata_of(policy, "task", options.policy);
   check_robot(policy, options.policy, described);
-  auto trained = learning::read_options(metadata_of(policy, "options", options.policy));
+  const std::string settings = metadata_of(policy, "options", options.policy);
+  auto trained = learning::read_options(settings);
   // Real measurements have their own noise, so none is added.
   trained.position_noise = trained.velocity_noise = 0.0;
   const learning::Environment environment(task, trained, description_of(config),
@@ -197,7 +212,12 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
   if (!options.marks.empty()) marks.emplace(options.marks);
   const std::uint64_t session_id = robot.session().info().session_id;
   const auto tell = [&](const EpisodeReport& report) {
-    print(report);
+    if (options.is_json) {
+      print_safely("{}\n", json_of(report, environment.num_parts()).dump());
+      std::fflush(stdout);
+    } else {
+      print(report);
+    }
     if (marks && report.last_step > report.first_step) {
       marks->write({.session_id = session_id,
                     .first = report.first_step,
@@ -209,27 +229,35 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
   };
 
   const std::atomic<bool>& stop = stop_on_signals();
-  print_safely("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
-               learning::write_options(trained));
+  print_safely(options.is_json ? stderr : stdout, "'{}' shall do '{}' with {}: {}\n", options.robot,
+               task, options.policy, learning::write_options(trained));
   std::fflush(stdout);
   Reporter reporter(tell);  // Started here, with the usual priority.
   static_cast<void>(enter_realtime(realtime_beside(robot.session().info(), options.scheduling)));
-  std::vector<EpisodeReport> reports;
+  std::vector<EpisodeReport> reports;  // for the file
+  std::size_t successes = 0;
+  std::size_t episodes = 0;
   learning::PolicyRunOptions run = options.run;
   run.stop = &stop;
+  const auto experience = experience_of(robot.session());
+  run.experience = experience.get();
+  run.process = learning::digest(task, settings);
   run.on_episode = [&](const EpisodeReport& report) {
-    reports.push_back(report);
+    ++episodes;
+    successes += report.outcome.success ? 1 : 0;
+    if (!options.output.empty()) reports.push_back(report);
     reporter.add(report);
   };
   learning::run_policy(robot, environment, source, run);
   reporter.finish();
 
-  const auto successes =
-      std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });
-  print_safely("{} of {} episodes ended at their goal.\n", successes, reports.size());
+  if (!options.is_json) {
+    print_safely("{} of {} episodes ended at their goal.\n", successes, episodes);
+  }
   if (!options.output.empty()) {
     nlohmann::ordered_json json = nlohmann::ordered_json::array();
-    for (const EpisodeReport& report : reports) json.push_back(json_of(report));
+    for (const EpisodeReport& report : reports)
+      json.push_back(json_of(report, environment.num_parts()));
     write_output_file(options.output, json.dump(2) + "\n");
   }
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
@@ -286,6 +314,18 @@ int run_policy_command(const std::vector<std::string>& words) {
                   "What the episodes do, for the marks; of a policy of a task in Python: that "
                   "task, MODULE:CLASS")
       ->option_text("SENTENCE");
+  program.add_flag(
+      "--explore", options.run.explores,
+      "Add the noise to the actions that the policy's file asks for, so that a learner "
+      "sees something new");
+  program
+      .add_option("--approach-every", options.run.approach_every,
+                  "Move to the start of every N-th episode; the others begin where the one before "
+                  "has ended")
+      ->option_text("N")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  program.add_flag("--json", options.is_json, "Print a line of JSON for each episode");
   add_user_scheduling(program, options.scheduling);
   add_choice(program, "--precision", options.precision,
              {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}},

@@ -14,6 +14,7 @@
 #include "boards/board_robot.hpp"
 #include "boards/calibration.hpp"
 #include "core/fake_robot.hpp"
+#include "learning/experience.hpp"
 #include "log/replay.hpp"
 #include "servos/read_options.hpp"
 #include "shared/exit_code.hpp"
@@ -110,15 +111,18 @@ RunnableRobot as_chosen(RunnableRobot robot, const RobotChoice& choice) {
   return robot;
 }
 
-// Adds what other processes measure: `sensors`, and the cameras if there are any.
-void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors,
+void add_cameras(RunnableRobot& robot, std::vector<CompanionDescription>& sensors,
                  const RobotConfig& config) {
-  if (config.cameras) {
-    const camera::Calibration calibration = camera_calibration(config, robot.name);
-    robot.session.documents.push_back(camera_document(calibration));
-    sensors.push_back(camera::camera_companion(calibration.cameras));
-  }
-  if (sensors.empty()) return;
+  if (!config.cameras) return;
+  const camera::Calibration calibration = camera_calibration(config, robot.name);
+  robot.session.documents.push_back(camera_document(calibration));
+  sensors.push_back(camera::camera_companion(calibration.cameras));
+}
+
+// Adds what other processes say: `sensors`, and what whoever lets the robot do a task tells
+// learners.
+void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors = {}) {
+  sensors.push_back(learning::experience_companion());
   auto with_sensors =
       std::make_unique<DriverWithSensors>(std::move(robot.driver), robot.name, std::move(sensors));
   robot.messages = [sensors = with_sensors.get(), others = std::move(robot.messages)] {
@@ -180,11 +184,13 @@ void add_simulation(RunnableRobot& robot, const RobotConfig& config,
       seeing->share_images(robot.name);
       robot.driver = std::move(seeing);
       robot.owned = std::move(driver);
+      add_sensors(robot);
       return;
     }
   }
   robot.driver = std::move(driver);
-  add_sensors(robot, std::move(sensors), config);
+  add_cameras(robot, sensors, config);
+  add_sensors(robot, std::move(sensors));
 }
 
 void add_servos(RunnableRobot& robot, servos::ServoConfig config) {
@@ -194,6 +200,7 @@ void add_servos(RunnableRobot& robot, servos::ServoConfig config) {
     return std::exchange(warnings, {});
   };
   robot.driver = std::move(connected.robot);
+  add_sensors(robot);
 }
 
 // Gives the robot its calibration, if there is one.
@@ -234,7 +241,8 @@ void add_boards(RunnableRobot& robot, const RobotConfig& config, bool is_calibra
   if (auto objects = object_companion(*model)) sensors.push_back(std::move(*objects));
   // The emulator says what simulated cameras see.
   if (has_simulated_cameras(config)) sensors.push_back(scene_companion(*model));
-  add_sensors(robot, std::move(sensors), config);
+  add_cameras(robot, sensors, config);
+  add_sensors(robot, std::move(sensors));
 }
 
 }  // namespace

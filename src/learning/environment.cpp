@@ -89,10 +89,15 @@ void Environment::Implementation::complete(Start& start, Episode& episode) const
                      .torque_delay = episode.random.integer(options.torque_delay.low,
                                                             options.torque_delay.high + 1)};
   draw_what_varies(options, episode.random, start);
+  hold(start.position, episode);
+}
+
+void Environment::Implementation::hold(std::span<const double> position,
+                                       Episode& episode) const noexcept {
   for (std::size_t i = 0; i < num_joints; ++i) {
     const double lowest = workspace.low[i];
     const double highest = workspace.high[i];
-    episode.target[i] = std::clamp(start.position[i], lowest, highest);
+    episode.target[i] = std::clamp(position[i], lowest, highest);
     // The robot holds its position. Among changes of position, zero says that. No torque says it.
     if (options.action == ActionKind::kPosition) {
       episode.action[i] = (2.0 * episode.target[i] - lowest - highest) / (highest - lowest);
@@ -204,6 +209,10 @@ void Environment::begin(std::span<const Beginning> robots) const {
     self.check(*robots[row].start, row);
     self.complete(*robots[row].start, *robots[row].episode);
   }
+}
+
+void Environment::begin_at(std::span<const double> position, Episode& episode) const noexcept {
+  checked(implementation_)->hold(position, episode);
 }
 
 std::int64_t Environment::approach_actions() const noexcept {

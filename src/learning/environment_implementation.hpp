@@ -57,6 +57,8 @@ struct Environment::Implementation {
   void check(const Start& start, std::size_t row) const;
   // Draws what does not depend on the task, after the task has drawn.
   void complete(Start& start, Episode& episode) const noexcept;
+  // The action before the first one has held the robot at this position.
+  void hold(std::span<const double> position, Episode& episode) const noexcept;
 
   // Observations in SI units have their entries one after the other.
   [[nodiscard]] bool is_flat() const noexcept {

@@ -7,6 +7,8 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <string>
+#include <system_error>
 #include <utility>
 
 #include "base/text_of.hpp"
@@ -17,6 +19,23 @@ namespace {
 
 // How often the thread looks for another file. A policy acts so much later at the most.
 constexpr auto kLook = std::chrono::milliseconds(10);
+
+// Reads a number of the metadata, if the file has it. Throws InvalidArgument.
+template <class Number>
+void read_number(const Network& network, const char* name, double low, double high,
+                 Number& number) {
+  const auto found = network.metadata.find(name);
+  if (found == network.metadata.end()) return;
+  const std::string& text = found->second;
+  const char* const end = text.data() + text.size();
+  const auto [stopped, error] = std::from_chars(text.data(), end, number);
+  const auto value = static_cast<double>(number);
+  const bool is_within = value >= low && value <= high;  // not if it is no number
+  if (error != std::errc() || stopped != end || !is_within) {
+    throw InvalidArgument(trifinger::detail::text_of(
+        "the policy's ", name, " is '", text, "', must be a number from ", low, " to ", high));
+  }
+}
 
 }  // namespace
 
@@ -94,14 +113,13 @@ PolicySource::Identity PolicySource::identity() const noexcept {
 }
 
 std::unique_ptr<PolicySource::Numbered> PolicySource::read() {
-  Policy policy = Policy::load(path_, precision_);
-  std::int64_t number = read_++;
-  const auto& metadata = policy.network().metadata;
-  if (const auto found = metadata.find("number"); found != metadata.end()) {
-    const std::string& text = found->second;
-    std::from_chars(text.data(), text.data() + text.size(), number);
-  }
-  return std::make_unique<Numbered>(std::move(policy), number);
+  auto one = std::make_unique<Numbered>(Policy::load(path_, precision_));
+  one->number = read_++;
+  const Network& network = one->policy.network();
+  read_number(network, "number", 0.0, 9e15, one->number);
+  read_number(network, "exploration_noise", 0.0, 1.0, one->noise);
+  read_number(network, "exploration_color", 0.0, 2.0, one->noise_color);
+  return one;
 }
 
 }  // namespace trifinger::learning

@@ -21,14 +21,17 @@ namespace trifinger::learning {
 /// is new and frees what is old; whoever acts takes the newest policy between two actions.
 class PolicySource {
  public:
-  /// A policy, and its number: the entry "number" of the file's metadata, or else how many files
-  /// were taken before it.
+  /// A policy, and what the metadata of its file say.
   struct Numbered {
-    Numbered(Policy its_policy, std::int64_t its_number)
-        : policy(std::move(its_policy)), number(its_number) {}
+    explicit Numbered(Policy its_policy) : policy(std::move(its_policy)) {}
 
     Policy policy;
-    std::int64_t number;
+    /// "number", or else how many files were taken before it.
+    std::int64_t number{0};
+    /// "exploration_noise": standard deviation of the noise that is added to its actions when it
+    /// explores; 0 if the file does not say it.
+    double noise{0.0};
+    double noise_color{0.0};  ///< "exploration_color", see ColoredNoise.
     Numbered* next{nullptr};  ///< For the source alone.
   };
 

@@ -2,6 +2,7 @@
 #include "learning/run_policy.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <span>
@@ -11,7 +12,9 @@
 #include <vector>
 
 #include "base/text_of.hpp"
+#include "learning/colored_noise.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/time.hpp"
 #include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger::learning {
@@ -96,11 +99,12 @@ class Process {
 class Actor {
  public:
   // Throws InvalidArgument if the policies do not fit the environment.
-  Actor(const Environment& environment, PolicySource& source, std::size_t num_joints)
+  Actor(const Environment& environment, PolicySource& source, std::size_t num_joints, bool explores)
       : source_(source),
+        explores_(explores),
         input_(environment.observation_size()),
         output_(num_joints),
-        numbers_(num_joints) {
+        noise_(num_joints) {
     if (environment.options().layout != Layout::kFlat) {
       throw InvalidArgument("policies run on flat observations; this one was trained on others");
     }
@@ -115,13 +119,15 @@ class Actor {
     }
   }
 
-  // Says in `chosen_by` which policy acts.
+  void begin(std::uint64_t seed, std::uint64_t episode) noexcept { noise_.begin(seed, episode); }
+
+  // Says in `told` what was chosen, and by which policy.
   template <class Action>
   [[nodiscard]] Action act(const Environment& environment, std::span<const float> observation,
-                           Episode& episode, std::int64_t& chosen_by) {
+                           Episode& episode, Experience& told) {
     PolicySource::Numbered& newest = source_.newest();
     Policy& policy = newest.policy;
-    chosen_by = newest.number;
+    told.policy = newest.number;
     const std::size_t inputs = policy.num_inputs();
     const std::size_t outputs = policy.num_outputs();
     std::ranges::copy(observation, input_.begin());
@@ -131,10 +137,14 @@ class Actor {
                                 std::span(output_).subspan(part * outputs, outputs)) &&
                 is_done;
     }
-    std::ranges::transform(output_, numbers_.begin(),
-                           [](double number) { return static_cast<float>(number); });
+    if (explores_) noise_.advance(newest.noise_color);
+    for (std::size_t i = 0; i < output_.size(); ++i) {
+      if (explores_) output_[i] = std::clamp(output_[i] + newest.noise * noise_[i], -1.0, 1.0);
+      told.action[i] = static_cast<float>(output_[i]);
+    }
+    const std::span numbers(told.action.data(), output_.size());
     Action action;
-    if (!is_done || !environment.take_action(numbers_, episode, action.torque, action.position)) {
+    if (!is_done || !environment.take_action(numbers, episode, action.torque, action.position)) {
       throw Error("the policy has given a number that is not finite");
     }
     return action;
@@ -142,67 +152,156 @@ class Actor {
 
  private:
   PolicySource& source_;
+  bool explores_;
   std::size_t sharing_{1};
   std::vector<double> input_;
   std::vector<double> output_;
-  std::vector<float> numbers_;
+  ColoredNoise noise_;
 };
+
+// Tells learners what happens, in a companion of the robot, and knows what the robot has taken.
+class Teller {
+ public:
+  template <class R>
+  Teller(const Frontend<R>& robot, SensorWriter<Experience>* writer) : writer_(writer) {
+    if (writer != nullptr) taken_.emplace(robot.companion(Experience::kCompanion));
+  }
+
+  void tell(const Experience& one) {
+    if (writer_ == nullptr) return;
+    writer_->write(std::chrono::steady_clock::now(), one);
+    session_ = one.session;
+    step_ = one.step;
+    ++untaken_;
+  }
+
+  // Whether the robot has taken all of it by step t, or may take the rest later.
+  [[nodiscard]] bool is_up_to_date(TimeIndex t, std::size_t may_be_left) {
+    if (writer_ == nullptr || untaken_ == 0) return true;
+    const std::optional<Experience> newest = taken_->get_latest_at(t);
+    if (newest && newest->session == session_ && newest->step == step_) untaken_ = 0;
+    return untaken_ <= may_be_left;
+  }
+
+ private:
+  SensorWriter<Experience>* writer_;
+  std::optional<Companion<Experience>> taken_;
+  std::uint64_t session_{0};
+  TimeIndex step_{-1};
+  std::size_t untaken_{0};  // elements of which the robot may not know yet
+};
+
+// Number of numbers in an observation. Throws InvalidArgument if an element has no room for them.
+std::size_t checked_size(const Environment& environment) {
+  const std::size_t size = environment.observation_size();
+  if (size <= Experience::kMaxObserved) return size;
+  throw InvalidArgument(text_of("observations have ", size, " numbers; a robot's experience has ",
+                                "room for ", Experience::kMaxObserved));
+}
 
 }  // namespace
 
 template <class R>
 void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource& source,
                 const PolicyRunOptions& options) {
-  Actor actor(environment, source, R::kJoints);
+  using Action = typename R::Action;
+  Actor actor(environment, source, R::kJoints, options.explores);
   const ObjectAt object_at = object_of(robot, environment.object_name());
   const auto must_stop = [&] {
     return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
   };
 
-  std::vector<float> observation(environment.observation_size());
+  // What is told after each action. The actor writes the action into it.
+  Experience told{.session = robot.session().info().session_id,
+                  .process = options.process,
+                  .seed = options.seed,
+                  .num_observed = static_cast<std::uint32_t>(environment.observation_size()),
+                  .num_acted = R::kJoints,
+                  .num_goal = static_cast<std::uint32_t>(environment.goal_size())};
+  const std::span observation = std::span(told.observation).first(checked_size(environment));
   std::vector<double> achieved(environment.goal_size());
   std::vector<double> desired(environment.goal_size());
   Process<R> process(robot, environment.options());
+  Teller teller(robot, options.experience);
   Episode episode;
+  TimeIndex repeated = 0;
   const auto look = [&](const typename R::Observation& y) {
     std::optional<ObjectPose> object;
     if (object_at) {
       object = object_at(process.time_index());
       if (!object) throw InvalidArgument("nobody has said where the object is");
     }
-    return environment.observe({.position = y.position,
-                                .velocity = y.velocity,
-                                .object = object ? &*object : nullptr,
-                                .torque = y.torque},
-                               episode, observation, achieved, desired);
+    const Outcome outcome = environment.observe({.position = y.position,
+                                                 .velocity = y.velocity,
+                                                 .object = object ? &*object : nullptr,
+                                                 .torque = y.torque},
+                                                episode, observation, achieved, desired);
+    const bool is_late = process.repeated_steps() > repeated;
+    repeated = process.repeated_steps();
+    told.step = process.time_index();
+    told.actions = episode.actions;
+    told.reward = outcome.reward;
+    told.flags = (outcome.terminated ? Experience::kTerminated : 0U) |
+                 (outcome.truncated ? Experience::kTruncated : 0U) |
+                 (outcome.success ? Experience::kSuccess : 0U) | (is_late ? Experience::kLate : 0U);
+    std::ranges::copy(achieved, told.achieved.begin());
+    std::ranges::copy(desired, told.desired.begin());
+    teller.tell(told);
+    return outcome;
+  };
+  // Holds the robot until its companion has what was told.
+  const auto hold = [&](typename R::Observation y) {
+    const Deadline deadline(std::chrono::seconds(10));
+    const Action still = hold_position(y);
+    while (!teller.is_up_to_date(process.time_index(), 0)) {
+      if (deadline.passed()) {
+        throw Error("the robot does not take what it is told about its experience");
+      }
+      y = process.step(still);
+    }
+    return y;
   };
 
   auto y = process.begin();
   for (std::uint64_t i = 0; i < options.episodes && !must_stop(); ++i) {
     EpisodeReport report{.number = options.first_episode + i};
     const Start start = environment.begin(options.seed, report.number, episode);
-    const auto from = y.position;
-    for (std::int64_t k = 0; k < environment.approach_actions() && !must_stop(); ++k) {
-      typename R::Action action;
-      environment.approach_point(from, start, k, action.position);
-      y = process.step(action);
+    actor.begin(options.seed, report.number);
+    if (i % options.approach_every == 0) {
+      const auto from = y.position;
+      for (std::int64_t k = 0; k < environment.approach_actions() && !must_stop(); ++k) {
+        Action action;
+        environment.approach_point(from, start, k, action.position);
+        y = process.step(action);
+      }
+    } else {
+      const Action still = hold_position(y);
+      y = process.step(still);
+      environment.begin_at(still.position, episode);
     }
-    const TimeIndex repeated_before = process.repeated_steps();
+    if (must_stop()) break;
+    if (!teller.is_up_to_date(process.time_index(), Experience::kKept / 2)) y = hold(y);
+    repeated = process.repeated_steps();
+    const TimeIndex repeated_before = repeated;
     report.first_step = process.time_index();
+    told.episode = report.number;
+    told.policy = -1;
+    told.action = {};
     report.outcome = look(y);
     const auto has_ended = [&] { return report.outcome.terminated || report.outcome.truncated; };
     while (!has_ended() && !must_stop()) {
-      y = process.step(
-          actor.template act<typename R::Action>(environment, observation, episode, report.policy));
+      y = process.step(actor.template act<Action>(environment, observation, episode, told));
       report.outcome = look(y);
       report.total_reward += report.outcome.reward;
     }
     if (!has_ended()) break;
+    report.policy = told.policy;
     report.last_step = process.time_index();
     report.actions = episode.actions;
-    report.repeated_steps = process.repeated_steps() - repeated_before;
+    report.repeated_steps = repeated - repeated_before;
     if (options.on_episode) options.on_episode(report);
   }
+  hold(y);
   robot.finish();
 }
 

@@ -5,8 +5,10 @@
 #include <cstdint>
 #include <functional>
 
+#include "learning/experience.hpp"
 #include "learning/policy_source.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/core/sensor.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/learning/environment.hpp"
 
@@ -31,18 +33,27 @@ struct PolicyRunOptions {
   /// A signal handler or another thread sets this to end the run after the current action.
   const std::atomic<bool>* stop{nullptr};
   std::function<void(const EpisodeReport&)> on_episode{};
+  /// Gets all that happens, if it is not null.
+  SensorWriter<Experience>* experience{nullptr};
+  std::uint64_t process{0};  ///< `Experience::process`.
+  /// Adds the noise that each policy's file asks for to its actions.
+  bool explores{false};
+  /// The robot moves to the start of each n-th episode. The others begin where the one before has
+  /// ended.
+  std::uint64_t approach_every{1};
 };
 
 /// Runs the policies of `source` on a robot like the environment in which they were trained,
-/// episode by episode, in one session, and ends the session. The robot moves to each start by
+/// episode by episode, in one session, and ends the session. The robot moves to the starts by
 /// itself; nobody places an object.
 ///
-/// The results are those of `trifinger.environments.Environment` with the same policy on the same
-/// robot. If a policy has only a part of the inputs, it is asked several times, one part after the
-/// other: the fingers share it. A new policy of `source` acts from the next action on. Between the
-/// ends of two episodes the call allocates no memory.
+/// Without exploration the results are those of `trifinger.environments.Environment` with the same
+/// policy on the same robot. If a policy has only a part of the inputs, it is asked several times,
+/// one part after the other: the fingers share it. A new policy of `source` acts from the next
+/// action on. Between the ends of two episodes the call allocates no memory.
 /// @throws InvalidArgument if the policy's sizes differ from those of the environment, or if the
-/// robot does not have the task's object; RobotStopped
+/// robot does not have the task's object; RobotStopped; Error if the robot does not take the
+/// experience
 template <class R>
 void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource& source,
                 const PolicyRunOptions& options);

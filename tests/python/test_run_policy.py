@@ -21,7 +21,9 @@ from trifinger_data_sets.recorded_environment import RecordEpisodes
 PROGRAM = BUILD / "apps/trifinger-run-policy"
 
 
-def write_policy(path: Path, task: str, options: Options, sharing: int = 1) -> trifinger.Policy:
+def write_policy(
+    path: Path, task: str, options: Options, sharing: int = 1, **metadata: str
+) -> trifinger.Policy:
     """A policy of random weights; one that the fingers share has a third of the numbers."""
     environment = Environment(task, options=options)
     inputs = environment.observation_space.shape[0] // sharing
@@ -31,7 +33,7 @@ def write_policy(path: Path, task: str, options: Options, sharing: int = 1) -> t
         (rng.normal(size=(16, inputs)), rng.normal(size=16), "relu"),
         (0.2 * rng.normal(size=(outputs, 16)), np.zeros(outputs), "tanh"),
     ]
-    return policy_file.write(path, layers, metadata=policy_metadata(task, options))
+    return policy_file.write(path, layers, metadata=policy_metadata(task, options) | metadata)
 
 
 def run(*words: object, robot: str = "p") -> subprocess.CompletedProcess[str]:
@@ -105,11 +107,69 @@ def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_pat
     assert "of 2 episodes ended at their goal." in done.stdout
 
 
+def session_in(logs: Path) -> trifinger.LoggedSession:
+    """The robot's session that had a user; in others it waits for one."""
+    (session,) = (one for one in trifinger.Log(logs).sessions if one.range("applied_action")[1] > 0)
+    return session
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_a_log_tells_all_that_a_learner_needs(
+    start_program: StartProgram, tmp_path: Path, noise: float
+) -> None:
+    options = Options.of("reach", duration=0.4, action="torque")
+    metadata = {"exploration_noise": str(noise), "exploration_color": "1", "number": "17"}
+    policy = write_policy(tmp_path / "p.policy", "reach", options, **metadata)
+    words = ("--non-real-time", "--record", tmp_path / "logs")
+    robot = start_program("run", "trifinger_edu", "--name", "p", *words)
+    robot.wait_for("waits for a user")
+    words = ("--episodes", 6, "--seed", 7, "--explore", "--approach-every", 3, "--json")
+    done = run(tmp_path / "p.policy", *words)
+    assert done.returncode == 0, done.stdout + done.stderr
+    robot.end()
+
+    session = session_in(tmp_path / "logs")
+    told = session.companion("experience").observations
+    assert len(told) == 6 * 21
+    assert (np.diff(told["step"]) > 0).all()
+    reports = [json.loads(line) for line in done.stdout.splitlines()]
+    assert (told["session"] == session.session_id).all()
+    differences = []
+    for report in reports:
+        episode = told[told["episode"] == report["episode"]]
+        assert (episode["seed"] == 7).all()
+        assert episode["actions"].tolist() == list(range(21))
+        assert episode["policy"].tolist() == [-1] + [17] * 20
+        assert (np.diff(episode["step"]) == options.steps_per_action).all()
+        assert episode["reward"][1:].sum() == pytest.approx(report["total_reward"], abs=1e-12)
+        assert (episode["flags"] & 2 > 0).tolist() == [False] * 20 + [True]
+        # Each action is that of the policy in the state before, but for the noise.
+        seen = episode["observation"][:-1, : policy.num_inputs].astype(float)
+        chosen = np.array([policy(one) for one in seen])
+        differences.append(episode["action"][1:, :9] - chosen)
+        offsets = (episode["achieved"] - episode["desired"])[-1, :9].reshape(3, 3)
+        distances = np.linalg.norm(offsets, axis=1)
+        np.testing.assert_allclose(distances, report["distance"][:3], rtol=1e-4, atol=1e-6)
+    deviation = np.std(differences)
+    assert deviation == pytest.approx(noise, rel=0.3, abs=1e-6)
+    # The numbers from which the desired actions were made.
+    acted = told[told["actions"] > 0]
+    torque = np.array([session.get_desired_action(int(step)).torque for step in acted["step"]])
+    scale = np.abs(torque).max() / np.abs(acted["action"]).max()
+    np.testing.assert_allclose(torque, scale * acted["action"][:, :9], rtol=1e-5, atol=1e-6)
+    # The robot goes to every third start; the other episodes begin where the one before ended.
+    starts = told["step"][told["actions"] == 0]
+    ends = told["step"][told["actions"] == 20]
+    pauses = starts[1:] - ends[:-1]
+    assert pauses.tolist() == [20, 20, 2000, 20, 20]
+
+
 def test_another_policy_takes_over(start_program: StartProgram, tmp_path: Path) -> None:
     options = Options.of("reach", duration=0.4)
     path = tmp_path / "p.policy"
     write_policy(path, "reach", options)
-    robot = start_program("run", "trifinger_edu", "--name", "p", "--non-real-time")
+    record = ("--non-real-time", "--record", tmp_path / "logs")
+    robot = start_program("run", "trifinger_edu", "--name", "p", *record)
     robot.wait_for("waits for a user")
     words = [path, "--robot", "p", "--episodes", 1_000_000, "-o", tmp_path / "j"]
     actor = subprocess.Popen([PROGRAM, *map(str, words)], stdout=subprocess.PIPE, text=True)
@@ -126,6 +186,11 @@ def test_another_policy_takes_over(start_program: StartProgram, tmp_path: Path) 
     acting = [report["policy"] for report in json.loads((tmp_path / "j").read_text())]
     assert acting == sorted(acting)
     assert set(acting) == {0, 1, 2, 3}
+    robot.end()
+    told = session_in(tmp_path / "logs").companion("experience").observations
+    told = told["policy"][told["actions"] > 0]
+    assert (np.diff(told) >= 0).all()
+    assert set(told) == {0, 1, 2, 3}
 
 
 def test_marks_the_episodes_that_an_environment_marks(

@@ -180,6 +180,11 @@ class Environment {
   /// Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
   [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number, Episode& episode) const;
 
+  /// Begins an episode, which `begin` has drawn, where the robot is held now: at joint positions
+  /// `position` [rad], [m].
+  void begin_at(std::span<const double> position,
+                Episode& episode) const noexcept TRIFINGER_REALTIME;
+
   /// Number of actions that a robot takes to move to the start of an episode by itself. They last 2
   /// s, or longer if that would be fewer than 20 actions.
   [[nodiscard]] std::int64_t approach_actions() const noexcept;

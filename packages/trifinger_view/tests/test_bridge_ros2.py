@@ -376,7 +376,10 @@ def test_topics_have_the_names_that_ros_2_expects(start_program: StartProgram) -
         assert latched == {"/rosout", "/tf_static", f"{prefix}/robot_description"}
         assert set(node.topics) - latched == {
             "/tf",
-            *(f"{prefix}/{name}" for name in ("step", "end", "object", "hand", "joint_states")),
+            *(
+                f"{prefix}/{name}"
+                for name in ("step", "end", "object", "hand", "experience", "joint_states")
+            ),
         }
         bridge.close()
         assert not node.is_open
@@ -524,7 +527,7 @@ def test_a_subscriber_on_dds_that_comes_later_gets_what_is_latched(
         ("ros_discovery_info", "Graph", True),
     ]
     with bridging("sim", dds.DdsNode("/sim", DOMAIN)) as bridge:
-        while len(bridge.topics) < 9:
+        while len(bridge.topics) < 10:
             threading.Event().wait(0.001)
         subscriber = start_python(DDS_SUBSCRIBER, str(DOMAIN), json.dumps(topics))
         seen: dict[str, Any] = {}
@@ -535,7 +538,7 @@ def test_a_subscriber_on_dds_that_comes_later_gets_what_is_latched(
     assert "<robot name=" in seen["rt/sim/robot_description"]["data"]
     (node,) = seen["ros_discovery_info"]["node_entities_info_seq"]
     assert (node["node_namespace"], node["node_name"]) == ("/sim", "trifinger_bridge")
-    assert len(node["writer_gid_seq"]) == 9
+    assert len(node["writer_gid_seq"]) == 10
 
 
 def test_types_of_dds_have_the_bytes_of_our_messages(
