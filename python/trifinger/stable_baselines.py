@@ -149,6 +149,32 @@ class Rows(VecEnv):
             infos,
         )
 
+    def judge(
+        self,
+        before: Array,
+        after: Array,
+        reward: Any,
+        achieved: Array,
+        desired: Array,
+        *,
+        terminated: bool,
+    ) -> tuple[Array, Array]:
+        """The reward of each row and what it achieved, of one transition of a single robot.
+
+        For transitions that step() did not make: `before` and `after` are observations, `reward` is
+        that of the task.
+        """
+        rewards = np.full(self.rows, float(reward))
+        if self.rows > 1:
+            offsets = (achieved - desired).reshape(self.rows, -1)
+            rewards = -np.linalg.norm(offsets, axis=1).astype(float)
+        if self._approach > 0:
+            left, reached = self._potential(np.stack([before, after]))
+            gained = self._gamma * (0.0 if terminated else reached) - left
+            rewards += gained / self._reward_scale
+        shown = self._shown(np.asarray(achieved)[None]).reshape(self.rows, -1)
+        return (self._reward_scale * rewards).astype(np.float32), shown
+
     def close(self) -> None:
         """Closes the environments."""
         self.environment.close()

@@ -110,7 +110,8 @@ def test_a_command_names_the_running_robot_in_one_way(programs: Path) -> None:
         *(("endurance",), ("teach",), ("teleop",), ("job", "restore"), ("bridge", "ros2")),
     }
     assert {words for words, first in found.items() if not first} == {
-        *(("manipulate",), ("run-policy",), ("job", "run"), ("motion", "play"), ("log", "replay"))
+        *(("manipulate",), ("run-policy",), ("job", "run"), ("motion", "play"), ("log", "replay")),
+        ("learn",),
     }
 
 
@@ -124,7 +125,7 @@ def test_output_has_one_name(programs: Path) -> None:
 OF_A_ROBOT = (
     *("status", "read", "stop", "recover", "look", "track", "record", "endurance", "teleop"),
     *("teach -o {file}", "job restore", "manipulate lift", "job run -- true"),
-    *("motion play {file}", "bridge ros2", "view --control"),
+    *("motion play {file}", "bridge ros2", "view --control", "learn reach"),
 )
 
 
@@ -160,7 +161,11 @@ def test_the_only_robot_that_runs_need_not_be_named(programs: Path, start_fake: 
             "teach lift -o {file}",
             "job restore lift --ready-timeout 100ms",
         ),
-        *("manipulate lift --robot lift", "motion play {file} --robot lift"),
+        *(
+            "manipulate lift --robot lift",
+            "motion play {file} --robot lift",
+            "learn reach --robot lift",
+        ),
         "log rescue lift",
     ],
 )

@@ -55,6 +55,7 @@ def bench(*measures: str) -> NoReturn:
 EVALUATIONS = {
     "control": "build/release/evaluation/evaluate_control",
     "environments": "evaluation/evaluate_environments.py",
+    "learn-on-robot": "evaluation/learn_on_robot.py",
     "learning": "evaluation/learning.py",
     "push": "evaluation/push.py",
     "robots": "evaluation/compare_robots.py",

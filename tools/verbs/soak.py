@@ -151,6 +151,14 @@ def endurance_in_real_time() -> bool:
     return python_soak("endurance-real-time", "--minutes", "60")
 
 
+def learn() -> bool:
+    """Kills actor, learner and recorder 500 times while a robot learns by itself."""
+    build("release")
+    command = [PYTHON, "-m", "pytest", "-q", "tests/python/test_learn.py", "-k", "killed"]
+    variables = {**uses("release"), "TRIFINGER_SOAK": "1"}
+    return print_figures(STEPS.check("learn", [*command, "-m", "slow"], **variables))
+
+
 def lerobot_itself() -> bool:
     """Records with images, replays, teleoperates and trains with LeRobot."""
     return print_figures(lerobot())
@@ -168,6 +176,7 @@ PARTS: dict[str, Callable[[], bool]] = {
     "busy": busy,
     "fuzz": fuzz,
     "robots": robots,
+    "learn": learn,
     "memory": memory,
     "lerobot": lerobot_itself,
     "oldest": lowest_versions,

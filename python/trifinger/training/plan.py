@@ -15,6 +15,7 @@ from trifinger.tasks import task_of_file
 
 Algorithm = Literal["ddpg", "td3", "sac", "ppo"]
 PLAN = "plan.json"  # the file in the folder of a training
+TALLY = "tally.json"  # what has happened, beside it, if the training is one on a robot
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -38,6 +39,9 @@ class Recipe:
     final_noise: float = 0.02
     """Standard deviation of noise on actions of DDPG and TD3 at the end; it falls linearly from
     `noise`."""
+    noise_color: float = 0.0
+    """Colour of that noise on a connected robot: 0 is white, 1 is pink, 2 is nearly red. Slow noise
+    is gentle to motors and explores further."""
     reward_scale: float = 10.0
     """Factor on the reward of the task. The reward of `approach` is added to the product; PPO
     divides the sum by the standard deviation of its returns."""
@@ -48,7 +52,8 @@ class Recipe:
     """Reward for a tip that comes nearer to where it could push the object to its goal [1/m]. An
     object that comes nearer to its goal gets twice as much."""
     random_actions: int = 100
-    """Random actions of each robot before it learns; PPO does not use this."""
+    """Random actions of each robot before it learns; PPO does not use this. A connected robot acts
+    by its first policy instead."""
     buffer_size: int = 1_000_000
     """Largest number of transitions that are stored."""
     rollout: int = 100

@@ -38,7 +38,7 @@ from trifinger.evaluation import (
 from trifinger.picture import View
 from trifinger.training import checkpoint
 from trifinger.training.model import make_model
-from trifinger.training.plan import PLAN, Plan, Recipe
+from trifinger.training.plan import PLAN, TALLY, Plan, Recipe
 from trifinger.whole_file import whole_file
 
 CHECKPOINT = "checkpoint"
@@ -66,6 +66,8 @@ class Training:
         """
         self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
         self._after_evaluation = after_evaluation
+        if (folder / TALLY).exists():
+            raise InvalidArgument(f"{folder} has a training on a robot: trifinger learn --resume")
         if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
             raise InvalidArgument(f"{folder} has a training by another plan")
         self.curve: list[tuple[int, Summary]] = []

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger learn`.
+
+Optional packages are imported only when the command runs, so a missing one is a one-line error.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trifinger import extras
+from trifinger._trifinger import observe, running_robot, task_names
+from trifinger.commands import command_line
+from trifinger.commands.command_line import ArgumentParser, add_output, say
+from trifinger.errors import Error, InvalidArgument
+from trifinger.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from trifinger.training import Plan
+
+ALGORITHMS = ("ddpg", "td3", "sac")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger learn`."""
+    arguments = parse(words)
+    return command_line.run(lambda: learn(arguments))
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments of the command line."""
+    parser = ArgumentParser(
+        prog="trifinger learn",
+        description="Train a policy on a robot that runs, with nobody beside it. The robot moves "
+        "at once, and recovers by itself after faults.",
+        epilog="Tasks:\n  " + "\n  ".join(task_names()) + "\n"
+        "Example:\n"
+        "  trifinger run trifinger_edu --name sim     in one terminal\n"
+        "  trifinger learn reach --robot sim          in another\n"
+        "  trifinger learn --resume reach             after Ctrl-C or a kill\n"
+        "  trifinger learn --join robot:4711 --token reach/token   on another machine",
+    )
+    parser.add_argument("task", nargs="?", help="one of those below")
+    parser.add_argument(
+        "--robot",
+        default="",
+        metavar="NAME",
+        help="name of the running robot; default: the only one that runs",
+    )
+    parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
+    parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
+    parser.add_argument("--episodes", type=int, help="default: 700")
+    parser.add_argument("--seed", type=int, help="of what chance draws; default: 1")
+    add_output(parser, "folder of the training; default: the task's name", "FOLDER")
+    parser.add_argument(
+        "--from",
+        dest="logs",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="LOGS",
+        help="begin with the experience in this log, or in all logs of this folder",
+    )
+    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a field of trifinger.training.Recipe or trifinger.environments.Options",
+    )
+    parser.add_argument(
+        "--listen",
+        metavar="HOST:PORT",
+        help="wait there for a learner on another machine; default: learn on this one",
+    )
+    parser.add_argument("--join", metavar="HOST:PORT", help="learn for a training that waits there")
+    parser.add_argument("--token", type=Path, metavar="FILE", help="a copy of its FOLDER/token")
+    arguments = parser.parse_args(words)
+    if sum(one is not None for one in (arguments.task, arguments.resume, arguments.join)) != 1:
+        parser.error("either a task, --resume or --join is needed")
+    if (arguments.join is None) != (arguments.token is None):
+        parser.error("--join and --token belong together")
+    if arguments.join and (arguments.robot or arguments.logs or arguments.listen):
+        parser.error("--join takes no --robot, --from and --listen")
+    own = ("algorithm", "episodes", "seed", "output")
+    others = any(getattr(arguments, name) is not None for name in own)
+    if not arguments.task and (arguments.shared or arguments.set or others):
+        parser.error("--resume and --join go on as the training was begun: they take no settings")
+    return arguments
+
+
+def learn(arguments: argparse.Namespace) -> None:
+    """Learns to the end, and writes a report."""
+    extras.require("learning")
+    from trifinger.training.on_robot import RobotTraining, join
+
+    if arguments.join:
+        join(arguments.join, arguments.token)
+        return
+    with command_line.ended_by_signals():
+        robot = running_robot(arguments.robot)
+        plan, folder = begin(arguments, robot)
+        report = partial(say, flush=True)
+        training = RobotTraining(
+            plan,
+            folder,
+            robot,
+            report,
+            logs=arguments.logs,
+            address=address_of(arguments.listen),
+            starts_learner=arguments.listen is None,
+        )
+        try:
+            training.run()
+        except KeyboardInterrupt:
+            report(f"--resume {folder} goes on.")
+            raise
+        finally:
+            report(f"{training.report()} written.")
+        say(f"{training.policy_path} written.")
+
+
+def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
+    """The plan of a training on this robot and its folder; raises InvalidArgument."""
+    from trifinger.training import PLAN, Plan, name_of, parse_setting
+
+    if arguments.resume:
+        return Plan.of_folder(arguments.resume), arguments.resume
+    folder = arguments.output or Path(name_of(arguments.task))
+    if (folder / PLAN).exists():
+        raise InvalidArgument(f"{folder} has a training; --resume {folder} goes on with it")
+    if ":" in arguments.task:
+        raise InvalidArgument(
+            f"'{arguments.task}' is a task in Python, which no robot learns alone"
+        )
+    documents = observe(robot).documents()
+    numbers = {name: getattr(arguments, name) for name in ("episodes", "seed")}
+    is_new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    configuration = folder / "robot.yml"
+    with whole_file(configuration) as part:
+        part.write_text(documents["configuration.yml"])
+    try:
+        plan = Plan.of(
+            arguments.task,
+            arguments.algorithm or "ddpg",
+            is_shared=arguments.shared,
+            settings=dict(map(parse_setting, arguments.set)),
+            robot_config=str(configuration),
+            **{name: number for name, number in numbers.items() if number is not None},
+        )
+    except Error:
+        configuration.unlink()
+        if is_new:
+            folder.rmdir()
+        raise
+    return plan, folder
+
+
+def address_of(text: str | None) -> tuple[str, int]:
+    """The address of HOST:PORT; a free port of this machine alone if there is none."""
+    if text is None:
+        return "127.0.0.1", 0
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise InvalidArgument(f"--listen {text}: it is no HOST:PORT")
+    return host, int(port)
+
+
+if __name__ == "__main__":  # how a training starts its learner
+    raise SystemExit(main())

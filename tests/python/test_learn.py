@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger learn`: a robot that learns by itself, whatever is killed meanwhile."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import PATIENT, StartProgram
+from trifinger.environments import Options
+from trifinger.training import Plan, on_robot
+from trifinger.training.experience import LATE, Episodes, digest_of, of_logs
+from trifinger.training.on_robot import LOGS, RobotTraining, join
+
+LEARN = [sys.executable, "-m", "trifinger.commands.learn"]
+# Tests under sanitizers and on busy machines learn nothing in time.
+pytestmark = [pytest.mark.slow, pytest.mark.without_sanitizer]
+
+
+def plan_of(tmp_path: Path, robot: str, episodes: int, **settings: object) -> Plan:
+    configuration = tmp_path / "robot.yml"
+    configuration.write_text(trifinger.observe(robot).documents()["configuration.yml"])
+    return Plan.of(
+        "reach",
+        "ddpg",
+        is_shared=True,
+        episodes=episodes,
+        robot_config=str(configuration),
+        settings={"duration": 0.4, "random_actions": 10} | settings,
+    )
+
+
+def start_robot(start_program: StartProgram) -> None:
+    robot = start_program("run", "trifinger_edu", "--name", "r", *PATIENT)
+    robot.wait_for("waits for a user")
+
+
+def experience_in(folder: Path) -> Iterator[np.ndarray]:
+    options = Options.of("reach", duration=0.4, per_finger=True).to_json()
+    return of_logs(folder / LOGS, digest_of({"task": "reach", "options": options}))
+
+
+def elements_in(folder: Path) -> np.ndarray:
+    """All that the logs of a training tell, each element once."""
+    parts = list(experience_in(folder))
+    if not parts:
+        return np.zeros(0)
+    elements = np.concatenate(parts)
+    _, first = np.unique(elements[["session", "step"]], return_index=True)
+    return elements[np.sort(first)]
+
+
+def test_learns_from_everything_that_the_robot_does(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    start_robot(start_program)
+    said: list[str] = []
+    training = RobotTraining(plan_of(tmp_path, "r", 12), tmp_path / "f", "r", said.append, judged=2)
+    tally = training.run()
+    assert (tally.episodes, tally.actions) == (12, 240)
+    assert tally.faults == tally.restarts == {}
+    elements = elements_in(tmp_path / "f")
+    # The judge uses another seed; its first element ends the last episode.
+    assert set(elements["seed"]) == {1, 1_000_000}
+    made = [*Episodes().add(elements)]
+    made = [one for one in made if one.after["seed"] == 1]
+    elements = elements[elements["seed"] == 1]
+    on_time = np.count_nonzero((elements["actions"] > 0) & (elements["flags"] & LATE == 0))
+    assert len(made) == on_time
+    assert tally.updates == on_time - 10
+    # Several policies acted, each after the one before it.
+    acted = elements["policy"][elements["actions"] > 0]
+    assert (np.diff(acted) >= 0).all()
+    assert acted[0] == 0
+    metadata = trifinger.Policy(training.policy_path).metadata
+    assert metadata["number"] == str(tally.policies - 1)
+    assert metadata["robot"] == str(tmp_path / "robot.yml")
+    assert "2 new episodes" in said[-1]
+    report = training.report().read_text()
+    assert "| episodes, actions | 12, 240 |" in report
+    assert (tmp_path / "f/tips.png").exists()
+
+
+def test_goes_on_whatever_is_killed_and_loses_nothing(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    start_robot(start_program)
+    kills = 500 if os.environ.get("TRIFINGER_SOAK") else 9
+    plan = plan_of(tmp_path, "r", 1_000_000, buffer_size=10_000_000)
+    training = RobotTraining(plan, tmp_path / "f", "r", judged=0)
+    chance, done = np.random.default_rng(3), threading.Event()
+    killed: list[str] = []
+
+    def kill() -> None:
+        while not (training.policy_path.exists() and training.tally.episodes):
+            if done.wait(0.1):
+                return
+        while len(killed) < kills and not done.wait(chance.uniform(0.2, 2.0)):
+            name = chance.choice(["actor", "learner", "recorder"])
+            if process := training._processes.get(name):
+                process.kill()
+                killed.append(name)
+        # It still learns: a new policy acts in a whole episode.
+        episodes, policies = training.tally.episodes, training.tally.policies
+        while training.tally.episodes == episodes or training.tally.policies == policies:
+            if done.wait(0.1):
+                return
+        training._events.put(("failed", KeyboardInterrupt()))  # as Ctrl-C would
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            training.run()
+    finally:
+        done.set()
+        killer.join()
+    assert len(killed) == kills
+    assert sum(training.tally.restarts.values()) == kills
+    elements = elements_in(tmp_path / "f")
+    elements = elements[elements["seed"] == 1]
+    # No element is missing: within an episode they follow one another, up to where it was cut off.
+    numbers = np.unique(elements["episode"])
+    assert numbers.tolist() == list(range(len(numbers)))
+    for number in numbers:
+        of_one = elements[elements["episode"] == number]
+        assert of_one["actions"].tolist() == list(range(len(of_one)))
+    # The learner could see all of it but for what came after the end.
+    seen, _ = training._book.since(0)
+    assert len(elements) - len(seen) < 50
+    assert np.array_equal(seen[["session", "step"]], elements[["session", "step"]][: len(seen)])
+
+
+def test_waits_while_the_disk_is_full(
+    start_program: StartProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start_robot(start_program)
+    said: list[str] = []
+    training = RobotTraining(plan_of(tmp_path, "r", 8), tmp_path / "f", "r", said.append, judged=0)
+    done = threading.Event()
+    waited: list[bool] = []
+
+    def fill() -> None:
+        while training.tally.episodes < 2 and not done.wait(0.05):
+            pass
+        monkeypatch.setattr(on_robot, "ROOM", 1e18)
+        while "actor" in training._processes and not done.wait(0.05):
+            pass
+        waited.append(training.tally.episodes < 8)
+        monkeypatch.setattr(on_robot, "ROOM", 0)
+
+    filler = threading.Thread(target=fill)
+    filler.start()
+    try:
+        tally = training.run()
+    finally:
+        done.set()
+        filler.join()
+    assert waited == [True]
+    assert "nearly full" in "".join(said)
+    assert tally.restarts == {}
+    assert set(elements_in(tmp_path / "f")["episode"]) == set(range(8))
+
+
+def test_resumes_from_the_logs_and_begins_with_those_of_others(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    start_robot(start_program)
+    plan = plan_of(tmp_path, "r", 6)
+    words = [
+        "reach",
+        "--shared",
+        "--robot",
+        "r",
+        "--episodes",
+        "1000",
+        "-o",
+        tmp_path / "f",
+    ]
+    settings = ("duration=0.4", "random_actions=10")
+    words += [word for setting in settings for word in ("--set", setting)]
+    learn = subprocess.Popen([*LEARN, *words], stdout=subprocess.DEVNULL)
+    tally = tmp_path / "f/tally.json"
+    while not tally.exists() or len(elements_in(tmp_path / "f")) < 40:
+        assert learn.poll() is None
+        time.sleep(0.1)
+    learn.kill()
+    learn.wait()
+    # Nobody moves the robot any more.
+    while any(one.controller_pid for one in trifinger.list_sessions() if one.name == "r"):
+        time.sleep(0.1)
+    before = len(elements_in(tmp_path / "f"))
+    again = subprocess.Popen([*LEARN, "--resume", tmp_path / "f"])
+    while len(elements_in(tmp_path / "f")) <= before:
+        assert again.poll() is None
+        time.sleep(0.1)
+    again.send_signal(signal.SIGINT)
+    assert again.wait() == 130
+    elements = elements_in(tmp_path / "f")
+    known = json.loads((tmp_path / "f/tally.json").read_text())["tally"]
+    assert known["episodes"] <= np.count_nonzero(elements["flags"] & 2) <= known["episodes"] + 1
+    starts = elements["episode"][elements["actions"] == 0]
+    assert (np.diff(starts.astype(int)) >= 1).all()  # no episode was done again
+
+    other = RobotTraining(plan, tmp_path / "g", "r", logs=[tmp_path / "f" / LOGS], judged=0)
+    assert len(other._book.since(0)[0]) == len(elements)
+    assert other.run().episodes == 6
+
+
+def test_a_learner_may_join_with_the_token_alone(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    start_robot(start_program)
+    plan = plan_of(tmp_path, "r", 4)
+    training = RobotTraining(plan, tmp_path / "f", "r", judged=0, starts_learner=False)
+    false = tmp_path / "false"
+    false.write_text("0" * 64)
+    refused: list[str] = []
+
+    def learn() -> None:
+        try:
+            join(training.address, false)
+        except trifinger.Error as error:
+            refused.append(str(error))
+        join(training.address, tmp_path / "f/token")
+
+    learner = threading.Thread(target=learn)
+    learner.start()
+    assert training.run().episodes == 4
+    learner.join()
+    assert "has another token" in refused[0]
+    assert (tmp_path / "f/token").stat().st_mode & 0o77 == 0
+
+
+def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None:
+    start_robot(start_program)
+
+    def refused(*words: object) -> str:
+        done = subprocess.run(
+            [*LEARN, *map(str, words)], capture_output=True, text=True, check=False
+        )
+        assert done.returncode != 0
+        assert "Traceback" not in done.stderr
+        return done.stderr.splitlines()[-1]
+
+    assert "either a task, --resume or --join" in refused()
+    assert "--join and --token belong together" in refused("--join", "here:1")
+    assert "no HOST:PORT" in refused("--join", "here", "--token", tmp_path / "t")
+    assert "there is no training in" in refused("--resume", tmp_path)
+    folder = ("--robot", "r", "-o", tmp_path / "f")
+    assert "there is no task 'reech'" in refused("reech", *folder)
+    assert not (tmp_path / "f").exists()
+    assert "a task in Python" in refused("my_tasks:Middle", *folder)
+    assert "nobody can join at" in refused("reach", *folder, "--listen", "127.0.0.1:99999")
+    assert "no experience of this task" in refused("reach", *folder, "--from", tmp_path)
+    (tmp_path / "g").mkdir()
+    simulated = Plan.of("reach", "ddpg")
+    (tmp_path / "g/plan.json").write_text(simulated.to_json())
+    assert "has a training; --resume" in refused("reach", "--robot", "r", "-o", tmp_path / "g")
+    assert "a training in simulation" in refused("--resume", tmp_path / "g", "--robot", "r")
