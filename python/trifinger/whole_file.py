@@ -47,6 +47,12 @@ def whole_file(path: str | os.PathLike[str], *, replace: bool = True) -> Iterato
         part.unlink(missing_ok=True)
 
 
+def replace_file(path: str | os.PathLike[str], content: bytes) -> None:
+    """Writes a file whole, in the place of one that is there."""
+    with whole_file(path) as part:
+        part.write_bytes(content)
+
+
 def _part_of(target: Path) -> Path:
     """A name beside a file that nothing has."""
     ending = target.suffix if len(os.fsencode(target.suffix)) < 32 else ""  # of no format

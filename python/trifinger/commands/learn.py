@@ -17,7 +17,7 @@ from trifinger._trifinger import observe, running_robot, task_names
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_output, say
 from trifinger.errors import Error, InvalidArgument
-from trifinger.whole_file import whole_file
+from trifinger.whole_file import replace_file
 
 if TYPE_CHECKING:
     from trifinger.training import Plan
@@ -97,7 +97,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
 def learn(arguments: argparse.Namespace) -> None:
     """Learns to the end, and writes a report."""
     extras.require("learning")
-    from trifinger.training.on_robot import RobotTraining, join
+    from trifinger.training.on_robot import LOOPBACK, RobotTraining, address_of, join
 
     if arguments.join:
         join(arguments.join, arguments.token)
@@ -112,7 +112,7 @@ def learn(arguments: argparse.Namespace) -> None:
             robot,
             report,
             logs=arguments.logs,
-            address=address_of(arguments.listen),
+            address=address_of(arguments.listen) if arguments.listen else LOOPBACK,
             starts_learner=arguments.listen is None,
         )
         try:
@@ -143,8 +143,7 @@ def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
     is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     configuration = folder / "robot.yml"
-    with whole_file(configuration) as part:
-        part.write_text(documents["configuration.yml"])
+    replace_file(configuration, documents["configuration.yml"].encode())
     try:
         plan = Plan.of(
             arguments.task,
@@ -160,16 +159,6 @@ def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
             folder.rmdir()
         raise
     return plan, folder
-
-
-def address_of(text: str | None) -> tuple[str, int]:
-    """The address of HOST:PORT; a free port of this machine alone if there is none."""
-    if text is None:
-        return "127.0.0.1", 0
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdigit():
-        raise InvalidArgument(f"--listen {text}: it is no HOST:PORT")
-    return host, int(port)
 
 
 if __name__ == "__main__":  # how a training starts its learner

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, cast
 
 # This import comes first because its error says what to install.
-from trifinger.stable_baselines import Rows
+from trifinger.training.model import make_model, rows_of
 
 # isort: split
 import numpy as np
@@ -33,7 +33,6 @@ from trifinger.errors import Error
 from trifinger.tasks import task_of_file
 from trifinger.training import checkpoint
 from trifinger.training.experience import Episodes, Transition
-from trifinger.training.model import make_model
 from trifinger.training.plan import Plan
 
 PUBLISH = 1.0  # s between two policies
@@ -51,20 +50,12 @@ class Learner:
         of the training.
         """
         self.plan, self._prior = plan, prior
-        recipe = plan.recipe
         torch.set_num_threads(1)
         # Only its spaces and its geometry are used.
         environment = SyncVectorEnv(
             [lambda: Environment(**plan.environment)], autoreset_mode=AutoresetMode.SAME_STEP
         )
-        self._rows = Rows(
-            environment,
-            is_per_finger=plan.options.per_finger,
-            is_shared=recipe.is_shared,
-            reward_scale=recipe.reward_scale,
-            approach=recipe.approach,
-            gamma=recipe.gamma,
-        )
+        self._rows = rows_of(plan, environment)
         one: Environment = environment.envs[0].unwrapped  # type: ignore[assignment]
         self.total = plan.episodes * one.episode_actions
         """Number of actions until the rates and the noise are what they are at the end."""

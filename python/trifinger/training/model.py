@@ -5,6 +5,10 @@ import dataclasses
 import math
 from typing import Any
 
+# This import comes first because its error says what to install.
+from trifinger.stable_baselines import Rows, Vector
+
+# isort: split
 import numpy as np
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -20,6 +24,19 @@ from trifinger.training.plan import Plan
 from trifinger.training.replay import FingerReplayBuffer
 
 MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
+
+
+def rows_of(plan: Plan, environment: Vector) -> Rows:
+    """Environments in the form in which a plan learns from them."""
+    recipe = plan.recipe
+    return Rows(
+        environment,
+        is_per_finger=plan.options.per_finger,
+        is_shared=recipe.is_shared,
+        reward_scale=recipe.reward_scale,
+        approach=recipe.approach,
+        gamma=recipe.gamma,
+    )
 
 
 def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:

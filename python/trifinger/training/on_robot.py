@@ -39,7 +39,7 @@ from torch.utils.tensorboard import SummaryWriter
 from trifinger._trifinger import list_sessions, observe, recover
 from trifinger.commands.program import path as program
 from trifinger.errors import Error, InvalidArgument
-from trifinger.evaluation import SEED, SHOWN_EPISODES, Summary, save_curve, save_paths
+from trifinger.evaluation import SEED, SHOWN_EPISODES, Evaluation, Summary, save_curve, save_paths
 from trifinger.training import checkpoint
 from trifinger.training.experience import (
     SUCCESS,
@@ -52,11 +52,12 @@ from trifinger.training.experience import (
 )
 from trifinger.training.learner import serve
 from trifinger.training.plan import PLAN, TALLY, Plan
-from trifinger.whole_file import whole_file
+from trifinger.whole_file import replace_file
 
 STATE = "learner"  # the newest state of the learner
 LEARN = "trifinger.commands.learn"
 JOINING = "token"
+LOOPBACK = ("127.0.0.1", 0)  # a free port of this machine alone
 LOGS = "logs"
 APPROACH_EVERY = 50  # episodes
 JUDGED = 20  # episodes of the last policy, without noise, of starts and goals that are new
@@ -103,7 +104,7 @@ class RobotTraining:
         say: Callable[[str], None] = lambda _: None,
         *,
         logs: Sequence[Path] = (),
-        address: tuple[str, int] = ("127.0.0.1", 0),
+        address: tuple[str, int] = LOOPBACK,
         starts_learner: bool = True,
         judged: int = JUDGED,
     ) -> None:
@@ -153,7 +154,7 @@ class RobotTraining:
         self.address = ":".join(map(str, self._listener.getsockname()[:2]))
         """Where a learner may join, as HOST:PORT."""
         self._save()
-        _replace(folder / PLAN, plan.to_json().encode())
+        replace_file(folder / PLAN, plan.to_json().encode())
         self._board = SummaryWriter(str(folder / "tensorboard"))
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._began: dict[str, float] = {}  # when each of them was started
@@ -234,7 +235,7 @@ class RobotTraining:
         lines = [f"# {plan.name} on {self._robot}", "", "| | |", "|---|---|"]
         lines += [f"| {name} | {value} |" for name, value in rows]
         lines += ["", *(f"![]({name})" for name in figures), ""]
-        _replace(self.folder / "report.md", "\n".join(lines).encode())
+        replace_file(self.folder / "report.md", "\n".join(lines).encode())
         return self.folder / "report.md"
 
     # ---- what happens ----
@@ -259,7 +260,7 @@ class RobotTraining:
         match message["kind"]:
             case "state":
                 self._state = message["state"]
-                _replace(self.folder / STATE, checkpoint.dump(self._state))
+                replace_file(self.folder / STATE, checkpoint.dump(self._state))
                 self._save()
             case "policy":
                 self._take(message)
@@ -267,7 +268,7 @@ class RobotTraining:
                 self._judge()
 
     def _take(self, message: dict[str, Any]) -> None:
-        _replace(self.policy_path, message["policy"].tobytes())
+        replace_file(self.policy_path, message["policy"].tobytes())
         self.tally.policies, self.tally.updates = message["number"] + 1, message["updates"]
         board, actions = self._board, message["transitions"]
         board.add_scalar("learner/updates_per_action", self._rate(message), actions)
@@ -519,7 +520,7 @@ class RobotTraining:
             "others": self._others,
             "logs": list(map(str, self._logs)),
         }
-        _replace(self.folder / TALLY, json.dumps(known, indent=2).encode())
+        replace_file(self.folder / TALLY, json.dumps(known, indent=2).encode())
 
     # The recorder ends last: it records how the others end.
     def _close(self) -> None:
@@ -599,11 +600,8 @@ def join(address: str, token: Path) -> None:
     `address` is its HOST:PORT, `token` a copy of the file in its folder. Raises InvalidArgument for
     anything else, and Error if nobody is there or the token is another one.
     """
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdigit():
-        raise InvalidArgument(f"'{address}' is no HOST:PORT")
     try:
-        connection = Client((host, int(port)), authkey=token.read_bytes())
+        connection = Client(address_of(address), authkey=token.read_bytes())
     except (AuthenticationError, EOFError):
         raise Error(f"{address} has another token than {token}") from None
     except (OSError, OverflowError) as error:
@@ -612,20 +610,21 @@ def join(address: str, token: Path) -> None:
         serve(connection)
 
 
+def address_of(text: str) -> tuple[str, int]:
+    """The address that HOST:PORT means; raises InvalidArgument."""
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise InvalidArgument(f"'{text}' is no HOST:PORT")
+    return host, int(port)
+
+
 def summary_of(reports: Iterable[Mapping[str, Any]], unit: str) -> Summary:
     """How near episodes came to their goals, of the reports of `trifinger run-policy --json`."""
     ended = list(reports)
     distances = [one for report in ended for one in report["distance"] if one is not None]
-    quartiles = np.percentile(distances, (25, 50, 75, 100))
-    return Summary(
-        episodes=len(ended),
-        lower_quartile=float(quartiles[0]),
-        median=float(quartiles[1]),
-        upper_quartile=float(quartiles[2]),
-        largest=float(quartiles[3]),
-        success=float(np.mean([report["is_success"] for report in ended])),
-        unit=unit,
-    )
+    successes = [report["is_success"] for report in ended]
+    no_paths = np.zeros((len(ended), 0, 0))
+    return Evaluation(np.array(distances), np.array(successes), no_paths, unit).summary()
 
 
 def _token_in(path: Path) -> bytes:
@@ -638,8 +637,3 @@ def _token_in(path: Path) -> bytes:
 
 def _state_of(path: Path) -> Any:
     return checkpoint.load(path.read_bytes()) if path.exists() else None
-
-
-def _replace(path: Path, content: bytes) -> None:
-    with whole_file(path) as part:
-        part.write_bytes(content)

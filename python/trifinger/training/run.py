@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 
 # This import comes first because its error says what to install.
-from trifinger.stable_baselines import Rows, Vector
+from trifinger.stable_baselines import Vector
 
 # isort: split
 import numpy as np
@@ -37,9 +37,9 @@ from trifinger.evaluation import (
 )
 from trifinger.picture import View
 from trifinger.training import checkpoint
-from trifinger.training.model import make_model
+from trifinger.training.model import make_model, rows_of
 from trifinger.training.plan import PLAN, TALLY, Plan, Recipe
-from trifinger.whole_file import whole_file
+from trifinger.whole_file import replace_file
 
 CHECKPOINT = "checkpoint"
 CURVE = "curve.csv"
@@ -76,14 +76,7 @@ class Training:
         recipe = plan.recipe
         # A set number keeps sums the same. One thread is enough for the batches of a single robot.
         torch.set_num_threads(_threads(recipe))
-        self._rows = Rows(
-            _environments(plan),
-            is_per_finger=plan.options.per_finger,
-            is_shared=recipe.is_shared,
-            reward_scale=recipe.reward_scale,
-            approach=recipe.approach,
-            gamma=recipe.gamma,
-        )
+        self._rows = rows_of(plan, _environments(plan))
         self._normalizer = (
             VecNormalize(self._rows, gamma=recipe.gamma) if recipe.algorithm == "ppo" else None
         )
@@ -93,7 +86,7 @@ class Training:
         # Each robot begins with episode 0 of its seed.
         self._begin(np.zeros(recipe.num_envs, np.int64))
         folder.mkdir(parents=True, exist_ok=True)
-        _replace(folder / PLAN, plan.to_json().encode())
+        replace_file(folder / PLAN, plan.to_json().encode())
         self._restore()
         board = _Board(folder / "tensorboard", self._model.num_timesteps)
         self._model.set_logger(Logger(str(folder), [board]))
@@ -127,7 +120,7 @@ class Training:
             )
             self._evaluate("end")
             self._save()
-        _replace(self.folder / CURVE, _curve_file(self.curve))
+        replace_file(self.folder / CURVE, _curve_file(self.curve))
         metadata = policy_metadata(**self.plan.environment)
         policy_file.export(self._model, self.policy_path, metadata=metadata)
         return self.curve[-1][1]
@@ -235,8 +228,8 @@ class Training:
             "random_actions": model.action_space.np_random.bit_generator.state,
         }
         # The whole state is one file, replaced in one step: a kill leaves the old or the new file.
-        _replace(self.folder / CHECKPOINT, checkpoint.dump(state))
-        _replace(self.folder / CURVE, _curve_file(self.curve))
+        replace_file(self.folder / CHECKPOINT, checkpoint.dump(state))
+        replace_file(self.folder / CURVE, _curve_file(self.curve))
 
     def _restore(self) -> None:
         path = self.folder / CHECKPOINT
@@ -331,8 +324,3 @@ def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:
     writer.writerow(["episode", *names])
     writer.writerows([episode, *(getattr(one, name) for name in names)] for episode, one in curve)
     return text.getvalue().encode()
-
-
-def _replace(path: Path, content: bytes) -> None:
-    with whole_file(path) as part:
-        part.write_bytes(content)
