@@ -7,7 +7,9 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
+#include <csignal>
 #include <cstdio>
 #include <deque>
 #include <exception>
@@ -25,6 +27,8 @@
 
 #include "controller/episode_marks.hpp"
 #include "controller/user_program.hpp"
+#include "learning/takeover.hpp"
+#include "robot/typed_lines.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/external_command.hpp"
 #include "shared/options.hpp"
@@ -43,6 +47,8 @@ using learning::EpisodeReport;
 using learning::Experience;
 using learning::Policy;
 using learning::PolicySource;
+using learning::Takeover;
+using learning::Verdict;
 
 struct RunPolicyOptions {
   std::string policy;
@@ -52,6 +58,8 @@ struct RunPolicyOptions {
   std::string marks;
   std::string sentence;
   bool is_json{false};
+  bool offers_takeover{false};
+  bool is_judged{false};
   Demand scheduling{Demand::kTry};
   learning::Precision precision{learning::Precision::kDouble};
 };
@@ -71,13 +79,16 @@ void print(const EpisodeReport& report) {
   const auto& outcome = report.outcome;
   double worst = 0.0;
   for (const double distance : outcome.distance) worst = std::max(worst, distance);
-  print_safely("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}{}\n",
-               report.number, report.actions, report.total_reward, 1e3 * worst,
-               outcome.success ? ", success" : "",
-               report.policy != 0 ? fmt::format(", policy {}", report.policy) : "",
-               report.repeated_steps > 0
-                   ? fmt::format(", {} steps without an action in time", report.repeated_steps)
-                   : "");
+  print_safely(
+      "  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}{}{}\n",
+      report.number, report.actions, report.total_reward, 1e3 * worst,
+      outcome.success ? ", success" : "",
+      report.policy > 0 ? fmt::format(", policy {}", report.policy) : "",
+      report.repeated_steps > 0
+          ? fmt::format(", {} steps without an action in time", report.repeated_steps)
+          : "",
+      report.interventions > 0 ? fmt::format(", {} actions of a person", report.interventions)
+                               : "");
   std::fflush(stdout);
 }
 
@@ -181,7 +192,8 @@ nlohmann::ordered_json json_of(const EpisodeReport& report, std::size_t parts) {
           {"distance", std::vector(distance.begin(), distance.end())},
           {"is_success", report.outcome.success},
           {"is_terminated", report.outcome.terminated},
-          {"repeated_steps", report.repeated_steps}};
+          {"repeated_steps", report.repeated_steps},
+          {"interventions", report.interventions}};
 }
 
 // The robot's companion of experience; nothing for a back-end that does not have it.
@@ -190,6 +202,46 @@ std::unique_ptr<SensorWriter<Experience>> experience_of(const Session& robot) {
   if (std::ranges::find(companions, Experience::kCompanion) == companions.end()) return {};
   return std::make_unique<SensorWriter<Experience>>(robot.info().name, Experience::kCompanion,
                                                     Experience::kKept);
+}
+
+// Offers a session to people who take over. Without it the policy acts alone.
+template <class R>
+std::unique_ptr<Takeover<R>> takeover_of(const Session& robot, const RobotConfig& config,
+                                         const RealtimeOptions& realtime) {
+  const SimulationOptions& options = config.simulation;
+  const std::vector<JointLimit> limits =
+      options.limits ? *options.limits : default_limits(options.description);
+  try {
+    auto takeover = std::make_unique<Takeover<R>>(robot, limits_of<R::kJoints>(limits), realtime);
+    print_safely(stderr, "a person can take over: trifinger teleop {}\n",
+                 Takeover<R>::name_for(robot.info().name));
+    return takeover;
+  } catch (const Error& error) {
+    print_safely(stderr, "trifinger run-policy: nobody can take over: {}\n", error.what());
+    return nullptr;
+  }
+}
+
+// Reads verdicts on episodes from standard input, until that ends.
+void read_verdicts(const std::stop_token& stop, std::atomic<Verdict>& verdict) {
+  TypedLines typed;
+  while (!stop.stop_requested() && !typed.has_ended()) {
+    for (const std::string& line : typed.take(std::chrono::milliseconds(100))) {
+      if (line == "success" || line == "failure") {
+        // relaxed: no other data depends on it.
+        verdict.store(line == "success" ? Verdict::kSuccess : Verdict::kFailure,
+                      std::memory_order_relaxed);
+      } else {
+        print_safely(stderr, "a verdict is \"success\" or \"failure\", not \"{}\"\n", line);
+      }
+    }
+  }
+}
+
+// Says why the robot needs care, and returns the exit code.
+int say(const learning::NeedsCare& care) {
+  print_safely(stderr, "trifinger run-policy: {}\n", care.text);
+  return care.kind == learning::NeedsCare::Kind::kWarmMotors ? kNeedsRest : kOutOfReach;
 }
 
 template <class R>
@@ -232,13 +284,24 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
   print_safely(options.is_json ? stderr : stdout, "'{}' shall do '{}' with {}: {}\n", options.robot,
                task, options.policy, learning::write_options(trained));
   std::fflush(stdout);
-  Reporter reporter(tell);  // Started here, with the usual priority.
-  static_cast<void>(enter_realtime(realtime_beside(robot.session().info(), options.scheduling)));
+  // The threads of these are started here, with the usual priority.
+  Reporter reporter(tell);
+  std::atomic<Verdict> verdict{Verdict::kNone};
+  std::jthread judge;
+  if (options.is_judged) {
+    std::signal(SIGTTIN, SIG_IGN);  // in the background of a terminal there are no verdicts
+    judge = std::jthread([&](const std::stop_token& end) { read_verdicts(end, verdict); });
+  }
+  const RealtimeOptions realtime = realtime_beside(robot.session().info(), options.scheduling);
+  const auto takeover =
+      options.offers_takeover ? takeover_of<R>(robot.session(), config, realtime) : nullptr;
+  static_cast<void>(enter_realtime(realtime));
   std::vector<EpisodeReport> reports;  // for the file
   std::size_t successes = 0;
   std::size_t episodes = 0;
   learning::PolicyRunOptions run = options.run;
   run.stop = &stop;
+  if (options.is_judged) run.verdict = &verdict;
   const auto experience = experience_of(robot.session());
   run.experience = experience.get();
   run.process = learning::digest(task, settings);
@@ -248,7 +311,7 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
     if (!options.output.empty()) reports.push_back(report);
     reporter.add(report);
   };
-  learning::run_policy(robot, environment, source, run);
+  const auto care = learning::run_policy(robot, environment, source, run, takeover.get());
   reporter.finish();
 
   if (!options.is_json) {
@@ -260,6 +323,7 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
       json.push_back(json_of(report, environment.num_parts()));
     write_output_file(options.output, json.dump(2) + "\n");
   }
+  if (care) return say(*care);
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }
 
@@ -325,6 +389,21 @@ int run_policy_command(const std::vector<std::string>& words) {
       ->option_text("N")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  program.add_flag("--takeover", options.offers_takeover,
+                   "Let people take over by the session NAME-takeover, which is controlled like "
+                   "the robot, as by `trifinger teleop NAME-takeover`");
+  program.add_flag("--judge", options.is_judged,
+                   "Let standard input judge: a line \"success\" or \"failure\" ends the episode, "
+                   "with reward 1 or 0, whatever the task says");
+  program
+      .add_option("--rest-below", options.run.rest_below,
+                  "End after an episode that leaves a motor with less than this thermal margin, 0 "
+                  "to 1, with exit status 5")
+      ->option_text("MARGIN")
+      ->check(CLI::Range(0.0, 1.0));
+  program.add_flag("--end-out-of-reach", options.run.ends_out_of_reach,
+                   "End after an episode that leaves the object more than 2 cm beyond where "
+                   "episodes begin, with exit status 6");
   program.add_flag("--json", options.is_json, "Print a line of JSON for each episode");
   add_user_scheduling(program, options.scheduling);
   add_choice(program, "--precision", options.precision,

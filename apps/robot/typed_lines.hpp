@@ -5,23 +5,25 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
+#include <chrono>
 #include <string>
 #include <vector>
 
 namespace trifinger::apps {
 
-// The lines that are typed while a program runs, without waiting for any.
+// The lines that are typed while a program runs.
 class TypedLines {
  public:
-  // Whole lines that have been typed since the last call.
-  std::vector<std::string> take() {
+  // Whole lines that have been typed since the last call. Waits for some up to `timeout`.
+  std::vector<std::string> take(std::chrono::milliseconds timeout = {}) {
     std::vector<std::string> lines;
     pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-    if (has_ended_ || ::poll(&input, 1, 0) <= 0) return lines;
+    if (has_ended_ || ::poll(&input, 1, static_cast<int>(timeout.count())) <= 0) return lines;
     std::array<char, 4096> bytes{};
     const ssize_t count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
     // A program in the background may not read from its terminal (EIO), but may come back.
-    has_ended_ = count == 0;
+    has_ended_ = count == 0 || (count < 0 && errno != EIO && errno != EINTR);
     if (has_ended_) text_ += '\n';  // the end of the last line
     if (count > 0) text_.append(bytes.data(), static_cast<std::size_t>(count));
     for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos;) {
@@ -30,6 +32,9 @@ class TypedLines {
     }
     return lines;
   }
+
+  // Whether there will be no others.
+  [[nodiscard]] bool has_ended() const noexcept { return has_ended_; }
 
  private:
   std::string text_;

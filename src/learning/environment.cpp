@@ -146,6 +146,9 @@ std::int64_t Environment::episode_actions() const noexcept {
 std::string_view Environment::object_name() const noexcept {
   return checked(implementation_)->task->object_name();
 }
+double Environment::object_reach() const noexcept {
+  return checked(implementation_)->task->object_reach();
+}
 bool Environment::judges_by_truth() const noexcept {
   return !checked(implementation_)->task->object_name().empty() && options().needs_cameras();
 }
@@ -258,6 +261,28 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
     position[i] = target;
   }
   return true;
+}
+
+void Environment::invert_action(std::span<const double> torque, std::span<const double> position,
+                                const Episode& episode, std::span<float> numbers) const noexcept {
+  const Implementation& self = *checked(implementation_);
+  for (std::size_t i = 0; i < self.num_joints; ++i) {
+    const double low = self.workspace.low[i];
+    const double high = self.workspace.high[i];
+    double number = 0.0;
+    switch (self.options.action) {
+      case ActionKind::kPosition:
+        number = (2.0 * position[i] - low - high) / (high - low);
+        break;
+      case ActionKind::kPositionChange:
+        number = (position[i] - episode.target[i]) / self.options.position_change;
+        break;
+      case ActionKind::kTorque:
+        number = torque[i] / self.joints.max_torque[i];
+        break;
+    }
+    numbers[i] = static_cast<float>(std::clamp(number, -1.0, 1.0));
+  }
 }
 
 Outcome Environment::observe(const Measurement& measurement, Episode& episode,

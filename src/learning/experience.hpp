@@ -27,7 +27,9 @@ struct Experience {
     kTerminated = 1,  ///< The task has ended: nothing can follow.
     kTruncated = 2,   ///< The time of the episode is over.
     kSuccess = 4,
-    kLate = 8,  ///< The action came too late: others acted before it.
+    kLate = 8,           ///< The action came too late: others acted before it.
+    kIntervention = 16,  ///< The action was a person's, who has taken over: `action` is equivalent.
+    kJudged = 32,        ///< A person or a program judges the episode: reward, success, end.
   };
 
   Stamp stamp{};

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <span>
@@ -15,6 +16,8 @@
 #include "learning/colored_noise.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/joint/safety.hpp"
+#include "trifinger/joint/safety_checks.hpp"
 #include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger::learning {
@@ -58,15 +61,16 @@ class Process {
   using Action = typename R::Action;
   using Observation = typename R::Observation;
 
-  Process(Frontend<R>& robot, const EnvironmentOptions& options)
+  Process(Frontend<R>& robot, const EnvironmentOptions& options, Takeover<R>* takeover)
       : robot_(robot),
+        takeover_(takeover),
         is_augmented_(options.mapping == Mapping::kStateAugmentation),
         burst_(static_cast<std::size_t>(options.steps_per_action)) {}
 
   Observation begin() {
     const Action hold = hold_position(robot_.latest_observation());
     if (is_augmented_) return step(hold);
-    t_ = robot_.append_desired_action(hold);
+    t_ = last_ = robot_.append_desired_action(hold);
     return robot_.get_observation(t_);
   }
 
@@ -75,12 +79,41 @@ class Process {
     const TimeIndex first = robot_.append_desired_action(action);
     const TimeIndex last =
         burst_.size() == 1 ? first : robot_.append_desired_actions(std::span(burst_).subspan(1));
-    const TimeIndex before = std::exchange(t_, is_augmented_ ? first : last);
-    if (before >= 0) {
-      repeated_ += t_ - before - static_cast<TimeIndex>(burst_.size());
-    }
-    return robot_.get_observation(t_);
+    return observe(first, last);
   }
+
+  // Whether a person has taken over.
+  [[nodiscard]] bool is_taken_over() const noexcept {
+    return takeover_ != nullptr && takeover_->newest() != nullptr;
+  }
+
+  // Lets the person act, as `step` lets an action.
+  Observation follow() {
+    was_persons_ = false;
+    same_ = {};
+    same_.position.fill(0.0);
+    Action action;
+    TimeIndex first = -1;
+    for (std::size_t i = 0; i < burst_.size(); ++i) {
+      const Observation y = robot_.get_observation(std::max(t_, last_ + 1 - kAhead));
+      if (const Action* newest = takeover_->newest(); newest != nullptr) {
+        action = *newest;
+        was_persons_ = true;
+      } else {
+        let_go(action, y);
+      }
+      add(action, y);
+      last_ = robot_.append_desired_action(action);
+      if (i == 0) first = last_;
+    }
+    return observe(first, last_);
+  }
+  // What the last `follow` was like: the mean torque, and the mean of the positions that make the
+  // robot's own controller give these torques.
+  [[nodiscard]] const Action& same() const noexcept { return same_; }
+
+  // Whether a step of the last `follow` was the person's, who may have let go just before.
+  [[nodiscard]] bool was_persons() const noexcept { return was_persons_; }
 
   // Returns the step of the newest observation.
   [[nodiscard]] TimeIndex time_index() const noexcept { return t_; }
@@ -88,10 +121,52 @@ class Process {
   [[nodiscard]] TimeIndex repeated_steps() const noexcept { return repeated_; }
 
  private:
+  // Actions of a person that wait for their step: one that is due, and one in case that we are
+  // late.
+  static constexpr TimeIndex kAhead = 2;
+
+  // Remembers the steps of an action and returns what is observed of it.
+  Observation observe(TimeIndex first, TimeIndex last) {
+    last_ = last;
+    const TimeIndex before = std::exchange(t_, is_augmented_ ? first : last);
+    if (before >= 0) {
+      repeated_ += t_ - before - static_cast<TimeIndex>(burst_.size());
+    }
+    return robot_.get_observation(t_);
+  }
+
+  // A person has let go in the midst of an action: the robot goes to the last positions.
+  static void let_go(Action& action, const Observation& y) noexcept {
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      if (!std::isnan(action.position[i])) continue;
+      action.torque[i] = 0.0;
+      action.position[i] = y.position[i];
+    }
+  }
+
+  void add(const Action& action, const Observation& y) noexcept {
+    const double share = 1.0 / static_cast<double>(burst_.size());
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      const JointLimit& own = takeover_->limits()[i];
+      const double torque =
+          torque_of(with_default_gains(trifinger::detail::command_of(action, i), own),
+                    y.position[i], y.velocity[i]);
+      const double offset =
+          own.default_kp > 0.0 ? (torque + own.default_kd * y.velocity[i]) / own.default_kp : 0.0;
+      same_.torque[i] += share * std::clamp(torque, -own.max_torque, own.max_torque);
+      same_.position[i] +=
+          share * std::clamp(y.position[i] + offset, own.soft_lower, own.soft_upper);
+    }
+  }
+
   Frontend<R>& robot_;
+  Takeover<R>* takeover_;
   bool is_augmented_;
   std::vector<Action> burst_;
+  Action same_;
+  bool was_persons_{false};
   TimeIndex t_{-1};
+  TimeIndex last_{-1};  // of the newest action
   TimeIndex repeated_{0};
 };
 
@@ -199,11 +274,39 @@ std::size_t checked_size(const Environment& environment) {
                                 "room for ", Experience::kMaxObserved));
 }
 
+// Replaces what a task says by what somebody else says.
+void judge(Verdict verdict, bool is_over, Outcome& outcome) noexcept {
+  outcome.success = verdict == Verdict::kSuccess;
+  outcome.reward = outcome.success ? 1.0 : 0.0;
+  outcome.terminated = verdict != Verdict::kNone;
+  outcome.truncated = !outcome.terminated && is_over;
+}
+
+// Why the robot needs care after an episode.
+std::optional<NeedsCare> needed_care(const PolicyRunOptions& options,
+                                     const Environment& environment,
+                                     std::span<const double> thermal_margin,
+                                     const std::optional<ObjectPose>& object) {
+  constexpr double kBeyond = 0.02;
+  const double margin = std::ranges::min(thermal_margin);
+  if (margin < options.rest_below) {
+    return NeedsCare{NeedsCare::Kind::kWarmMotors, text_of("the motors are warm: thermal margin ",
+                                                           std::round(100 * margin) / 100)};
+  }
+  if (!options.ends_out_of_reach || !object) return std::nullopt;
+  const double distance = std::hypot(object->position[0], object->position[1]);
+  if (distance <= environment.object_reach() + kBeyond) return std::nullopt;
+  return NeedsCare{NeedsCare::Kind::kObjectOutOfReach,
+                   text_of("the ", environment.object_name(), " lies ", std::round(100 * distance),
+                           " cm from the middle, out of reach")};
+}
+
 }  // namespace
 
 template <class R>
-void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource& source,
-                const PolicyRunOptions& options) {
+std::optional<NeedsCare> run_policy(Frontend<R>& robot, const Environment& environment,
+                                    PolicySource& source, const PolicyRunOptions& options,
+                                    Takeover<R>* takeover) {
   using Action = typename R::Action;
   Actor actor(environment, source, R::kJoints, options.explores);
   const ObjectAt object_at = object_of(robot, environment.object_name());
@@ -221,27 +324,40 @@ void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource
   const std::span observation = std::span(told.observation).first(checked_size(environment));
   std::vector<double> achieved(environment.goal_size());
   std::vector<double> desired(environment.goal_size());
-  Process<R> process(robot, environment.options());
+  Process<R> process(robot, environment.options(), takeover);
   Teller teller(robot, options.experience);
   Episode episode;
   TimeIndex repeated = 0;
-  const auto look = [&](const typename R::Observation& y) {
-    std::optional<ObjectPose> object;
+  // Actions of an episode in which a verdict is one on the episode before.
+  const std::int64_t unjudged = std::min(
+      static_cast<std::int64_t>(std::chrono::milliseconds(300) / robot.session().info().period) /
+          environment.options().steps_per_action,
+      environment.episode_actions() / 2);
+  std::optional<ObjectPose> object;
+  // `flags` are more of Experience::Flag.
+  const auto look = [&](const typename R::Observation& y, std::uint32_t flags) {
     if (object_at) {
       object = object_at(process.time_index());
       if (!object) throw InvalidArgument("nobody has said where the object is");
     }
-    const Outcome outcome = environment.observe({.position = y.position,
-                                                 .velocity = y.velocity,
-                                                 .object = object ? &*object : nullptr,
-                                                 .torque = y.torque},
-                                                episode, observation, achieved, desired);
+    Outcome outcome = environment.observe({.position = y.position,
+                                           .velocity = y.velocity,
+                                           .object = object ? &*object : nullptr,
+                                           .torque = y.torque},
+                                          episode, observation, achieved, desired);
+    if (options.verdict != nullptr) {
+      // relaxed: no other data depends on it.
+      const Verdict verdict = options.verdict->exchange(Verdict::kNone, std::memory_order_relaxed);
+      judge(episode.actions > unjudged ? verdict : Verdict::kNone,
+            episode.actions >= environment.episode_actions(), outcome);
+      flags |= Experience::kJudged;
+    }
     const bool is_late = process.repeated_steps() > repeated;
     repeated = process.repeated_steps();
     told.step = process.time_index();
     told.actions = episode.actions;
     told.reward = outcome.reward;
-    told.flags = (outcome.terminated ? Experience::kTerminated : 0U) |
+    told.flags = flags | (outcome.terminated ? Experience::kTerminated : 0U) |
                  (outcome.truncated ? Experience::kTruncated : 0U) |
                  (outcome.success ? Experience::kSuccess : 0U) | (is_late ? Experience::kLate : 0U);
     std::ranges::copy(achieved, told.achieved.begin());
@@ -261,20 +377,41 @@ void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource
     }
     return y;
   };
+  // Lets the person act, and says which action of the environment that was like.
+  const auto follow = [&] {
+    const auto y = process.follow();
+    const Action& same = process.same();
+    const std::span numbers = std::span(told.action).first(R::kJoints);
+    environment.invert_action(same.torque, same.position, episode, numbers);
+    Action action;
+    static_cast<void>(environment.take_action(numbers, episode, action.torque, action.position));
+    environment.begin_at(same.position, episode);  // the policy will go on from there
+    told.policy = -1;
+    return y;
+  };
 
+  std::optional<NeedsCare> care;
   auto y = process.begin();
-  for (std::uint64_t i = 0; i < options.episodes && !must_stop(); ++i) {
+  for (std::uint64_t i = 0; i < options.episodes && !must_stop() && !care; ++i) {
     EpisodeReport report{.number = options.first_episode + i};
     const Start start = environment.begin(options.seed, report.number, episode);
     actor.begin(options.seed, report.number);
+    bool is_at_start = false;
     if (i % options.approach_every == 0) {
       const auto from = y.position;
-      for (std::int64_t k = 0; k < environment.approach_actions() && !must_stop(); ++k) {
+      const std::int64_t count = environment.approach_actions();
+      std::int64_t k = 0;
+      for (; k < count && !must_stop() && !process.is_taken_over(); ++k) {
         Action action;
         environment.approach_point(from, start, k, action.position);
         y = process.step(action);
       }
-    } else {
+      is_at_start = k == count;
+    }
+    if (process.is_taken_over()) {
+      y = process.follow();
+      environment.begin_at(process.same().position, episode);
+    } else if (!is_at_start) {
       const Action still = hold_position(y);
       y = process.step(still);
       environment.begin_at(still.position, episode);
@@ -287,11 +424,16 @@ void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource
     told.episode = report.number;
     told.policy = -1;
     told.action = {};
-    report.outcome = look(y);
+    report.outcome = look(y, 0);
     const auto has_ended = [&] { return report.outcome.terminated || report.outcome.truncated; };
     while (!has_ended() && !must_stop()) {
-      y = process.step(actor.template act<Action>(environment, observation, episode, told));
-      report.outcome = look(y);
+      const bool follows = process.is_taken_over();
+      y = follows
+              ? follow()
+              : process.step(actor.template act<Action>(environment, observation, episode, told));
+      const bool is_persons = follows && process.was_persons();
+      report.interventions += is_persons ? 1 : 0;
+      report.outcome = look(y, is_persons ? Experience::kIntervention : 0U);
       report.total_reward += report.outcome.reward;
     }
     if (!has_ended()) break;
@@ -300,14 +442,18 @@ void run_policy(Frontend<R>& robot, const Environment& environment, PolicySource
     report.actions = episode.actions;
     report.repeated_steps = repeated - repeated_before;
     if (options.on_episode) options.on_episode(report);
+    care = needed_care(options, environment,
+                       robot.get_applied_action(process.time_index()).thermal_margin, object);
   }
   hold(y);
   robot.finish();
+  return care;
 }
 
-template void run_policy(Frontend<TriFinger>&, const Environment&, PolicySource&,
-                         const PolicyRunOptions&);
-template void run_policy(Frontend<Finger>&, const Environment&, PolicySource&,
-                         const PolicyRunOptions&);
+template std::optional<NeedsCare> run_policy(Frontend<TriFinger>&, const Environment&,
+                                             PolicySource&, const PolicyRunOptions&,
+                                             Takeover<TriFinger>*);
+template std::optional<NeedsCare> run_policy(Frontend<Finger>&, const Environment&, PolicySource&,
+                                             const PolicyRunOptions&, Takeover<Finger>*);
 
 }  // namespace trifinger::learning

@@ -64,6 +64,41 @@ class EveryTask : public ::testing::TestWithParam<std::string> {
   }
 };
 
+TEST_P(EveryTask, FindsTheNumbersOfAnAction) {
+  for (const ActionKind kind :
+       {ActionKind::kPosition, ActionKind::kPositionChange, ActionKind::kTorque}) {
+    EnvironmentOptions options = default_options(GetParam());
+    options.action = kind;
+    const Environment environment = make(options);
+    Random random{.seed = 5};
+    Episode episode;
+    (void)environment.begin(1, 2, episode);
+    const std::size_t joints = environment.num_joints();
+    for (int count = 0; count < 100; ++count) {
+      std::vector<float> numbers(joints);
+      for (float& number : numbers) number = static_cast<float>(random.uniform(-1.2, 1.2));
+      Episode next = episode;
+      std::vector<double> torque(joints);
+      std::vector<double> position(joints);
+      ASSERT_TRUE(environment.take_action(numbers, next, torque, position));
+      std::vector<float> found(joints);
+      environment.invert_action(torque, position, episode, found);
+      std::vector<double> torque_again(joints);
+      std::vector<double> position_again(joints);
+      ASSERT_TRUE(environment.take_action(found, episode, torque_again, position_again));
+      for (std::size_t i = 0; i < joints; ++i) {
+        EXPECT_NEAR(torque_again[i], torque[i], 1e-6);
+        if (kind != ActionKind::kTorque) {
+          EXPECT_NEAR(position_again[i], position[i], 1e-6);
+        }
+        if (kind != ActionKind::kPositionChange) {
+          EXPECT_NEAR(found[i], std::clamp(numbers[i], -1.0F, 1.0F), 1e-5);
+        }
+      }
+    }
+  }
+}
+
 TEST_P(EveryTask, BeginsAnEpisodeAsItsSeedAndNumberSay) {
   const Environment environment = make(varied(GetParam()));
   for (std::uint64_t episode = 0; episode < 20; ++episode) {

@@ -2,15 +2,18 @@
 """`trifinger run-policy`: a policy acts on a robot exactly as in its environment."""
 
 import json
+import re
 import signal
 import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 import trifinger
-from conftest import BUILD, PATIENT, StartProgram
+from conftest import BUILD, PATIENT, StartChild, StartProgram
 from lerobot_reader import Reader
 from trifinger import policy_file
 from trifinger.environments import Environment, Options, policy_metadata
@@ -344,3 +347,180 @@ def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None
         assert done.returncode != 0
         assert text in done.stderr
     assert "nobody" in run(tmp_path / "w.policy", robot="nobody").stderr
+
+
+PERSON = """
+import sys, trifinger
+with trifinger.connect(sys.argv[1]) as robot:
+    hold = robot.new_action(position=robot.latest_observation().position)
+    robot.append_desired_action(hold)
+    print("ready", flush=True)
+    while True:
+        robot.append_desired_action(hold)
+"""
+
+
+@pytest.fixture
+def start_actor(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Lets the policy in `tmp_path` act until it is told to stop, or until the test ends."""
+    actors: list[subprocess.Popen[str]] = []
+
+    def start(*words: str) -> subprocess.Popen[str]:
+        command = [PROGRAM, tmp_path / "p.policy", "--robot", "p", "--json", *words]
+        with (tmp_path / "errors").open("w") as errors:
+            pipe = subprocess.PIPE
+            actors.append(
+                subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, text=True)
+            )
+        return actors[-1]
+
+    yield start
+    for actor in actors:
+        if actor.poll() is None:
+            actor.kill()
+            actor.communicate()
+
+
+def next_report(actor: subprocess.Popen[str]) -> dict[str, Any]:
+    assert actor.stdout is not None
+    return dict(json.loads(actor.stdout.readline()))
+
+
+@pytest.mark.parametrize("mapping", ["approximation", "state_augmentation"])
+def test_a_person_takes_over_and_lets_go(
+    start_program: StartProgram,
+    start_python: StartChild,
+    start_actor: Callable[..., subprocess.Popen[str]],
+    tmp_path: Path,
+    mapping: Literal["approximation", "state_augmentation"],
+) -> None:
+    options = Options.of("reach", duration=0.4, mapping=mapping)
+    write_policy(tmp_path / "p.policy", "reach", options)
+    robot = start_program(
+        "run", "trifinger_edu", "--name", "p", *PATIENT, "--record", tmp_path / "logs"
+    )
+    robot.wait_for("waits for a user")
+    actor = start_actor("--takeover", "--episodes", "1000000", "--approach-every", "1000000")
+    next_report(actor)
+    # A finger with gains of its own, one with torque and position, and one with torque alone.
+    with trifinger.connect("p-takeover") as person:
+        position = person.latest_observation().position.copy()
+        actions = np.repeat(np.array([person.new_action(position=position)]), 1500)
+        actions["position"] += 0.1 * np.sin(np.arange(1500) / 100)[:, None]
+        actions["position_kp"][:, :3], actions["position_kd"][:, :3] = 5.0, 0.05
+        actions["torque"][:, 3:6] = 0.05
+        actions["torque"][:, 6:], actions["position"][:, 6:] = 0.02, np.nan
+        person.append_desired_actions(actions)
+        person.finish()
+    while next_report(actor)["interventions"] > 0:
+        pass
+    # One who is killed lets go, too.
+    child = start_python(PERSON, "p-takeover")
+    while next_report(actor)["interventions"] < 20:
+        pass
+    child.kill()
+    while next_report(actor)["interventions"] > 0:
+        pass
+    actor.send_signal(signal.SIGINT)
+    actor.communicate()
+    assert actor.returncode == 130, (tmp_path / "errors").read_text()
+    robot.end()
+
+    session = session_in(tmp_path / "logs")
+    told = session.companion("experience").observations
+    told = told[told["actions"] > 0]
+    is_persons = told["flags"] & 16 > 0
+    assert (np.diff(is_persons.astype(int)) != 0).sum() == 4  # two persons take over and let go
+    assert (told["policy"] == np.where(is_persons, -1, 0)).all()
+    asked, seen = session.desired_actions, session.observations
+    kp, kd = (session.applied_actions[f"position_{gain}"][told["step"][0]] for gain in ("kp", "kd"))
+
+    # What numbers mean positions: as the policy's actions say.
+    its = told[~is_persons]
+    numbers, target = its["action"][:, :9].astype(float), asked["position"][its["step"]]
+    middle, half = np.zeros(9), np.zeros(9)
+    for i in range(9):
+        half[i], middle[i] = np.polyfit(numbers[:, i], target[:, i], 1)
+    checked = 0
+    for before, element, after in zip(told, told[1:], told[2:], strict=False):
+        flags = before["flags"] | element["flags"] | after["flags"]
+        if element["flags"] & 16 == 0 or flags & 8:
+            continue
+        first = element["step"] - (19 if mapping == "approximation" else 0)
+        equal = []
+        for t in range(first, first + 20):
+            known = first - 1 if mapping == "approximation" else 0
+            y = seen[max(known, t - 2)]  # what was known when this action was chosen
+            one = asked[t]
+            own = [
+                np.where(np.isnan(one[f"position_{n}"]), g, one[f"position_{n}"])
+                for n, g in (("kp", kp), ("kd", kd))
+            ]
+            pd = own[0] * (one["position"] - y["position"]) - own[1] * y["velocity"]
+            torque = one["torque"] + np.where(np.isnan(one["position"]), 0.0, pd)
+            equal.append(y["position"] + (torque + kd * y["velocity"]) / kp)
+        expected = np.clip((np.mean(equal, axis=0) - middle) / half, -1.0, 1.0)
+        np.testing.assert_allclose(element["action"][:9], expected, atol=1e-4)
+        checked += 1
+    assert checked > 0
+
+
+def test_standard_input_judges(
+    start_program: StartProgram,
+    start_actor: Callable[..., subprocess.Popen[str]],
+    tmp_path: Path,
+) -> None:
+    write_policy(tmp_path / "p.policy", "reach", Options.of("reach", duration=2.0))
+    robot = start_program(
+        "run", "trifinger_edu", "--name", "p", *PATIENT, "--record", tmp_path / "logs"
+    )
+    robot.wait_for("waits for a user")
+    actor = start_actor("--judge", "--episodes", "1000000", "--approach-every", "1000000")
+    assert actor.stdin is not None
+    next_report(actor)
+    watcher = trifinger.observe("p")
+    for verdict in ("success", "failure"):
+        # A verdict between two episodes is of none, so it is said in the midst of one.
+        while True:
+            watcher.wait_until_time_index(watcher.current_time_index() + 500)
+            actor.stdin.write(f"{verdict}\n")
+            actor.stdin.flush()
+            report = next_report(actor)
+            if report["is_terminated"]:
+                break
+        assert report["is_success"] == (verdict == "success")
+        assert report["total_reward"] == (1.0 if verdict == "success" else 0.0)
+    actor.stdin.write("nonsense\n")
+    actor.stdin.close()
+    for _ in range(2):  # Nobody judges any more.
+        report = next_report(actor)
+    assert (report["is_terminated"], report["actions"], report["total_reward"]) == (False, 100, 0.0)
+    actor.stdin = None
+    actor.send_signal(signal.SIGINT)
+    actor.communicate()
+    assert 'not "nonsense"' in (tmp_path / "errors").read_text()
+    robot.end()
+    told = session_in(tmp_path / "logs").companion("experience").observations
+    assert (told["flags"] & 32 > 0).all()
+    assert set(told["reward"]) == {0.0, 1.0}
+    ends = told["flags"] & 1 > 0
+    assert (told["flags"][ends] & 4 > 0).tolist() == (told["reward"][ends] == 1.0).tolist()
+
+
+def test_ends_if_the_robot_needs_care(start_program: StartProgram, tmp_path: Path) -> None:
+    write_policy(tmp_path / "p.policy", "push", Options.of("push", duration=0.2))
+    for place, episodes, exit_code in ((0.25, 1, 6), (0.0, 2, 0)):
+        cube = f'[{{"name": "cube", "type": "cube", "position": [{place}, 0, 0.0325]}}]'
+        words = ("run", "sim", "--name", "p", "--non-real-time", "--set", f"objects={cube}")
+        robot = start_program(*words)
+        robot.wait_for("waits for a user")
+        done = run(tmp_path / "p.policy", "--episodes", 2, "--end-out-of-reach", "--json")
+        assert done.returncode == exit_code, done.stderr
+        assert len(done.stdout.splitlines()) == episodes
+        said = re.search(r"the cube lies (\d+) cm from the middle, out of reach", done.stderr)
+        assert (int(said[1]) > 15) if said else exit_code == 0
+        robot.end()
+    start_program("run", "sim", "--name", "p", "--non-real-time").wait_for("waits for a user")
+    done = run(tmp_path / "p.policy", "--episodes", 2, "--rest-below", 1.0)
+    assert done.returncode == 5, done.stderr
+    assert "the motors are warm: thermal margin 0.9" in done.stderr

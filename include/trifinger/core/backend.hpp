@@ -114,7 +114,7 @@ class Backend {
   void begin_session();
   /// Inline: does the next piece of work without waiting for actions. Non-real-time mode only.
   [[nodiscard]] Progress advance() noexcept;
-  /// Inline: clears the fault, so that the next session can begin.
+  /// Inline or in the function after a session: clears the fault, so the next one can begin.
   void recover() noexcept;
 
   [[nodiscard]] const SessionHost& host() const noexcept;

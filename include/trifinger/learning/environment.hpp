@@ -160,6 +160,8 @@ class Environment {
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
   /// Name of the object that the task is about; empty if there is none.
   [[nodiscard]] std::string_view object_name() const noexcept;
+  /// Largest distance of that object from the middle at the start of an episode [m].
+  [[nodiscard]] double object_reach() const noexcept;
   /// True if a simulation shall judge the outcome by where the object really is, because its pose
   /// is not observed, or tracked.
   [[nodiscard]] bool judges_by_truth() const noexcept;
@@ -198,6 +200,11 @@ class Environment {
   [[nodiscard]] bool take_action(std::span<const float> numbers, Episode& episode,
                                  std::span<double> torque,
                                  std::span<double> position) const noexcept TRIFINGER_REALTIME;
+  /// Writes the numbers with which `take_action` would make this action now, cut off at -1 and 1:
+  /// from `torque` or `position`, whichever actions consist of.
+  void invert_action(std::span<const double> torque, std::span<const double> position,
+                     const Episode& episode,
+                     std::span<float> numbers) const noexcept TRIFINGER_REALTIME;
 
   /// Computes the observation after the actions that `episode` counts. The outcome is judged by the
   /// goal that was shown before, which is written to `desired`. If a new goal begins now, it is in

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <span>
@@ -60,6 +61,10 @@ class AnyTask {
 
   /// Name of the object that the task is about, in the robot's configuration; empty for none.
   [[nodiscard]] virtual std::string_view object_name() const noexcept { return ""; }
+  /// Largest distance of that object from the middle at the start of an episode [m].
+  [[nodiscard]] virtual double object_reach() const noexcept {
+    return std::numeric_limits<double>::infinity();
+  }
   /// True if each finger, or frame of a robot from a file, has a goal of its own, of three numbers.
   [[nodiscard]] virtual bool has_goals_of_fingers() const noexcept { return false; }
   /// Unit and bounds of goals: up to `kMaxGoal` numbers.

@@ -19,7 +19,8 @@ from trifinger.errors import (
 )
 
 COMPANION = "experience"
-TERMINATED, TRUNCATED, SUCCESS, LATE = 1, 2, 4, 8  # flags
+TERMINATED, TRUNCATED, SUCCESS, LATE, INTERVENTION, JUDGED = 1, 2, 4, 8, 16, 32  # flags
+PART = 10_000  # elements that a learner gets at once
 FACTS = ("session", "step", "seed", "episode", "actions", "policy", "reward", "flags")
 ARRAYS = {  # and the field that says how many of their numbers count
     "observation": "num_observed",
@@ -102,12 +103,16 @@ class LiveExperience:
 
 
 def of_logs(
-    path: Path, process: int, say: Callable[[str], None] = lambda _: None
+    path: Path,
+    process: int,
+    say: Callable[[str], None] = lambda _: None,
+    check: Callable[[str | None], None] = lambda _: None,
 ) -> Iterator[Array]:
     """The experience of one decision process in a log, or in all logs of a folder, by session.
 
     Of a folder, logs that cannot be read, such as one that was killed at its begin, are left out;
-    `say` gets the reason.
+    `say` gets the reason. `check` gets the configuration of the robot of each session, and may
+    raise an error.
     """
     files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
     for file in files:
@@ -124,6 +129,7 @@ def of_logs(
                 if companion.name.rpartition(".")[2] == COMPANION and first < end:
                     elements = compact(np.asarray(companion.observations), process)
                     if len(elements):
+                        check(session.documents.get("configuration.yml"))
                         yield elements
 
 
@@ -184,37 +190,78 @@ def _follows(last: Array, element: Array) -> bool:
 class Book:
     """The newest experience, about `size` elements, each once whatever log or session it is of.
 
+    What there is when keep() is called stays, and so do interventions: they are demonstrations.
     One thread adds; any may read.
     """
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._elements: list[Array] = []
-        self._first = 0  # number of the oldest that is kept
+        self._data: Array = np.zeros(0)
+        self._count = 0  # of elements in _data
+        self._kept = 0  # of them, the first ones stay
+        self._removed = 0  # after those
         self._newest: dict[int, int] = {}  # step of the newest element of each session
         self._changed = threading.Condition()
+
+    def keep(self) -> int:
+        """Lets all elements that are there stay; returns their number."""
+        self._kept = self._count
+        return self._kept
 
     def add(self, elements: Array) -> Array:
         """Adds those of these elements, in the order of their steps, that are not known.
 
         Returns them.
         """
-        new = [one for one in elements if one["step"] > self._newest.get(int(one["session"]), -1)]
-        for element in new:
-            self._newest[int(element["session"])] = int(element["step"])
+        new = [
+            part[part["step"] > self._newest.get(int(session), -1)]
+            for session in (np.unique(elements["session"]) if len(elements) else ())
+            for part in [elements[elements["session"] == session]]
+        ]
+        new = [part for part in new if len(part)]
+        if not new:
+            return np.zeros(0)
+        for part in new:
+            self._newest[int(part[0]["session"])] = int(part["step"].max())
+        added = np.concatenate(new)
         with self._changed:
-            self._elements += new
-            surplus = len(self._elements) - self._size
-            if surplus > self._size // 4:  # seldom, because all are moved
-                del self._elements[:surplus]
-                self._first += surplus
+            if not len(self._data):
+                self._data = np.zeros(max(len(added), 1024), added.dtype)
+            self._make_room(len(added))
+            self._data[self._count : self._count + len(added)] = added
+            self._count += len(added)
             self._changed.notify_all()
-        return np.stack(new) if new else np.zeros(0)
+        return added
 
-    def since(self, number: int, timeout: float = 0.0) -> tuple[Array, int]:
-        """The elements from a number on, and the number after them; waits for one if needed."""
+    # Removes the oldest elements if there are too many, and gets memory.
+    def _make_room(self, count: int) -> None:
+        surplus = self._count + count - self._kept - self._size
+        if surplus > self._size // 4:
+            surplus = min(surplus, self._count - self._kept)
+            old = self._data[self._kept : self._kept + surplus]
+            by_person = old["flags"] & INTERVENTION != 0
+            # What a person did begins at the element before it.
+            stays = by_person | np.append(by_person[1:], False)
+            kept = np.concatenate([self._data[: self._kept], old[stays]])
+            rest = self._data[self._kept + surplus : self._count]
+            self._removed += int(np.count_nonzero(~stays))
+            self._kept = len(kept)
+            self._count = len(kept) + len(rest)
+            self._data = np.concatenate([kept, rest])
+        if self._count + count > len(self._data):
+            room = np.zeros(len(self._data) + max(count, len(self._data) // 4), self._data.dtype)
+            room[: self._count] = self._data[: self._count]
+            self._data = room
+
+    def since(
+        self, number: int, timeout: float = 0.0, most: int | None = None
+    ) -> tuple[Array, int]:
+        """The elements from a number on, at most so many, and the number after them.
+
+        Waits for one if needed. Numbers count also what was removed.
+        """
         with self._changed:
-            self._changed.wait_for(lambda: self._first + len(self._elements) > number, timeout)
-            elements = self._elements[max(number - self._first, 0) :]
-            number = self._first + len(self._elements)
-        return (np.stack(elements) if elements else np.zeros(0)), number
+            self._changed.wait_for(lambda: self._count + self._removed > number, timeout)
+            first = number if number < self._kept else max(number - self._removed, self._kept)
+            end = self._count if most is None else min(self._count, first + most)
+            return self._data[first:end].copy(), end + (self._removed if end >= self._kept else 0)

@@ -57,6 +57,7 @@ class MoveCube : public Task {
   explicit MoveCube(Goal goal) : goal_(goal) {}
 
   [[nodiscard]] std::string_view object_name() const noexcept override { return "cube"; }
+  [[nodiscard]] double object_reach() const noexcept override { return kMaxDistance; }
 
   [[nodiscard]] Entry goal() const override {
     Entry entry{.name = "goal", .unit = "m", .low = {-0.3, -0.3, 0.0}, .high = {0.3, 0.3, 0.3}};

@@ -20,6 +20,8 @@ EnvironmentOptions throw_defaults() {
 
 // ---- the task ----
 
+constexpr double kSpread = 0.01;  // How far from the middle the ball begins [m].
+
 // What happened to the object so far.
 struct Flight {
   bool has_flown;
@@ -32,6 +34,7 @@ class Throw final : public Task {
   explicit Throw(double radius) : radius_(radius) {}
 
   [[nodiscard]] std::string_view object_name() const noexcept override { return "ball"; }
+  [[nodiscard]] double object_reach() const noexcept override { return kSpread; }
 
   [[nodiscard]] Entry goal() const override {
     return {.name = "goal", .unit = "m", .low = {-1.0, -1.0}, .high = {1.0, 1.0}};
@@ -39,7 +42,6 @@ class Throw final : public Task {
 
   void draw_start(const Workspace& /*workspace*/, Random& random,
                   Start& start) const noexcept override {
-    constexpr double kSpread = 0.01;
     draw_in_disc(random, kSpread, start.object.position.data());
     start.object.position[2] = radius_;
   }
