@@ -4,6 +4,7 @@
 import argparse
 import json
 import os
+import signal
 import statistics
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -283,10 +285,107 @@ def endurance_in_real_time(minutes: float) -> bool:
         return status == 0 and counts["recoveries"] > 0
 
 
+# What goes wrong in a night, and mends itself when power and buses are back.
+FAULTS = (
+    "board 2 silent for 1 s",
+    "bus 0 off for 1 s",
+    "board 4 restarts",
+    "emergency stop for 2 s",
+    "joint 3 jumps by 0.3 rad for 0.1 s",
+    "power off for 2 s",
+    "board 1 error receive_timeout",
+)
+
+
+def learning(minutes: float) -> bool:
+    """Lets an emulated robot learn, with twelve faults on the way; nobody comes."""
+    robot, window = "trifinger_edu_emulated", minutes / 12 * 60
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        name = f"learning-{os.getpid()}"
+
+        def start(*words: str) -> subprocess.Popen[str]:
+            process = subprocess.Popen(words, stdin=subprocess.PIPE, text=True)
+            stack.callback(process.wait)
+            stack.callback(process.terminate)
+            return process
+
+        boards = start("trifinger", "emulate", robot, "--name", name)
+        start("trifinger", "run", robot, "--name", name)
+        while name not in [session.name for session in trifinger.list_sessions()]:
+            time.sleep(0.1)
+        # The memory of the learner is full after the first window.
+        size = ("--set", f"buffer_size={max(2000, round(40 * window))}")
+        words = ("reach", "--shared", "--robot", name, "--episodes", "10000000", *size)
+        learn = start("trifinger", "learn", *words, "-o", str(folder / "f"))
+        usages: dict[str, Usage] = {}
+        for number in range(12):
+            end = time.monotonic() + window
+            while learn.poll() is None and time.monotonic() < end:
+                time.sleep(min(5.0, max(0.0, end - time.monotonic())))
+            if learn.poll() is not None:
+                break
+            for process in [learn.pid, *children_of(learn.pid)]:
+                who = "training" if process == learn.pid else kind_of(process)
+                if not who:
+                    continue
+                for what, unit, bound, read in (
+                    ("memory", "MiB", 20.0, resident),
+                    ("files", "", 2.0, descriptors),
+                ):
+                    usage = usages.setdefault(
+                        f"{who}: {what}", Usage(who, unit, partial(read, process), bound)
+                    )
+                    usage.windows.append(read(process))
+            print(f"[{number + 1}/12] {FAULTS[number % len(FAULTS)]}", file=sys.stderr)
+            if boards.stdin is not None:
+                boards.stdin.write(FAULTS[number % len(FAULTS)] + "\n")
+                boards.stdin.flush()
+        # It still learns after the last fault.
+        tally = folder / "f/tally.json"
+        before = json.loads(tally.read_text())["tally"]["episodes"]
+        end = time.monotonic() + 600.0
+        learns = False
+        while not learns and learn.poll() is None and time.monotonic() < end:
+            time.sleep(1.0)
+            learns = json.loads(tally.read_text())["tally"]["episodes"] > before
+        holds = learns
+        learn.send_signal(signal.SIGINT)
+        learn.wait()
+        print((folder / "f/report.md").read_text())
+        for what, usage in usages.items():
+            second = usage.windows[min(1, len(usage.windows) - 1)]
+            growth = usage.windows[-1] - second
+            is_flat = growth <= usage.bound
+            holds = holds and is_flat
+            print(
+                f"{what}: second {second:.4g}, last {usage.windows[-1]:.4g} {usage.unit}; grew by "
+                f"{growth:.3g}, allowed {usage.bound:g}: {'flat' if is_flat else 'IT GROWS'}"
+            )
+        return holds
+
+
+def children_of(pid: int) -> list[int]:
+    """Returns the processes that a process has started."""
+    files = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(child) for file in files for child in file.read_text().split()]
+
+
+def kind_of(pid: int) -> str:
+    """Returns what a process of a training does; empty if it does not count."""
+    words: list[str] = []
+    with suppress(OSError):  # it has just ended
+        words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    kinds = {"record": "recorder", "run-policy": "actor", "--join": "learner"}
+    return next((kind for word, kind in kinds.items() if word in words), "")
+
+
 def main() -> int:
     """Runs one part and returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=["kills", "memory", "endurance", "endurance-real-time"])
+    parser.add_argument(
+        "part", choices=["kills", "memory", "endurance", "endurance-real-time", "learning"]
+    )
     parser.add_argument(
         "--minutes", type=float, default=30.0, help="of memory and endurance-real-time; default: 30"
     )
@@ -296,6 +395,7 @@ def main() -> int:
         "kills": kills,
         "memory": lambda: memory(arguments.minutes),
         "endurance": lambda: endurance(arguments.steps, os.cpu_count() or 1),
+        "learning": lambda: learning(arguments.minutes),
         "endurance-real-time": lambda: endurance_in_real_time(arguments.minutes),
     }
     return 0 if parts[arguments.part]() else 1

@@ -17,8 +17,6 @@ rest.
 """
 
 import dataclasses
-import importlib
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
@@ -26,6 +24,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from trifinger import own_class
 from trifinger._trifinger import Random as Random
 from trifinger.arrays import Array
 from trifinger.environment_options import OptionFields
@@ -170,28 +169,9 @@ def load(name: str) -> type[Task]:
 
     The module is found like any other, or in the current folder. Raises InvalidArgument.
     """
-    module_name, _, class_name = name.partition(":")
-    missing = (
-        f"there is no module '{module_name}' for the task '{name}': it must be in the current "
-        "folder, installed, or on PYTHONPATH"
-    )
-    if not all(part.isidentifier() for part in module_name.split(".")):
-        raise InvalidArgument(missing)
-    here = str(Path.cwd())
-    added = here not in sys.path and "" not in sys.path
-    if added:
-        sys.path.append(here)
-    try:
-        found = getattr(importlib.import_module(module_name), class_name, None)
-    except ModuleNotFoundError as error:
-        # What the module itself imports may be missing, too.
-        if not f"{module_name}.".startswith(f"{error.name}."):
-            raise
-        raise InvalidArgument(missing) from error
-    finally:
-        if added:
-            sys.path.remove(here)
+    found = own_class.load("task", name)
     if not (isinstance(found, type) and issubclass(found, Task)):
+        module_name, _, class_name = name.partition(":")
         raise InvalidArgument(
             f"the module '{module_name}' has no class '{class_name}' that is derived from "
             "trifinger.tasks.Task"
@@ -205,9 +185,4 @@ def task_of_file(named: str, said: str | None, file: Path) -> str:
     The file need not be trusted, so a module that only the file names is not imported. Raises
     InvalidArgument.
     """
-    if said is None and ":" in named:
-        raise InvalidArgument(
-            f"{file} is for the task '{named}', which runs what is in the module "
-            f"'{named.partition(':')[0]}': if you would run that, say --task {named}"
-        )
-    return said or named
+    return own_class.name_of_file("task", named, said, file)

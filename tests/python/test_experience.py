@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trifinger
 from trifinger.training.experience import (
+    INTERVENTION,
     LATE,
     TERMINATED,
     TRUNCATED,
@@ -126,6 +127,27 @@ def test_a_book_keeps_the_newest_and_wakes_who_waits() -> None:
     book.add(elements_of(9, episode=40))
     waiter.join()
     assert later[0]["episode"][0] == 40
+
+
+def test_a_book_spares_demonstrations() -> None:
+    book = Book(40)
+    book.add(elements_of(9, episode=0))
+    assert book.keep() == 10
+    helped = elements_of(9, episode=1)
+    helped["flags"][4] |= INTERVENTION
+    for stream in (helped, *(elements_of(9, episode=i) for i in range(2, 40))):
+        book.add(stream)
+    elements, number = book.since(0)
+    assert elements["episode"][:12].tolist() == 10 * [0] + 2 * [1]
+    assert elements["actions"][10:12].tolist() == [3, 4]  # what a person did, and from where
+    assert 52 <= len(elements) <= 62
+    assert number == 400
+    # In parts it is the same.
+    parts, at = [], 0
+    while len(part := book.since(at, most=7)[0]):
+        at = book.since(at, most=7)[1]
+        parts.append(part)
+    assert (np.concatenate(parts) == elements).all()
 
 
 def test_experience_of_another_decision_process_is_left_out() -> None:

@@ -268,3 +268,78 @@ def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None
     (tmp_path / "g/plan.json").write_text(simulated.to_json())
     assert "has a training; --resume" in refused("reach", "--robot", "r", "-o", tmp_path / "g")
     assert "a training in simulation" in refused("--resume", tmp_path / "g", "--robot", "r")
+
+
+def test_lets_warm_motors_rest(
+    start_program: StartProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(on_robot, "REST_BELOW", 0.9999)
+    monkeypatch.setattr(on_robot, "REST", 1.0)
+    monkeypatch.setattr(on_robot, "LOOK", 0.1)
+    start_robot(start_program)
+    said: list[str] = []
+    training = RobotTraining(plan_of(tmp_path, "r", 3), tmp_path / "f", "r", said.append, judged=0)
+    tally = training.run()
+    assert tally.episodes == 3
+    assert tally.rests >= 2
+    assert tally.time_lost >= 2 * 1.0  # it does rest
+    assert tally.restarts == {}
+    assert "the motors are warm: thermal margin" in "".join(said)
+
+
+def test_takes_care_of_the_robot_after_a_fault(start_program: StartProgram, tmp_path: Path) -> None:
+    late = ("--set", "backend.late_action.max_repeats=1000")
+    robot = start_program("run", "trifinger_edu", "--name", "r", *PATIENT, *late)
+    robot.wait_for("waits for a user")
+    care = ["sh", "-c", f"echo cared >> {tmp_path / 'care.txt'}"]
+    training = RobotTraining(
+        plan_of(tmp_path, "r", 6), tmp_path / "f", "r", judged=0, care=care, options=["--takeover"]
+    )
+    stopped = threading.Event()
+
+    def stop() -> None:
+        """Stops the actor for longer than the robot waits for an action."""
+        while training.tally.episodes < 1:
+            if stopped.wait(0.05):
+                return
+        actor = training._processes["actor"]
+        actor.send_signal(signal.SIGSTOP)
+        while not any(one.fault for one in trifinger.list_sessions() if one.name == "r"):
+            if stopped.wait(0.05):
+                break
+        actor.send_signal(signal.SIGCONT)
+
+    stopper = threading.Thread(target=stop)
+    stopper.start()
+    try:
+        tally = training.run()
+    finally:
+        stopped.set()
+        stopper.join()
+    assert 4 <= tally.episodes < 6  # the fault has cut one off
+    assert set(tally.faults) == {"the action was not there in time"}
+    assert tally.cares == tally.recoveries == sum(tally.faults.values()) > 0
+    assert (tmp_path / "care.txt").read_text() == tally.cares * "cared\n"
+    assert tally.time_lost > 0
+
+
+def test_ends_if_nobody_brings_the_object_back(
+    start_program: StartProgram, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = ("--set", "objects.0.position=[0.0, 0.17, 0.0325]")
+    robot = start_program("run", "sim", "--name", "r", *PATIENT, *place)
+    robot.wait_for("waits for a user")
+    configuration = tmp_path / "robot.yml"
+    configuration.write_text(trifinger.observe("r").documents()["configuration.yml"])
+    plan = Plan.of(
+        "push",
+        "ddpg",
+        episodes=100,
+        robot_config=str(configuration),
+        settings={"duration": 0.4, "random_actions": 10},
+    )
+    with pytest.raises(trifinger.Error, match=r"17 cm from the middle, out of reach; --care names"):
+        RobotTraining(plan, tmp_path / "f", "r").run()
+    monkeypatch.setattr(on_robot, "MOST_CARES", 2)
+    with pytest.raises(trifinger.Error, match="needs care again and again"):
+        RobotTraining(plan, tmp_path / "f", "r", care=["true"]).run()

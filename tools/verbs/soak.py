@@ -152,11 +152,12 @@ def endurance_in_real_time() -> bool:
 
 
 def learn() -> bool:
-    """Kills actor, learner and recorder 500 times while a robot learns by itself."""
+    """A robot learns by itself: 500 kills of its processes, then two hours with faults."""
     build("release")
     command = [PYTHON, "-m", "pytest", "-q", "tests/python/test_learn.py", "-k", "killed"]
     variables = {**uses("release"), "TRIFINGER_SOAK": "1"}
-    return print_figures(STEPS.check("learn", [*command, "-m", "slow"], **variables))
+    killed = print_figures(STEPS.check("learn", [*command, "-m", "slow"], **variables))
+    return python_soak("learning", "--minutes", "120") and killed
 
 
 def lerobot_itself() -> bool:

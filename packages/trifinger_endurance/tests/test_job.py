@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger job`: whatever a program does, its job ends and the robot is whole."""
 
+import json
 import os
 import shutil
 import signal
@@ -80,6 +81,23 @@ def test_a_program_drives_the_robot_and_leaves_a_report(shared: Place) -> None:
             assert joint["load"] == pytest.approx(joint["weight"], abs=0.01)
     assert (shared.job / "output.txt").read_text() == "done\n"
     assert list((shared.job / "log").glob("*.mcap"))
+
+
+LEARN = """
+from trifinger.commands.learn import main
+settings = ["--set", "duration=0.4", "--set", "random_actions=10"]
+raise SystemExit(main(["reach", "--shared", "--robot", "shared", "--episodes", "4", *settings]))
+"""
+
+
+@pytest.mark.slow
+def test_a_robot_learns_in_a_job(shared: Place) -> None:
+    shared.run("--time", "10min", *python(LEARN), expect=0)
+    folder = shared.job / "work/reach"
+    tally = json.loads((folder / "tally.json").read_text())["tally"]
+    assert tally["episodes"] == 4
+    assert tally["updates"] > 0
+    assert (folder / "reach.policy").exists()
 
 
 def test_a_program_gets_its_folder_and_little_else(

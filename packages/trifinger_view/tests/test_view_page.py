@@ -2,10 +2,12 @@
 """The page of a running robot and of a log, in a real browser."""
 
 import contextlib
+import json
 import os
 import re
 import signal
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -16,6 +18,7 @@ import trifinger
 from chromium import open_browser
 from conftest import PATIENT, StartChild, StartProgram
 from playwright.sync_api import Browser, Page, expect
+from trifinger.training.report import Tally
 from trifinger_view import page as viewed
 from trifinger_view.authentication import Authentication
 from trifinger_view.commands import view
@@ -98,6 +101,20 @@ def test_the_page_shows_a_robot_that_moves_and_its_state_in_words(
         expect(page.get_by_text("torque [Nm]")).to_be_visible(timeout=NEVER)
     says(page, "before", "the controller finished at step 600")
     assert viewing.end() == (130, "")
+
+
+def test_the_page_says_how_a_training_goes(
+    page: Page, start_view: StartView, start_fake: StartChild, tmp_path: Path
+) -> None:
+    start_fake("bot")
+    tally = Tally(episodes=3, actions=60, faults={"late": 2}, recoveries=2, time_lost=4.4)
+    page.goto(start_view("bot", "--training", str(tmp_path)).url)
+    says(page, "learning", "has no training on a robot")
+    (tmp_path / "plan.json").write_text(json.dumps({"episodes": 700}))
+    (tmp_path / "tally.json").write_text(json.dumps({"tally": asdict(tally)}))
+    says(page, "learning", "episode 3 of 700, 60 actions")
+    says(page, "faults", "2 x late")
+    says(page, "by-itself", "2 recoveries, 0 cares, 0 rests; 4 s lost")
 
 
 def test_the_page_waits_for_a_robot_and_follows_its_sessions_and_faults(

@@ -7,6 +7,7 @@ import contextlib
 import os
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from trifinger.session_info import SessionInfo
 from trifinger_view.curves import Window, series_of
 from trifinger_view.frame import Frame, frame_of
 from trifinger_view.scene import Scene, scene_of
-from trifinger_view.words import Line, lines_of, missing
+from trifinger_view.words import Line, lines_of, lines_of_training, missing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,8 +37,16 @@ class LiveRun:
     that one. The attributes are those of the last look.
     """
 
-    def __init__(self, name: str = "", clock: Callable[[], float] = time.monotonic) -> None:
-        """Looks at the robot `name`, or at the first that runs; it need not run yet."""
+    def __init__(
+        self,
+        name: str = "",
+        clock: Callable[[], float] = time.monotonic,
+        training: Path | None = None,
+    ) -> None:
+        """Looks at the robot `name`, or at the first that runs; it need not run yet.
+
+        `training` is the folder of a training on it.
+        """
         self.wanted = name
         """The name of the robot; empty for any."""
         self.info: SessionInfo | None = None
@@ -54,7 +63,7 @@ class LiveRun:
         """The last seconds, for plots."""
         self.session_id: int | None = None
         """Which session it is; another number means that everything else may differ."""
-        self._clock = clock
+        self._clock, self._training = clock, training
         self._robot: Frontend | None = None
         self._objects: Frontend | None = None
         self._cameras: Cameras | None = None
@@ -88,6 +97,8 @@ class LiveRun:
                 self.lines.append(Line("before", self._before))
             if self.scene_error:
                 self.lines.append(Line("model", self.scene_error, "warning"))
+            if self._training is not None:
+                self.lines += lines_of_training(self._training)
 
     def _follow(self) -> None:
         """Finds the session to look at."""

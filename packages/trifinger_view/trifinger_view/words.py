@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from trifinger._trifinger import TimingRecord
 from trifinger.session_info import SessionInfo
@@ -80,6 +82,29 @@ def lines_of(
         which = ", ".join(map(str, joints))
         lines.append(Line("safety", f"joint{'s' * (len(joints) > 1)} {which}: {reason}", "warning"))
     return lines
+
+
+def lines_of_training(folder: Path) -> list[Line]:
+    """How a training on the robot goes, by the files in its folder: `trifinger learn`."""
+    try:
+        plan = json.loads((folder / "plan.json").read_text())
+        tally = json.loads((folder / "tally.json").read_text())["tally"]
+    except (OSError, ValueError, KeyError) as error:
+        return [Line("learning", f"{folder} has no training on a robot: {error}", "warning")]
+    faults = [f"{count} x {reason}" for reason, count in tally["faults"].items()]
+    return [
+        Line(
+            "learning",
+            f"episode {tally['episodes']} of {plan['episodes']}, {tally['actions']} actions, "
+            f"{tally['successes']} successes, {tally['policies']} policies",
+        ),
+        Line("faults", "; ".join(faults) or "none", "warning" * bool(faults)),
+        Line(
+            "by itself",
+            f"{tally['recoveries']} recoveries, {tally['cares']} cares, {tally['rests']} rests; "
+            f"{tally['time_lost']:.0f} s lost",
+        ),
+    ]
 
 
 def facts_of(info: SessionInfo) -> str:

@@ -7,7 +7,10 @@ Optional packages are imported only when the command runs, so a missing one is a
 from __future__ import annotations
 
 import argparse
+import os
+import shlex
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,13 +19,12 @@ from trifinger import extras
 from trifinger._trifinger import observe, running_robot, task_names
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_output, say
+from trifinger.commands.program import path as program
 from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import replace_file
 
 if TYPE_CHECKING:
     from trifinger.training import Plan
-
-ALGORITHMS = ("ddpg", "td3", "sac")
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -51,7 +53,11 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="NAME",
         help="name of the running robot; default: the only one that runs",
     )
-    parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
+    parser.add_argument(
+        "--algorithm",
+        metavar="NAME",
+        help="how it learns: ddpg, td3, sac, rlpd, or MODULE:CLASS of your own; default: ddpg",
+    )
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
     parser.add_argument("--episodes", type=int, help="default: 700")
     parser.add_argument("--seed", type=int, help="of what chance draws; default: 1")
@@ -78,6 +84,23 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="HOST:PORT",
         help="wait there for a learner on another machine; default: learn on this one",
     )
+    parser.add_argument(
+        "--care",
+        metavar="COMMAND",
+        help="what makes the robot ready after a fault and brings its object back; '' for nothing; "
+        "default: trifinger job restore NAME, but nothing within a job",
+    )
+    parser.add_argument(
+        "--takeover",
+        action="store_true",
+        help="let a person take over at any time, by NAME-takeover: trifinger teleop NAME-takeover",
+    )
+    parser.add_argument(
+        "--judge",
+        metavar="keys|FOLDER",
+        help="what says that an episode has succeeded, in place of the task: keys of this "
+        "terminal, or images, as taught by the training in FOLDER that was judged by keys",
+    )
     parser.add_argument("--join", metavar="HOST:PORT", help="learn for a training that waits there")
     parser.add_argument("--token", type=Path, metavar="FILE", help="a copy of its FOLDER/token")
     arguments = parser.parse_args(words)
@@ -87,7 +110,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error("--join and --token belong together")
     if arguments.join and (arguments.robot or arguments.logs or arguments.listen):
         parser.error("--join takes no --robot, --from and --listen")
-    own = ("algorithm", "episodes", "seed", "output")
+    own = ("episodes", "seed", "output")
     others = any(getattr(arguments, name) is not None for name in own)
     if not arguments.task and (arguments.shared or arguments.set or others):
         parser.error("--resume and --join go on as the training was begun: they take no settings")
@@ -97,15 +120,17 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
 def learn(arguments: argparse.Namespace) -> None:
     """Learns to the end, and writes a report."""
     extras.require("learning")
+    from trifinger.training.judge import judge_of
     from trifinger.training.on_robot import LOOPBACK, RobotTraining, address_of, join
 
     if arguments.join:
-        join(arguments.join, arguments.token)
+        join(arguments.join, arguments.token, arguments.algorithm)
         return
     with command_line.ended_by_signals():
         robot = running_robot(arguments.robot)
         plan, folder = begin(arguments, robot)
         report = partial(say, flush=True)
+        judge = judge_of(arguments.judge, report) if arguments.judge else None
         training = RobotTraining(
             plan,
             folder,
@@ -114,15 +139,27 @@ def learn(arguments: argparse.Namespace) -> None:
             logs=arguments.logs,
             address=address_of(arguments.listen) if arguments.listen else LOOPBACK,
             starts_learner=arguments.listen is None,
+            care=care_of(arguments.care, robot),
+            options=("--takeover",) if arguments.takeover else (),
+            is_judged=judge is not None,
         )
         try:
-            training.run()
+            with judge(training) if judge else nullcontext():
+                training.run()
         except KeyboardInterrupt:
-            report(f"--resume {folder} goes on.")
+            report(f"--resume {folder} goes on; say --algorithm, --judge and the like again.")
             raise
         finally:
             report(f"{training.report()} written.")
         say(f"{training.policy_path} written.")
+
+
+def care_of(command: str | None, robot: str) -> list[str]:
+    """The words of the command that makes the robot ready."""
+    if command is not None:
+        return shlex.split(command)
+    is_in_job = "TRIFINGER_JOB_FOLDER" in os.environ  # which takes care by itself
+    return [] if is_in_job else [program(), "job", "restore", robot]
 
 
 def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
@@ -130,7 +167,8 @@ def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
     from trifinger.training import PLAN, Plan, name_of, parse_setting
 
     if arguments.resume:
-        return Plan.of_folder(arguments.resume), arguments.resume
+        plan = Plan.of_folder(arguments.resume, algorithm=arguments.algorithm)
+        return plan, arguments.resume
     folder = arguments.output or Path(name_of(arguments.task))
     if (folder / PLAN).exists():
         raise InvalidArgument(f"{folder} has a training; --resume {folder} goes on with it")
@@ -144,12 +182,14 @@ def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     configuration = folder / "robot.yml"
     replace_file(configuration, documents["configuration.yml"].encode())
+    # Relabelled goals have rewards that only the task could give.
+    settings = {"relabelled": 0.0} if arguments.judge else {}
     try:
         plan = Plan.of(
             arguments.task,
             arguments.algorithm or "ddpg",
             is_shared=arguments.shared,
-            settings=dict(map(parse_setting, arguments.set)),
+            settings=settings | dict(map(parse_setting, arguments.set)),
             robot_config=str(configuration),
             **{name: number for name, number in numbers.items() if number is not None},
         )

@@ -123,6 +123,28 @@ def restore(model: BaseAlgorithm, state: dict[str, Any]) -> None:
         setattr(model, name, deque(values, maxlen=model._stats_window_size))
 
 
+def learned_by(algorithm: Any) -> dict[str, Any]:
+    """What learning has changed in the attributes of an Algorithm."""
+    parts = {
+        name: one if isinstance(one, torch.Tensor) else one.state_dict()
+        for name, one in _parts(algorithm).items()
+    }
+    return {"parts": parts, "numbers": _numbers(algorithm)}
+
+
+def restore_learned(algorithm: Any, state: dict[str, Any]) -> None:
+    """Gives an Algorithm what learned_by() returned.
+
+    Raises ValueError, KeyError, TypeError or RuntimeError if that is of another one.
+    """
+    for name, one in _parts(algorithm).items():
+        if isinstance(one, torch.Tensor):
+            one.data.copy_(state["parts"][name])  # in place, because an optimizer may have it
+        else:
+            one.load_state_dict(state["parts"][name])
+    _set_numbers(algorithm, state["numbers"])
+
+
 def arrays_of(holder: Any) -> dict[str, Any]:
     """The arrays and numbers of a buffer of transitions."""
     arrays = {name: one for name, one in vars(holder).items() if isinstance(one, np.ndarray)}
@@ -137,6 +159,15 @@ def set_arrays(holder: Any, state: dict[str, Any]) -> None:
             raise ValueError(f"{name} is {values.dtype}{values.shape}, not {own.dtype}{own.shape}")
         own[...] = values
     _set_numbers(holder, state["numbers"])
+
+
+def _parts(algorithm: Any) -> dict[str, Any]:
+    held = {"": algorithm} | vars(algorithm)  # it may be a module itself
+    return {
+        name: one
+        for name, one in held.items()
+        if isinstance(one, torch.Tensor) or hasattr(one, "state_dict")
+    }
 
 
 def _numbers(holder: Any) -> dict[str, Any]:

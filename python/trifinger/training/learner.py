@@ -13,27 +13,23 @@ import tempfile
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 # This import comes first because its error says what to install.
-from trifinger.training.model import make_model, rows_of
+from trifinger.training.model import LibraryModel, rows_of
 
 # isort: split
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from trifinger import policy_file
 from trifinger.arrays import Array
 from trifinger.environments import Environment, policy_metadata
-from trifinger.errors import Error
-from trifinger.tasks import task_of_file
+from trifinger.errors import Error, InvalidArgument
 from trifinger.training import checkpoint
-from trifinger.training.experience import Episodes, Transition
-from trifinger.training.plan import Plan
+from trifinger.training.algorithm import ClassModel
+from trifinger.training.experience import INTERVENTION, PART, Episodes, Transition
+from trifinger.training.plan import LIBRARY, Plan
 
 PUBLISH = 1.0  # s between two policies
 CHECKPOINT = 20.0  # s between two checkpoints
@@ -46,10 +42,11 @@ class Learner:
     def __init__(self, plan: Plan, robot: str | None = None, prior: int = 0) -> None:
         """`robot` is what policies call the configuration of the robot, if not as the plan does.
 
-        `prior` is the number of transitions of others, which come first and do not count as a part
-        of the training.
+        `prior` is the number of elements of others, which come first. Their transitions are
+        demonstrations, and do not count as a part of the training.
         """
-        self.plan, self._prior = plan, prior
+        self.plan = plan
+        self._others, self._prior = prior, 0  # elements to come, transitions that were made of them
         torch.set_num_threads(1)
         # Only its spaces and its geometry are used.
         environment = SyncVectorEnv(
@@ -59,10 +56,9 @@ class Learner:
         one: Environment = environment.envs[0].unwrapped  # type: ignore[assignment]
         self.total = plan.episodes * one.episode_actions
         """Number of actions until the rates and the noise are what they are at the end."""
-        model = make_model(plan, self._rows, (self.total + prior) * self._rows.rows)
-        model.set_logger(Logger(None, []))
-        self._model = cast(OffPolicyAlgorithm, model)
-        self._memory = cast(ReplayBuffer, self._model.replay_buffer)
+        size = (self.total + prior) * self._rows.rows
+        is_library = plan.recipe.algorithm in LIBRARY
+        self._model = (LibraryModel if is_library else ClassModel)(plan, self._rows, size)
         self._metadata = policy_metadata(**plan.environment)
         self._metadata["robot"] = robot or self._metadata["robot"]
         self._episodes = Episodes()
@@ -74,8 +70,13 @@ class Learner:
 
     def add(self, elements: Array) -> None:
         """Adds experience: elements that follow those of the last call."""
+        if others := min(self._others, len(elements)):
+            elements["flags"][:others] |= INTERVENTION
+            self._others -= others
         for transition in self._episodes.add(elements):
             self._remember(transition)
+        if others:
+            self._prior = self.transitions
 
     @property
     def steps_due(self) -> int:
@@ -85,14 +86,15 @@ class Learner:
         return max(0, due - self.updates)
 
     def update(self, steps: int) -> None:
-        """Takes gradient steps."""
-        model = self._model
-        model._update_current_progress_remaining(int(self._share * self.total), self.total)
-        model.train(steps, self.plan.recipe.batch_size)
+        """Takes gradient steps; raises Error if the algorithm cannot."""
+        self._model.update(steps, self._share)
         self.updates += steps
 
     def policy(self) -> bytes:
-        """The file of the next policy, with the noise by which the robot shall explore."""
+        """The file of the next policy, with the noise by which the robot shall explore.
+
+        Raises Error if there is none, as of weights that are not finite.
+        """
         self.published += 1
         metadata = self._metadata | {
             "number": str(self.published),
@@ -101,7 +103,10 @@ class Learner:
         }
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "policy"
-            policy_file.export(self._model, path, metadata=metadata)
+            try:
+                self._model.export(path, metadata)
+            except InvalidArgument as error:
+                raise Error(f"{self.plan.recipe.algorithm} has no policy: {error}") from error
             return path.read_bytes()
 
     @property
@@ -117,22 +122,27 @@ class Learner:
 
     @property
     def losses(self) -> dict[str, float]:
-        """The newest losses, by the names of Stable-Baselines3."""
-        values = self._model.logger.name_to_value
-        return {name: float(value) for name, value in values.items() if name.startswith("train/")}
+        """The newest losses, by name."""
+        return self._model.losses
 
     def state(self) -> dict[str, Any]:
         """What was learned, without the memory: the experience is in the logs."""
         numbers = (self.transitions, self.updates, self.published)
-        return {"model": checkpoint.state_of(self._model), "numbers": numbers}
+        return {"model": self._model.state(), "numbers": numbers}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on from a state() of the same plan, after add() of all that is still remembered.
 
-        Raises ValueError, KeyError, TypeError or RuntimeError if the state is none of this plan.
+        Raises InvalidArgument if the state is none of this plan.
         """
-        checkpoint.restore(self._model, state["model"])
-        transitions, self.updates, self.published = state["numbers"]
+        try:
+            self._model.restore(state["model"])
+            transitions, self.updates, self.published = state["numbers"]
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise InvalidArgument(
+                "the state in the file 'learner' is of another algorithm or version: "
+                f"{' '.join(str(error).split())}; without it all experience is learned anew"
+            ) from error
         self.transitions = max(self.transitions, transitions)
 
     def _remember(self, transition: Transition) -> None:
@@ -146,43 +156,56 @@ class Learner:
             after["desired"],
             terminated=transition.terminated,
         )
-        truncated = transition.ended and not transition.terminated
-        infos = [{"achieved_goal": one, "TimeLimit.truncated": truncated} for one in achieved]
-        self._memory.add(
+        infos = {
+            "TimeLimit.truncated": transition.ended and not transition.terminated,
+            "is_demonstration": bool(after["flags"] & INTERVENTION),
+        }
+        self._model.memory.add(
             before["observation"].reshape(rows.rows, -1),
             after["observation"].reshape(rows.rows, -1),
             after["action"].reshape(rows.rows, -1),
             reward,
             np.full(rows.rows, transition.ended),
-            infos,
+            [infos | {"achieved_goal": one} for one in achieved],
         )
         self.transitions += 1
 
 
-def serve(connection: Connection) -> None:
+def serve(connection: Connection, algorithm: str | None = None) -> None:
     """Learns from what comes through the connection, until all of it is learned or the end is gone.
 
-    The first message has the plan, the experience so far, and a state() to go on from if there is
-    one. From then on this end asks for more experience, and sends policies and states.
+    `algorithm` must be said if it is MODULE:CLASS: only then is that module imported.
+
+    The first message has the plan, and a state() to go on from if there is one. From then on this
+    end asks for experience, and sends policies and states.
     """
     os.nice(10)
     first = checkpoint.load(connection.recv_bytes())
     plan = Plan.from_json(first["plan"])
-    task_of_file(plan.task, None, Path("the training"))  # whose module would be imported here
+    plan.require_said(Path("the training"), None, algorithm)
     with tempfile.TemporaryDirectory() as folder:
         # The robot's configuration, which may be on another machine.
         file = Path(folder) / "robot.yml"
         file.write_text(first["configuration"])
         here = dataclasses.replace(plan, robot_config=str(file))
         learner = Learner(here, plan.robot_config, first["prior"])
-    learner.add(first["experience"])
-    if first["state"] is not None:
-        learner.restore(first["state"])
-    learner.published = max(learner.published, first["published"])
     try:
+        is_all = False
+        while not is_all:
+            experience = _ask(connection, waits=False)["experience"]
+            learner.add(experience)
+            is_all = len(experience) < PART
+        if first["state"] is not None:
+            learner.restore(first["state"])
+        learner.published = max(learner.published, first["published"])
         _go_on(learner, connection)
     except (EOFError, ConnectionError):
         raise Error("the training has ended or is gone") from None
+
+
+def _ask(connection: Connection, waits: bool) -> Any:
+    connection.send_bytes(checkpoint.dump({"kind": "more", "waits": waits}))
+    return checkpoint.load(connection.recv_bytes())
 
 
 def _go_on(learner: Learner, connection: Connection) -> None:
@@ -194,8 +217,7 @@ def _go_on(learner: Learner, connection: Connection) -> None:
     updates, is_whole = learner.updates, False
     while not is_whole or learner.steps_due:
         # What has happened comes first: a slow learner falls behind in learning only.
-        send("more", waits=not learner.steps_due)
-        message = checkpoint.load(connection.recv_bytes())
+        message = _ask(connection, waits=not learner.steps_due)
         learner.add(message["experience"])
         is_whole = message["is_whole"]
         if steps := min(learner.steps_due, MOST_STEPS):

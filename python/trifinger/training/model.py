@@ -3,7 +3,9 @@
 
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
 
 # This import comes first because its error says what to install.
 from trifinger.stable_baselines import Rows, Vector
@@ -12,16 +14,21 @@ from trifinger.stable_baselines import Rows, Vector
 import numpy as np
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
+from trifinger import policy_file
 from trifinger.arrays import Array
 from trifinger.environments import VectorEnvironment
 from trifinger.errors import InvalidArgument
+from trifinger.training import checkpoint
 from trifinger.training.ddpg import QuickDDPG
 from trifinger.training.plan import Plan
-from trifinger.training.replay import FingerReplayBuffer
+from trifinger.training.replay import DemonstrationReplayBuffer, FingerReplayBuffer
 
 MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
 
@@ -42,6 +49,10 @@ def rows_of(plan: Plan, environment: Vector) -> Rows:
 def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
     """The model that learns by a plan, with all its settings; `total` is its number of actions."""
     recipe = plan.recipe
+    if recipe.algorithm not in MODELS:
+        raise InvalidArgument(
+            f"'{recipe.algorithm}' is only for a robot that runs: trifinger learn"
+        )
     common: dict[str, Any] = {
         "learning_rate": LinearSchedule(recipe.learning_rate, recipe.final_learning_rate, 1.0),
         "gamma": recipe.gamma,
@@ -70,6 +81,8 @@ def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
             "learning_starts": recipe.random_actions * rows.num_envs,
             "train_freq": 1,
             "gradient_steps": recipe.gradient_steps,
+            "replay_buffer_class": DemonstrationReplayBuffer,
+            "replay_buffer_kwargs": {"demonstrations": recipe.demonstrations},
         }
         if recipe.relabelled > 0:
             common |= {
@@ -113,3 +126,35 @@ class FallingNoise(ActionNoise):
         deviation = self._begin + share * (self._end - self._begin)
         # Stable-Baselines3 uses the global generator, too; its state is in the checkpoints.
         return np.random.normal(0.0, deviation, self._size).astype(np.float32)  # noqa: NPY002
+
+
+class LibraryModel:
+    """What learns by a model of Stable-Baselines3 from transitions that others have made."""
+
+    def __init__(self, plan: Plan, rows: Rows, size: int) -> None:
+        """`size` is the number of rows that the memory may need."""
+        self._model = cast(OffPolicyAlgorithm, make_model(plan, rows, size))
+        self._model.set_logger(Logger(None, []))
+        self._batch_size = plan.recipe.batch_size
+        self.memory = cast(ReplayBuffer, self._model.replay_buffer)
+        self.losses: dict[str, float] = {}
+        """The newest losses, by name."""
+
+    def update(self, steps: int, progress: float) -> None:
+        """Takes gradient steps; `progress` is the share of the training that is done."""
+        self._model._current_progress_remaining = 1.0 - progress
+        self._model.train(steps, self._batch_size)
+        values = self._model.logger.name_to_value
+        self.losses = {name: float(value) for name, value in values.items()}
+
+    def export(self, path: Path, metadata: Mapping[str, str]) -> None:
+        """Writes the file of the policy without noise."""
+        policy_file.export(self._model, path, metadata=metadata)
+
+    def state(self) -> dict[str, Any]:
+        """What was learned, without the memory."""
+        return checkpoint.state_of(self._model)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from a state(); raises errors as checkpoint.restore() does."""
+        checkpoint.restore(self._model, state)

@@ -12,6 +12,8 @@ import collections
 import contextlib
 import dataclasses
 import json
+import math
+import os
 import queue
 import re
 import secrets
@@ -22,11 +24,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client, Connection, answer_challenge, deliver_challenge
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 # This import comes first because its error says what to install.
 from trifinger.arrays import Array
@@ -39,9 +41,11 @@ from torch.utils.tensorboard import SummaryWriter
 from trifinger._trifinger import list_sessions, observe, recover
 from trifinger.commands.program import path as program
 from trifinger.errors import Error, InvalidArgument
-from trifinger.evaluation import SEED, SHOWN_EPISODES, Evaluation, Summary, save_curve, save_paths
+from trifinger.evaluation import SEED, Summary, save_curve
 from trifinger.training import checkpoint
 from trifinger.training.experience import (
+    JUDGED,
+    PART,
     SUCCESS,
     TERMINATED,
     TRUNCATED,
@@ -52,6 +56,7 @@ from trifinger.training.experience import (
 )
 from trifinger.training.learner import serve
 from trifinger.training.plan import PLAN, TALLY, Plan
+from trifinger.training.report import Tally, paths_to_goals, summary_of, write_report
 from trifinger.whole_file import replace_file
 
 STATE = "learner"  # the newest state of the learner
@@ -60,7 +65,7 @@ JOINING = "token"
 LOOPBACK = ("127.0.0.1", 0)  # a free port of this machine alone
 LOGS = "logs"
 APPROACH_EVERY = 50  # episodes
-JUDGED = 20  # episodes of the last policy, without noise, of starts and goals that are new
+LAST_EPISODES = 20  # episodes of the last policy, without noise, of starts and goals that are new
 POLL = 0.05  # s between two looks for experience
 LOOK = 5.0  # s between two looks for processes that say nothing
 SILENCE = 120.0  # s, and five episodes: a process that says nothing for so long is ended
@@ -68,29 +73,16 @@ STEADY = 60.0  # s after which a process has not failed at its begin
 PAUSE = 0.2  # s before a process that has failed is started again; doubles with each failure
 ROOM = 500e6  # bytes of the disk; with less the robot waits. The recorder needs 100 MB.
 CURVE_EPISODES = 50  # of a point of the learning curve
+MOST_CARES = 20  # in a row: a policy that is new may need one after each episode
 MOST_FAILURES = 5  # of a process, one after the other, without an episode between them
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 WRONG = 2  # exit status of a program that cannot do what it is told
-
-
-@dataclasses.dataclass
-class Tally:
-    """What has happened, of this run and those that it resumed."""
-
-    episodes: int = 0
-    actions: int = 0
-    successes: int = 0
-    faults: dict[str, int] = dataclasses.field(default_factory=dict)
-    """How often the robot stopped, by reason."""
-    recoveries: int = 0
-    time_lost: float = 0.0
-    """From each end of the actor to the next episode that ended [s]."""
-    restarts: dict[str, int] = dataclasses.field(default_factory=dict)
-    """How often a process was started again, by name."""
-    policies: int = 0
-    updates: int = 0
-    seconds: float = 0.0
-    """How long it took."""
+INTERRUPTED = 130  # exit status after a signal that ends in order
+WARM, OUT_OF_REACH = 5, 6  # exit status of an actor between two episodes: docs/policies.md
+REST_BELOW = 0.1  # thermal margin of the warmest motor
+REST = 60.0  # s for which motors rest; those of a TriFinger then have an eighth of their heat left
+CARE_TIME = 600.0  # s that a care may take
+Verdict = Literal["success", "failure"]
 
 
 class RobotTraining:
@@ -106,30 +98,40 @@ class RobotTraining:
         logs: Sequence[Path] = (),
         address: tuple[str, int] = LOOPBACK,
         starts_learner: bool = True,
-        judged: int = JUDGED,
+        judged: int = LAST_EPISODES,
+        care: Sequence[str] = (),
+        options: Sequence[str] = (),
+        is_judged: bool = False,
     ) -> None:
         """`say` gets lines for people. `logs` have experience of the same task to begin with.
 
         The learner is started here, or joins from another machine: join(). `address` is where it is
-        waited for. Raises InvalidArgument if the folder has a training by another plan, or if a log
-        has no experience.
+        waited for. `care` is a command that makes the robot ready after a fault, and brings its
+        object back. `options` are more of `trifinger run-policy` for the actor. If the training
+        `is_judged`, tell() says what has succeeded, not the task. Raises InvalidArgument if the
+        folder has a training by another plan, or if a log has no experience.
         """
-        self.plan, self.folder, self._robot, self._say = plan, folder, robot, say
-        self._starts_learner, self._judged_episodes = starts_learner, judged
+        self.plan, self.folder, self.robot, self._say = plan, folder, robot, say
+        self._starts_learner = starts_learner
+        self._judged_episodes = 0 if is_judged else judged  # by the task
         if plan.recipe.algorithm == "ppo":
             raise InvalidArgument("ppo learns only from what its newest policy did")
         if ":" in plan.task:
             raise InvalidArgument(f"'{plan.task}' is a task in Python, which no robot learns alone")
+        if is_judged and plan.recipe.relabelled > 0:
+            raise InvalidArgument("relabelled makes rewards of its own: judged needs relabelled=0")
+        self._care, self._options, self._is_judged = list(care), list(options), is_judged
         if (folder / PLAN).exists():
             if not (folder / TALLY).exists():
                 raise InvalidArgument(f"{folder} has a training in simulation")
             if Plan.from_json((folder / PLAN).read_text()) != plan:
                 raise InvalidArgument(f"{folder} has a training by another plan")
-        self._process = digest_of(policy_metadata(**plan.environment))
-        self._live = LiveExperience(robot, self._process)
+        self.process = digest_of(policy_metadata(**plan.environment))
+        self._live = LiveExperience(robot, self.process)
         self._configuration = observe(robot).documents()["configuration.yml"]
         with contextlib.closing(Environment(**plan.environment)) as environment:
             self._unit = environment.goal_unit.partition(",")[0]
+        self._has_room = True
         self.tally = Tally()
         self.curve: list[tuple[int, Summary]] = []
         self._newest: collections.deque[dict[str, Any]] = collections.deque(maxlen=CURVE_EPISODES)
@@ -162,7 +164,11 @@ class RobotTraining:
         self._looked = time.monotonic()
         self._failures: collections.Counter[str] = collections.Counter()
         self._ended_at: float | None = None  # when the actor ended
-        self._has_room = True
+        self._waiting = ""  # name of the process that goes on after a care or a rest
+        self._goes_on_at = math.inf  # when the rest is over
+        self._silent: set[str] = set()  # processes that were killed because they said nothing
+        self._cares_in_a_row = 0
+        self._episodes_since_care = 0
         self._judged: list[dict[str, Any]] = []
         self._is_done = False
 
@@ -204,39 +210,21 @@ class RobotTraining:
 
     def report(self) -> Path:
         """Writes report.md with its figures, and returns its path."""
-        figures = []
-        if self.curve:
-            save_curve({self.plan.name: self.curve}, self.folder / "curve.png")
-            figures.append("curve.png")
-        paths = self._paths()
-        if self.plan.task in ("reach", "finger_reach", "push") and paths:
-            save_paths(paths, self.folder / "tips.png")
-            figures.append("tips.png")
-        tally, plan = self.tally, self.plan
-        rows = [
-            ("task, algorithm", f"{plan.task}, {plan.recipe.algorithm}"),
-            ("episodes, actions", f"{tally.episodes}, {tally.actions}"),
-            ("time", f"{tally.seconds / 60:.1f} min"),
-            ("time lost by ends of the actor", f"{tally.time_lost:.1f} s"),
-            ("policies, gradient steps", f"{tally.policies}, {tally.updates}"),
-            ("recoveries", str(tally.recoveries)),
-            *((f"fault: {reason}", str(count)) for reason, count in tally.faults.items()),
-            *((f"{name} started again", str(count)) for name, count in tally.restarts.items()),
-        ]
-        if self._judged:
-            judged = summary_of(self._judged, self._unit)
-            words = judged.in_words(judged.lower_quartile, judged.median, judged.upper_quartile)
-            rows.append(
-                (
-                    f"last policy without noise, {judged.episodes} new episodes on the robot",
-                    f"quartiles {words}, success {100 * judged.success:.0f} %",
-                )
-            )
-        lines = [f"# {plan.name} on {self._robot}", "", "| | |", "|---|---|"]
-        lines += [f"| {name} | {value} |" for name, value in rows]
-        lines += ["", *(f"![]({name})" for name in figures), ""]
-        replace_file(self.folder / "report.md", "\n".join(lines).encode())
-        return self.folder / "report.md"
+        judged = summary_of(self._judged, self._unit) if self._judged else None
+        paths = paths_to_goals(self._own(self._book.since(self._prior)[0]))
+        title = f"{self.plan.name} on {self.robot}"
+        return write_report(self.folder, title, self.plan, self.tally, self.curve, judged, paths)
+
+    def tell(self, verdict: Verdict) -> None:
+        """Ends the running episode, with the reward 1 for a success and 0 for a failure.
+
+        Only for a training that others judge.
+        """
+        actor = self._processes.get("actor")
+        if actor is not None and actor.stdin is not None:
+            with contextlib.suppress(OSError, ValueError):  # it has just ended
+                actor.stdin.write(f"{verdict}\n")
+                actor.stdin.flush()
 
     # ---- what happens ----
 
@@ -245,8 +233,10 @@ class RobotTraining:
             case "learner":
                 self._hear(what)
             case "actor":
+                self._episodes_since_care += 1
                 self._count(json.loads(what))
             case "judge":
+                self._episodes_since_care += 1
                 self._judged.append(json.loads(what))
             case "ended":
                 self._take_leave(*what)
@@ -260,7 +250,7 @@ class RobotTraining:
         match message["kind"]:
             case "state":
                 self._state = message["state"]
-                replace_file(self.folder / STATE, checkpoint.dump(self._state))
+                self._write(self.folder / STATE, checkpoint.dump(self._state))
                 self._save()
             case "policy":
                 self._take(message)
@@ -268,7 +258,7 @@ class RobotTraining:
                 self._judge()
 
     def _take(self, message: dict[str, Any]) -> None:
-        replace_file(self.policy_path, message["policy"].tobytes())
+        self._write(self.policy_path, message["policy"].tobytes())
         self.tally.policies, self.tally.updates = message["number"] + 1, message["updates"]
         board, actions = self._board, message["transitions"]
         board.add_scalar("learner/updates_per_action", self._rate(message), actions)
@@ -321,24 +311,37 @@ class RobotTraining:
         if now - before > 4 * LOOK:  # this process itself was stopped
             self._heard = dict.fromkeys(self._heard, now)
         limit = SILENCE + 5 * self.plan.options.duration
-        for name in ("actor", "learner", "judge"):
+        limits = {"actor": limit, "learner": limit, "judge": limit, "care": CARE_TIME}
+        for name, silence in limits.items():
             process = self._processes.get(name)
-            if process and now - self._heard[name] > limit:
-                process.kill()
+            if process and now - self._heard[name] > silence:
+                self._silent.add(name)
+                os.killpg(process.pid, signal.SIGKILL)
+        if now >= self._goes_on_at:
+            self._go_on()
         had_room, self._has_room = self._has_room, shutil.disk_usage(self.folder).free > ROOM
         if had_room and not self._has_room:
             self._say(f"the disk of {self.folder} is nearly full: the robot waits, for room")
             if actor := self._processes.get("actor"):
                 actor.terminate()
-        elif self._has_room and not had_room and self.policy_path.exists():
-            self._start_actor()
+        elif self._has_room and not had_room:
+            if "recorder" not in self._processes:
+                self._start_recorder()
+            if self.policy_path.exists():
+                self._start_actor()
 
-    def _start(self, name: str, *words: object, command: Sequence[str] = (program(),)) -> None:
-        with (self.folder / f"{name}.txt").open("w") as log:
+    def _start(
+        self,
+        name: str,
+        *words: object,
+        command: Sequence[str] = (program(),),
+        stdin: int = subprocess.DEVNULL,
+    ) -> None:
+        with (self.folder / f"{name}.txt").open("a") as log:
             process = subprocess.Popen(
                 # Nobody else would end it if this process was killed.
                 ["setpriv", "--pdeathsig", "TERM", *command, *map(str, words)],
-                stdin=subprocess.DEVNULL,
+                stdin=stdin,
                 stdout=subprocess.PIPE if name in ("actor", "judge") else log,
                 stderr=log,
                 text=True,
@@ -349,29 +352,36 @@ class RobotTraining:
         threading.Thread(target=self._follow, args=(name, process), daemon=True).start()
 
     def _follow(self, name: str, process: subprocess.Popen[str]) -> None:
-        with process:
+        with contextlib.suppress(OSError), process:  # a verdict may be left that nobody reads
             for line in process.stdout or ():
                 self._events.put((name, line))
-        self._events.put(("ended", (name, process, process.returncode)))
+        self._events.put(("ended", (name, process, process.wait())))
 
     def _start_recorder(self) -> None:
-        self._start("recorder", "record", self._robot, "-o", self.folder / LOGS)
+        self._start("recorder", "record", self.robot, "-o", self.folder / LOGS)
 
     def _start_learner(self) -> None:
-        words = ("--join", self.address, "--token", self.folder / JOINING)
+        words = ["--join", self.address, "--token", self.folder / JOINING]
+        if ":" in self.plan.recipe.algorithm:  # who made the plan has said it
+            words += ["--algorithm", self.plan.recipe.algorithm]
         self._start("learner", *words, command=(sys.executable, "-P", "-m", LEARN))
 
     def _start_actor(self) -> None:
         left = self.plan.episodes - self._next_episode
+        if self._waiting:
+            return  # it goes on later
         if left <= 0:
             self._is_over.set()
         elif self._has_room and "actor" not in self._processes:
             words = ("--explore", "--precision", "single", "--approach-every", APPROACH_EVERY)
-            self._start_policy("actor", self.plan.seed, self._next_episode, left, *words)
+            more = (*self._options, *(("--judge",) if self._is_judged else ()))
+            self._start_policy("actor", self.plan.seed, self._next_episode, left, *words, *more)
 
     # Lets the last policy act without noise, in episodes that no training has seen.
     def _judge(self) -> None:
         first = len(self._judged)
+        if self._waiting or "judge" in self._processes:
+            return  # a learner was started again after all was learned
         if first < self._judged_episodes:
             self._start_policy("judge", SEED, first, self._judged_episodes - first)
             return
@@ -384,39 +394,74 @@ class RobotTraining:
             )
 
     def _start_policy(self, name: str, seed: int, first: int, count: int, *more: object) -> None:
-        words = ("run-policy", self.policy_path, "--robot", self._robot, "--json", *more)
-        self._start(name, *words, "--seed", seed, "--first", first, "--episodes", count)
+        words = ("run-policy", self.policy_path, "--robot", self.robot, "--json", *more)
+        words = (*words, "--rest-below", REST_BELOW)
+        if self._care or "TRIFINGER_JOB_FOLDER" not in os.environ:
+            words = (*words, "--end-out-of-reach")
+        words = (*words, "--seed", seed, "--first", first, "--episodes", count)
+        self._start(
+            name, *words, stdin=subprocess.PIPE if "--judge" in more else subprocess.DEVNULL
+        )
 
     # A process has ended: starts it again, or what follows it.
     def _take_leave(self, name: str, process: subprocess.Popen[str], status: int) -> None:
         if self._processes.get(name) is not process or self._closes.is_set():
             return
         del self._processes[name]
-        if (name == "learner" and status == 0) or (name == "actor" and not self._has_room):
-            return  # all is learned; the robot waits
-        if name == "actor" and status == 0:
-            self._is_over.set()
-            return
-        if name == "judge" and status == 0:
-            self._judge()
-            return
         words = self._last_words(name)
-        if time.monotonic() - self._began[name] > STEADY:
+        moves = name in ("actor", "judge")
+        if moves and status != 0:
+            self._ended_at = self._ended_at or time.monotonic()
+        match name:
+            case "learner" if status == 0:
+                pass  # all is learned
+            case "actor" | "recorder" if not self._has_room:
+                pass  # the robot waits
+            case "actor" if status == 0:
+                self._is_over.set()
+            case "judge" if status == 0:
+                self._judge()
+            case "care" if status == 0:
+                self.tally.cares += 1
+                self._failures["care"] = 0
+                self._go_on()
+            case _ if moves and status == WARM:
+                self.tally.rests += 1
+                self._say(f"{words}; they rest for {REST:g} s")
+                self._waiting, self._goes_on_at = name, time.monotonic() + REST
+            case _ if moves and status == OUT_OF_REACH:
+                self._take_care(name, words)
+            case _:
+                self._take_failure(name, status, words)
+        self._save()
+
+    def _take_failure(self, name: str, status: int, words: str) -> None:
+        is_silent = name in self._silent
+        self._silent.discard(name)
+        if time.monotonic() - self._began[name] > STEADY and not is_silent:
             self._failures[name] = 0
         # Whoever kills a process knows what it does, and it may begin again as often as it likes.
-        self._failures[name] += -status not in KILLS
-        if name in ("actor", "judge"):
-            if status == WRONG:
-                raise InvalidArgument(words)
-            self._ended_at = self._ended_at or time.monotonic()
-            self._mend()
+        self._failures[name] += is_silent or (-status not in KILLS and status != INTERRUPTED)
+        # Later it is no mistake of whoever has started this: a tracker may have lost the object.
+        if status == WRONG and (name == "learner" or (name == "actor" and not self._newest)):
+            raise InvalidArgument(words)
+        had_fault = False
+        if name in ("actor", "judge", "care"):
+            had_fault = self._mend()
         if self._failures[name] > MOST_FAILURES:
             raise Error(f"the {name} ends again and again: {words}")
         restarts = self.tally.restarts
         restarts[name] = restarts.get(name, 0) + 1
-        self._say(f"the {name} has ended ({status}): {words}; it is started again")
+        words = f"the {name} has ended ({status}): {words}"
         if self._failures[name]:
             time.sleep(PAUSE * 2 ** self._failures[name])
+        if name == "care" or (had_fault and self._care):
+            self._take_care(self._waiting or name, words)
+        else:
+            self._say(f"{words}; it is started again")
+            self._start_again(name)
+
+    def _start_again(self, name: str) -> None:
         starts = {
             "actor": self._start_actor,
             "learner": self._start_learner,
@@ -425,43 +470,53 @@ class RobotTraining:
         }
         starts[name]()
 
-    # Brings the robot back after a fault; raises Error if its back-end is gone.
-    def _mend(self) -> None:
-        info = next((one for one in list_sessions() if one.name == self._robot), None)
+    # Lets the care make the robot ready for the process `name`, because of `words`.
+    def _take_care(self, name: str, words: str) -> None:
+        if not self._care:
+            raise Error(f"{words}; --care names a command that brings it back")
+        # An episode shows that it did not help.
+        self._cares_in_a_row = self._cares_in_a_row * (self._episodes_since_care <= 1) + 1
+        self._episodes_since_care = 0
+        if self._cares_in_a_row > MOST_CARES:
+            raise Error(f"it needs care again and again: {words}")
+        self._say(f"{words}; {' '.join(self._care)}")
+        self._waiting = name
+        self._start("care", command=self._care)
+
+    # A care or a rest is over.
+    def _go_on(self) -> None:
+        name, self._waiting, self._goes_on_at = self._waiting, "", math.inf
+        self._start_again(name)
+
+    # Brings the robot back after a fault, and returns whether there was one; raises Error if its
+    # back-end is gone.
+    def _mend(self) -> bool:
+        info = next((one for one in list_sessions() if one.name == self.robot), None)
         if info is None or not info.backend_is_alive:
-            raise Error(f"the back-end of '{self._robot}' is gone")
+            raise Error(f"the back-end of '{self.robot}' is gone")
         if info.fault is not None and info.fault.needs_recovery:
-            reason = re.sub(r" (at|before) step -?\d+", "", info.fault_text)
+            reason = re.sub(r" (at|before|for) step -?\d+|(;|, after ).*", "", info.fault_text)
             self.tally.faults[reason] = self.tally.faults.get(reason, 0) + 1
             if max(self._failures["actor"], self._failures["judge"]) > MOST_FAILURES:
                 raise Error(f"the robot stops again and again: {reason}")
-            recover(self._robot, 60.0)
+            recover(self.robot, 60.0)
             self.tally.recoveries += 1
+            board, tally = self._board, self.tally
+            for name, count in (
+                ("faults", sum(tally.faults.values())),
+                ("recoveries", tally.recoveries),
+                ("rests", tally.rests),
+                ("time_lost", tally.time_lost),
+            ):
+                board.add_scalar(f"robot/{name}", count, tally.actions)
+            return True
+        return False
 
     def _last_words(self, name: str) -> str:
-        lines = (self.folder / f"{name}.txt").read_text(errors="replace").split("\n")
-        return next((line for line in reversed(lines) if line.strip()), "it said nothing")
-
-    # Paths to the goals, as in the paper's figure: at the beginning, later and at the end.
-    def _paths(self) -> dict[str, Array]:
-        elements = self._own(self._book.since(0)[0])
-        if not len(elements):
-            return {}
-        last = int(elements["episode"].max())
-        begins = {"begin": 0, "after 200 episodes": 200, "end": last + 1 - SHOWN_EPISODES}
-        paths: dict[str, Array] = {}
-        for name, first in begins.items():
-            of_part = [
-                (one["achieved"] - one["desired"])
-                for number in range(max(first, 0), first + SHOWN_EPISODES)
-                if len(one := elements[elements["episode"] == number]) > 1
-            ]
-            if of_part:
-                path = np.full((len(of_part), max(map(len, of_part)), of_part[0].shape[1]), np.nan)
-                for row, one in zip(path, of_part, strict=True):
-                    row[: len(one)] = one
-                paths[name] = path
-        return paths
+        with (self.folder / f"{name}.txt").open("rb") as said:
+            said.seek(max(0, said.seek(0, os.SEEK_END) - 1000))
+            lines = said.read().decode(errors="replace").split("\n")
+        return next((line for line in reversed(lines) if line.strip()), "it said nothing")[-300:]
 
     def _restore(self) -> None:
         path = self.folder / TALLY
@@ -470,6 +525,9 @@ class RobotTraining:
                 self._others = np.unique(elements["session"]).tolist()
             return
         known = json.loads(path.read_text())
+        if known["is_judged"] != self._is_judged:
+            who = "--judge" if known["is_judged"] else "its task, without --judge"
+            raise InvalidArgument(f"{self.folder} has a training that is judged by {who}")
         self.tally = Tally(**known["tally"])
         self.curve = [(episode, Summary(**one)) for episode, one in known["curve"]]
         self._others = known["others"]
@@ -477,17 +535,27 @@ class RobotTraining:
 
     # Reads the logs of others and the own ones; returns how many elements are of others.
     def _read_logs(self) -> int:
-        for path in self._logs:
-            parts = list(of_logs(path, self._process, self._say))
-            if not parts:
-                raise InvalidArgument(f"{path} has no experience of this task with these options")
-            for part in parts:
-                self._book.add(part)
-        _, prior = self._book.since(0)
-        logs = self.folder / LOGS
-        parts = [self._add(part) for part in of_logs(logs, self._process, self._say)]
-        if any(map(len, parts)):
-            self._recount(np.concatenate([part for part in parts if len(part)]))
+        with contextlib.closing(Environment(**self.plan.environment)) as environment:
+            for path in self._logs:
+                check = environment._core.check_robot
+                read = of_logs(path, self.process, self._say, check)
+                parts = [part for one in read if len(part := self._judged_alike(one))]
+                if not parts:
+                    raise InvalidArgument(
+                        f"{path} has no experience of this task with these options"
+                    )
+                for part in parts:
+                    self._book.add(part)
+        prior = self._book.keep()
+        tally = dataclasses.replace(self.tally, episodes=0, successes=0)
+        for part in of_logs(self.folder / LOGS, self.process, self._say):
+            if len(new := self._add(part)):
+                ended = new["flags"][new["flags"] & (TERMINATED | TRUNCATED) != 0]
+                tally.episodes += len(ended)
+                tally.successes += int(np.count_nonzero(ended & SUCCESS))
+        # A killed training may not have saved what it counted; old logs may have been removed.
+        if tally.episodes > self.tally.episodes:
+            self.tally = tally
         return prior
 
     # The elements of this training.
@@ -495,8 +563,12 @@ class RobotTraining:
         if not len(elements):
             return elements
         is_foreign = np.isin(elements["session"], self._others)
-        mine: Array = elements[(elements["seed"] == self.plan.seed) & ~is_foreign]
-        return mine
+        return self._judged_alike(elements[(elements["seed"] == self.plan.seed) & ~is_foreign])
+
+    # The elements whose rewards are of the same kind as those of this training.
+    def _judged_alike(self, elements: Array) -> Array:
+        alike: Array = elements[(elements["flags"] & JUDGED != 0) == self._is_judged]
+        return alike
 
     # Takes elements of the robot; returns those of this training that are new.
     def _add(self, elements: Array) -> Array:
@@ -505,22 +577,21 @@ class RobotTraining:
             self._next_episode = max(self._next_episode, int(new["episode"].max()) + 1)
         return new
 
-    # A killed training may not have saved what it counted; the logs know it.
-    def _recount(self, elements: Array) -> None:
-        ended = elements["flags"] & (TERMINATED | TRUNCATED) != 0
-        tally = self.tally
-        tally.episodes = int(ended.sum())
-        tally.actions = int((elements["actions"] > 0).sum())
-        tally.successes = int((elements["flags"][ended] & SUCCESS != 0).sum())
-
     def _save(self) -> None:
         known = {
             "tally": dataclasses.asdict(self.tally),
             "curve": [(episode, dataclasses.asdict(one)) for episode, one in self.curve],
             "others": self._others,
+            "is_judged": self._is_judged,
             "logs": list(map(str, self._logs)),
         }
-        replace_file(self.folder / TALLY, json.dumps(known, indent=2).encode())
+        self._write(self.folder / TALLY, json.dumps(known, indent=2).encode())
+
+    # Replaces a file. While the disk is full the one before stays: the robot waits, and the newest
+    # state of the learner is in its memory.
+    def _write(self, path: Path, content: bytes) -> None:
+        with contextlib.suppress(OSError) if not self._has_room else contextlib.nullcontext():
+            replace_file(path, content)
 
     # The recorder ends last: it records how the others end.
     def _close(self) -> None:
@@ -534,7 +605,7 @@ class RobotTraining:
                 try:
                     process.wait(30.0)
                 except subprocess.TimeoutExpired:
-                    process.kill()
+                    os.killpg(process.pid, signal.SIGKILL)
         self._listener.close()
         self._board.close()
 
@@ -568,14 +639,14 @@ class RobotTraining:
 
     # Gives a learner what it asks for; it may be slow, stop or vanish.
     def _teach(self, connection: Connection) -> None:
-        with contextlib.suppress(EOFError, OSError, AuthenticationError, ValueError), connection:
+        errors = (EOFError, OSError, AuthenticationError, ValueError, KeyError)
+        with contextlib.suppress(*errors), connection:
             deliver_challenge(connection, self._token)
             answer_challenge(connection, self._token)
-            elements, number = self._book.since(0)
+            number = 0
             first = {
                 "plan": self.plan.to_json(),
                 "configuration": self._configuration,
-                "experience": elements,
                 "prior": self._prior,
                 "published": self.tally.policies - 1,
                 "state": self._state,
@@ -587,18 +658,20 @@ class RobotTraining:
                 if message["kind"] != "more":
                     self._events.put(("learner", message))
                     continue
-                is_whole = self._closed_book.is_set()
-                elements, number = self._book.since(number, 0.05 if message["waits"] else 0.0)
-                answer = {"experience": elements, "is_whole": is_whole}
+                is_closed = self._closed_book.is_set()
+                timeout = POLL if message["waits"] else 0.0
+                elements, number = self._book.since(number, timeout, PART)
+                answer = {"experience": elements, "is_whole": is_closed and len(elements) < PART}
                 connection.send_bytes(checkpoint.dump(answer))
         self._events.put(("gone", None))
 
 
-def join(address: str, token: Path) -> None:
+def join(address: str, token: Path, algorithm: str | None = None) -> None:
     """Learns for a RobotTraining, on this machine or another one, until there is nothing to learn.
 
-    `address` is its HOST:PORT, `token` a copy of the file in its folder. Raises InvalidArgument for
-    anything else, and Error if nobody is there or the token is another one.
+    `address` is its HOST:PORT, `token` a copy of the file in its folder. `algorithm` must be said
+    if it is MODULE:CLASS. Raises InvalidArgument for anything else, and Error if nobody is there or
+    the token is another one.
     """
     try:
         connection = Client(address_of(address), authkey=token.read_bytes())
@@ -607,7 +680,7 @@ def join(address: str, token: Path) -> None:
     except (OSError, OverflowError) as error:
         raise Error(f"no training waits at {address}: {error}") from None
     with connection:
-        serve(connection)
+        serve(connection, algorithm)
 
 
 def address_of(text: str) -> tuple[str, int]:
@@ -616,15 +689,6 @@ def address_of(text: str) -> tuple[str, int]:
     if not host or not port.isdigit():
         raise InvalidArgument(f"'{text}' is no HOST:PORT")
     return host, int(port)
-
-
-def summary_of(reports: Iterable[Mapping[str, Any]], unit: str) -> Summary:
-    """How near episodes came to their goals, of the reports of `trifinger run-policy --json`."""
-    ended = list(reports)
-    distances = [one for report in ended for one in report["distance"] if one is not None]
-    successes = [report["is_success"] for report in ended]
-    no_paths = np.zeros((len(ended), 0, 0))
-    return Evaluation(np.array(distances), np.array(successes), no_paths, unit).summary()
 
 
 def _token_in(path: Path) -> bytes:

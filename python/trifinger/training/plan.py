@@ -6,14 +6,16 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self
 
 # This import comes first because its error says what to install.
 from trifinger.environments import Options
 from trifinger.errors import InvalidArgument
-from trifinger.tasks import task_of_file
+from trifinger.own_class import name_of_file
 
-Algorithm = Literal["ddpg", "td3", "sac", "ppo"]
+LIBRARY = ("ddpg", "td3", "sac", "ppo")  # algorithms of Stable-Baselines3
+# The others: each is a trifinger.training.algorithm.Algorithm, and here by name.
+CLASSES = {"rlpd": "trifinger.training.rlpd:Rlpd"}
 PLAN = "plan.json"  # the file in the folder of a training
 TALLY = "tally.json"  # what has happened, beside it, if the training is one on a robot
 
@@ -22,7 +24,8 @@ TALLY = "tally.json"  # what has happened, beside it, if the training is one on 
 class Recipe:
     """Settings of how a policy learns."""
 
-    algorithm: Algorithm = "ddpg"
+    algorithm: str = "ddpg"
+    """One of LIBRARY or of CLASSES, or MODULE:CLASS of your own."""
     is_shared: bool = False
     """Whether the fingers share one policy."""
     num_envs: int = 1
@@ -54,6 +57,9 @@ class Recipe:
     random_actions: int = 100
     """Random actions of each robot before it learns; PPO does not use this. A connected robot acts
     by its first policy instead."""
+    demonstrations: float = 0.5
+    """Share of each batch that is drawn from demonstrations, once there are any; the rest is drawn
+    from all transitions. PPO and `relabelled` do not use this."""
     buffer_size: int = 1_000_000
     """Largest number of transitions that are stored."""
     rollout: int = 100
@@ -67,7 +73,7 @@ class Recipe:
     def of(
         cls,
         task: str,
-        algorithm: Algorithm,
+        algorithm: str,
         *,
         is_shared: bool = False,
         has_fingers: bool = True,
@@ -77,9 +83,11 @@ class Recipe:
         Only a robot that `has_fingers` can share experience or a policy between them.
         """
         reaches_with_fingers = has_fingers and task in ("reach", "finger_reach")
-        known = get_args(Algorithm)
-        if algorithm not in known:
-            raise InvalidArgument(f"there is no algorithm '{algorithm}', only {', '.join(known)}")
+        known = (*LIBRARY, *CLASSES)
+        if algorithm not in known and ":" not in algorithm:
+            raise InvalidArgument(
+                f"there is no algorithm '{algorithm}', only {', '.join(known)} and MODULE:CLASS"
+            )
         common: dict[str, Any] = {"algorithm": algorithm, "is_shared": is_shared}
         if algorithm == "ppo":
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
@@ -92,6 +100,9 @@ class Recipe:
             if ":" not in task and task != "reach":
                 common |= {"approach": 60.0}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
+        if algorithm not in LIBRARY:
+            gamma = 0.9 if reaches_with_fingers else 0.98
+            return cls(**common, gamma=gamma, batch_size=256, learning_rate=3e-4)
         if reaches_with_fingers and is_shared:
             return cls(**common, batch_size=80, final_learning_rate=2e-5, relabelled=0.2)
         if reaches_with_fingers:
@@ -120,7 +131,7 @@ class Plan:
     def of(
         cls,
         task: str,
-        algorithm: Algorithm,
+        algorithm: str,
         *,
         is_shared: bool = False,
         settings: Mapping[str, Any] | None = None,
@@ -162,6 +173,10 @@ class Plan:
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
         if recipe.approach > 0 and task in ("reach", "finger_reach"):
             raise InvalidArgument("approach is for tasks with an object")
+        if recipe.relabelled > 0 and recipe.algorithm not in LIBRARY:
+            raise InvalidArgument("relabelled is for ddpg, td3 and sac")
+        if not 0.0 <= recipe.demonstrations <= 1.0:
+            raise InvalidArgument(f"demonstrations is {recipe.demonstrations}, must be 0 to 1")
         if plan.episodes < 1:
             raise InvalidArgument(f"episodes is {plan.episodes}, must be at least 1")
         return plan
@@ -181,14 +196,25 @@ class Plan:
         return json.dumps(dataclasses.asdict(self), indent=2)
 
     @classmethod
-    def of_folder(cls, folder: Path, task: str | None = None) -> Self:
-        """The plan of the training in a folder; a task in Python must be named here, too."""
+    def of_folder(cls, folder: Path, task: str | None = None, algorithm: str | None = None) -> Self:
+        """The plan of the training in a folder; what is MODULE:CLASS must be named here, too."""
         if not (folder / PLAN).is_file():
             raise InvalidArgument(f"there is no training in {folder}")
         plan = cls.from_json((folder / PLAN).read_text())
-        if task_of_file(plan.task, task, folder) != plan.task:
-            raise InvalidArgument(f"{folder} has a training of '{plan.task}', not of '{task}'")
+        plan.require_said(folder, task, algorithm)
         return plan
+
+    def require_said(self, file: Path, task: str | None, algorithm: str | None) -> None:
+        """Raises InvalidArgument if a file has this plan that the user did not say.
+
+        What is MODULE:CLASS must be said, because it runs; the others may be left out.
+        """
+        for kind, named, said in (
+            ("task", self.task, task),
+            ("algorithm", self.recipe.algorithm, algorithm),
+        ):
+            if name_of_file(kind, named, said, file) != named:
+                raise InvalidArgument(f"{file} has a training of '{named}', not of '{said}'")
 
     @classmethod
     def from_json(cls, text: str) -> Self:

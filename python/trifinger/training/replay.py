@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A memory of transitions that makes more of the reaches of single fingers."""
+"""Memories of transitions: one for demonstrations, one that makes more of reaches."""
 
 from typing import Any
 
@@ -14,6 +14,31 @@ from trifinger.errors import InvalidArgument
 
 FINGER = 9  # numbers of a finger in observations of a reach: positions, velocities, goal
 GOAL = slice(6, 9)  # place of the goal in the numbers of a finger
+
+
+class DemonstrationReplayBuffer(ReplayBuffer):
+    """Draws the share `demonstrations` of each batch from demonstrations, once there are any.
+
+    The rest is drawn from all transitions. This is the sampling of RLPD (Ball et al. 2023).
+    """
+
+    def __init__(self, *arguments: Any, demonstrations: float, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self._share, self._shown = demonstrations, ReplayBuffer(*arguments, **more)
+
+    def add(self, *transition: Any) -> None:
+        """Adds a transition of each environment: demonstrations, if their infos say so."""
+        super().add(*transition)
+        if transition[-1][0].get("is_demonstration"):
+            self._shown.add(*transition)
+
+    def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
+        """Draws a batch."""
+        count = round(self._share * batch_size) if self._shown.size() else 0
+        if count == 0:
+            return super().sample(batch_size, env)
+        parts = self._shown.sample(count, env), super().sample(batch_size - count, env)
+        return ReplayBufferSamples(*map(torch.cat, zip(*(part[:5] for part in parts), strict=True)))
 
 
 class FingerReplayBuffer(ReplayBuffer):

@@ -118,16 +118,22 @@ def print_address(
     say(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
-def show_robot(name: str, options: PageOptions, controller: PageController | None = None) -> None:
-    """Shows a running robot, or the next one that runs. With a controller, the page can steer
-    it.
+def show_robot(
+    name: str,
+    options: PageOptions,
+    controller: PageController | None = None,
+    training: Path | None = None,
+) -> None:
+    """Shows a running robot, or the next one that runs, and how a training on it goes.
+
+    With a controller, the page can steer it.
     """
     from trifinger_view.control_panel import ControlPanel, add_stop
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
     from trifinger_view.words import facts_of
 
-    live = LiveRun(name)
+    live = LiveRun(name, training=training)
     if controller is not None and controller.with_guide:
         add_stop(options.authentication, name)
 
@@ -173,7 +179,12 @@ def note_of_missing(name: str) -> str:
 
 
 def steer_robot(
-    name: str, options: PageOptions, *, with_guide: bool, frames: Sequence[str] = ()
+    name: str,
+    options: PageOptions,
+    *,
+    with_guide: bool,
+    frames: Sequence[str] = (),
+    training: Path | None = None,
 ) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
     if not with_guide:
@@ -182,7 +193,7 @@ def steer_robot(
     with ended_by_signals(), contextlib.closing(controller):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             controller.connect()
-        show_robot(name, options, controller)
+        show_robot(name, options, controller, training)
 
 
 def require_hand(name: str) -> None:
@@ -269,6 +280,12 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         help="pull at tips and objects of the simulation NAME, whoever controls it",
     )
     parser.add_argument(
+        "--training",
+        type=Path,
+        metavar="FOLDER",
+        help="say how a training on the robot goes: the folder of `trifinger learn`",
+    )
+    parser.add_argument(
         "--plain",
         action="store_true",
         help="draw without shadows, for a browser without a graphics card",
@@ -343,9 +360,10 @@ def show_or_write(arguments: argparse.Namespace) -> None:
             page_options(arguments),
             with_guide=arguments.control,
             frames=arguments.frame,
+            training=arguments.training,
         )
     else:
-        show_robot(arguments.what, page_options(arguments))
+        show_robot(arguments.what, page_options(arguments), training=arguments.training)
 
 
 def page_options(arguments: argparse.Namespace) -> PageOptions:

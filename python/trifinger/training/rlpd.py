@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Learns from few transitions, a share of them from demonstrations if there are any.
+
+After Ball, Smith, Kostrikov and Levine, "Efficient Online Reinforcement Learning with Offline Data"
+(RLPD, 2023, arXiv 2302.02948): layer norm in critics makes many gradient steps per action stable.
+The actor is that of TD3 (Fujimoto et al. 2018, arXiv 1802.09477): a robot adds its noise by itself.
+Observations are scaled by what was seen, because 2 cm are a fiftieth of the range of a position.
+"""
+
+import copy
+import itertools
+import math
+
+import torch
+
+from trifinger.training.algorithm import Batch
+from trifinger.training.plan import Recipe
+
+CRITICS = 2
+TARGET_RATE = 0.005  # of the critics' copy that says what follows
+TARGET_NOISE = 0.1  # standard deviation of noise on the actions that this copy values
+ACTOR_EVERY = 2  # gradient steps of the critics
+FIRST_ACTIONS = 0.1  # factor on the last weights of a new actor, so that it does little
+LEAST_VARIANCE = 0.0004  # of a number that hardly varies
+
+
+class Rlpd:
+    """Two critics with layer norm, and an actor that is trained by their mean."""
+
+    def __init__(self, observations: int, actions: int, recipe: Recipe) -> None:
+        self._gamma = recipe.gamma
+        self._scale = torch.nn.BatchNorm1d(observations, LEAST_VARIANCE, None, affine=False)
+        last = torch.nn.Linear(recipe.layers[-1], actions)
+        last.load_state_dict({name: FIRST_ACTIONS * one for name, one in last.state_dict().items()})
+        sizes = itertools.pairwise([observations, *recipe.layers])
+        hidden = [part for size in sizes for part in (torch.nn.Linear(*size), torch.nn.ReLU())]
+        self._actor = torch.nn.Sequential(*hidden, last, torch.nn.Tanh())
+        self._critics = _Critics([observations + actions, *recipe.layers])
+        self._target = copy.deepcopy(self._critics)
+        self._actor_optimizer, self._critics_optimizer = (
+            torch.optim.Adam(module.parameters(), recipe.learning_rate, fused=True)
+            for module in (self._actor, self._critics)
+        )
+        self._steps, self._actor_loss = 0, 0.0
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """Takes a gradient step of the critics, and every second time one of the actor."""
+        self._scale.train()(batch.observations)  # takes part in the mean of all that was seen
+        self._scale.eval()
+        before, after = self._scale(batch.observations), self._scale(batch.next_observations)
+        with torch.no_grad():
+            then = self._actor(after)
+            noise = TARGET_NOISE * torch.randn_like(then).clamp(-2, 2)
+            value = self._target(after, (then + noise).clamp(-1, 1)).amin(0)
+            value = batch.rewards + self._gamma * (1 - batch.terminated) * value
+        loss = (self._critics(before, batch.actions) - value).square().mean(1).sum()
+        _descend(self._critics_optimizer, self._critics, loss)
+        self._steps += 1
+        if self._steps % ACTOR_EVERY == 0:
+            actor_loss = -self._critics(before, self._actor(before)).mean()
+            _descend(self._actor_optimizer, self._actor, actor_loss)
+            self._actor_loss = actor_loss.item()
+        with torch.no_grad():
+            critics: list[torch.Tensor] = list(self._critics.parameters())
+            torch._foreach_lerp_(list(self._target.parameters()), critics, TARGET_RATE)
+        return {"critic_loss": loss.item() / CRITICS, "actor_loss": self._actor_loss}
+
+    def actor(self) -> torch.nn.Sequential:
+        """A copy of what acts; the scale of observations is a part of its first layer."""
+        actor = copy.deepcopy(self._actor)
+        weight, bias = itertools.islice(actor.parameters(), 2)
+        with torch.no_grad():
+            mean, variance, _ = self._scale.buffers()
+            weight.mul_((variance + LEAST_VARIANCE).rsqrt())
+            bias.sub_(weight @ mean)
+        return actor
+
+
+def _descend(adam: torch.optim.Adam, module: torch.nn.Module, loss: torch.Tensor) -> None:
+    parameters: list[torch.Tensor] = list(module.parameters())
+    for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
+        parameter.grad = gradient
+    adam.step()
+
+
+class _Critics(torch.nn.Module):
+    # All critics at once: each array has one more dimension, which saves overhead.
+    def __init__(self, sizes: list[int]) -> None:
+        super().__init__()
+        self.weights, self.biases, self.gains, self.shifts = (
+            torch.nn.ParameterList() for _ in range(4)
+        )
+        for inputs, outputs in itertools.pairwise([*sizes, 1]):
+            bound = 1 / math.sqrt(inputs)
+            self.weights.append(torch.empty(CRITICS, inputs, outputs).uniform_(-bound, bound))
+            self.biases.append(torch.empty(CRITICS, 1, outputs).uniform_(-bound, bound))
+        for size in sizes[1:]:
+            self.gains.append(torch.ones(CRITICS, 1, size))
+            self.shifts.append(torch.zeros(CRITICS, 1, size))
+
+    def forward(self, observations: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        values = torch.cat([observations, actions], 1).expand(CRITICS, -1, -1)
+        *layers, last = zip(self.biases, self.weights, strict=True)
+        for (bias, weight), gain, shift in zip(layers, self.gains, self.shifts, strict=True):
+            values = torch.baddbmm(bias, values, weight)
+            values = torch.nn.functional.layer_norm(values, values.shape[-1:])
+            values = torch.addcmul(shift, values, gain).relu()
+        bias, weight = last
+        return torch.baddbmm(bias, values, weight)[..., 0]
