@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from trifinger.environments import Options
 from trifinger.training import Plan, on_robot
 from trifinger.training.experience import LATE, Episodes, digest_of, of_logs
 from trifinger.training.on_robot import LOGS, RobotTraining, join
+from trifinger.training.report import Tally
 
 LEARN = [sys.executable, "-m", "trifinger.commands.learn"]
 # Tests under sanitizers and on busy machines learn nothing in time.
@@ -41,6 +42,17 @@ def plan_of(tmp_path: Path, robot: str, episodes: int, **settings: object) -> Pl
 def start_robot(start_program: StartProgram) -> None:
     robot = start_program("run", "trifinger_edu", "--name", "r", *PATIENT)
     robot.wait_for("waits for a user")
+
+
+def run_beside(training: RobotTraining, work: Callable[[], None], done: threading.Event) -> Tally:
+    """Runs a training beside `work` in another thread, which ends when `done` is set."""
+    worker = threading.Thread(target=work)
+    worker.start()
+    try:
+        return training.run()
+    finally:
+        done.set()
+        worker.join()
 
 
 def experience_in(folder: Path) -> Iterator[np.ndarray]:
@@ -116,14 +128,8 @@ def test_goes_on_whatever_is_killed_and_loses_nothing(
                 return
         training._events.put(("failed", KeyboardInterrupt()))  # as Ctrl-C would
 
-    killer = threading.Thread(target=kill)
-    killer.start()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            training.run()
-    finally:
-        done.set()
-        killer.join()
+    with pytest.raises(KeyboardInterrupt):
+        run_beside(training, kill, done)
     assert len(killed) == kills
     assert set(training.tally.restarts) <= {"actor", "learner", "recorder"}
     assert 0 < sum(training.tally.restarts.values()) <= kills  # one may end between look and kill
@@ -159,13 +165,7 @@ def test_waits_while_the_disk_is_full(
         waited.append(training.tally.episodes < 8)
         monkeypatch.setattr(on_robot, "ROOM", 0)
 
-    filler = threading.Thread(target=fill)
-    filler.start()
-    try:
-        tally = training.run()
-    finally:
-        done.set()
-        filler.join()
+    tally = run_beside(training, fill, done)
     assert waited == [True]
     assert "nearly full" in "".join(said)
     assert tally.restarts == {}
@@ -309,13 +309,7 @@ def test_takes_care_of_the_robot_after_a_fault(start_program: StartProgram, tmp_
                 break
         actor.send_signal(signal.SIGCONT)
 
-    stopper = threading.Thread(target=stop)
-    stopper.start()
-    try:
-        tally = training.run()
-    finally:
-        stopped.set()
-        stopper.join()
+    tally = run_beside(training, stop, stopped)
     assert 4 <= tally.episodes < 6  # the fault has cut one off
     assert set(tally.faults) == {"the action was not there in time"}
     assert tally.cares == tally.recoveries == sum(tally.faults.values()) > 0

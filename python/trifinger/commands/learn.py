@@ -154,12 +154,12 @@ def learn(arguments: argparse.Namespace) -> None:
         say(f"{training.policy_path} written.")
 
 
-def care_of(command: str | None, robot: str) -> list[str]:
-    """The words of the command that makes the robot ready."""
+def care_of(command: str | None, robot: str) -> list[str] | None:
+    """The words of the command that makes the robot ready; None within a job."""
     if command is not None:
         return shlex.split(command)
     is_in_job = "TRIFINGER_JOB_FOLDER" in os.environ  # which takes care by itself
-    return [] if is_in_job else [program(), "job", "restore", robot]
+    return None if is_in_job else [program(), "job", "restore", robot]
 
 
 def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:

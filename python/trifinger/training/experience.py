@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trifinger._trifinger import Frontend, Log, list_sessions, observe
+from trifinger._trifinger import Frontend, Log, LoggedSession, list_sessions, observe
 from trifinger.arrays import Array
 from trifinger.errors import (
     Error,
@@ -102,20 +102,13 @@ class LiveExperience:
         return self._companion
 
 
-def of_logs(
-    path: Path,
-    process: int,
-    say: Callable[[str], None] = lambda _: None,
-    check: Callable[[str | None], None] = lambda _: None,
-) -> Iterator[Array]:
-    """The experience of one decision process in a log, or in all logs of a folder, by session.
+def sessions_in(path: Path, say: Callable[[str], None] = lambda _: None) -> Iterator[LoggedSession]:
+    """The sessions in a log, or in all logs of a folder.
 
     Of a folder, logs that cannot be read, such as one that was killed at its begin, are left out;
-    `say` gets the reason. `check` gets the configuration of the robot of each session, and may
-    raise an error.
+    `say` gets the reason.
     """
-    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    for file in files:
+    for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
         try:
             sessions = Log(file).sessions
         except Error as error:
@@ -123,14 +116,27 @@ def of_logs(
                 raise
             say(f"left out: {error}")
             continue
-        for session in sessions:
-            for companion in session.companions:
-                first, end = companion.range("observation")
-                if companion.name.rpartition(".")[2] == COMPANION and first < end:
-                    elements = compact(np.asarray(companion.observations), process)
-                    if len(elements):
-                        check(session.documents.get("configuration.yml"))
-                        yield elements
+        yield from sessions
+
+
+def of_logs(
+    path: Path,
+    process: int,
+    say: Callable[[str], None] = lambda _: None,
+    check: Callable[[str | None], None] = lambda _: None,
+) -> Iterator[Array]:
+    """The experience of one decision process in what sessions_in() finds, by session.
+
+    `check` gets the configuration of the robot of each session, and may raise an error.
+    """
+    for session in sessions_in(path, say):
+        for companion in session.companions:
+            first, end = companion.range("observation")
+            if companion.name.rpartition(".")[2] == COMPANION and first < end:
+                elements = compact(np.asarray(companion.observations), process)
+                if len(elements):
+                    check(session.documents.get("configuration.yml"))
+                    yield elements
 
 
 class Transition(NamedTuple):

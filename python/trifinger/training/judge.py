@@ -29,10 +29,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from trifinger._trifinger import Log, LoggedSession, observe
+from trifinger._trifinger import observe
 from trifinger.arrays import Array
 from trifinger.cameras import Images, LiveCameras, calibration_of
-from trifinger.errors import CameraLost, Error, HistoryLost, InvalidArgument, NotInLog
+from trifinger.errors import CameraLost, HistoryLost, InvalidArgument, NotInLog
 from trifinger.log.images import LoggedCameras
 from trifinger.training import checkpoint
 from trifinger.training.experience import (
@@ -43,6 +43,7 @@ from trifinger.training.experience import (
     TERMINATED,
     TRUNCATED,
     LiveExperience,
+    sessions_in,
 )
 from trifinger.whole_file import replace_file
 
@@ -61,12 +62,10 @@ IN_A_ROW = 2  # sets of images that must show a success
 SIZE = 64  # pixels of an image in either direction
 FEWEST, MOST = 5, 100  # successes, and failures, that teach; the newest ones
 FOLDS = 4  # networks, each tried with episodes that it was not shown
-BATCH, LOOK, PATIENCE, MOST_STEPS = (
-    32,
-    20,
-    4,
-    500,
-)  # a look is 20 steps; 4 that are no better end it
+BATCH = 32
+LOOK = 20  # steps between two looks at what it was not shown
+PATIENCE = 4  # looks that are no better end the training
+MOST_STEPS = 500
 GOOD_ENOUGH = 0.03  # loss of what it was not shown
 NO_CHANCE = 2.33  # standard deviations: pure chance gets there in one of 100 cases
 
@@ -271,10 +270,12 @@ def taught(folder: Path) -> ImageJudge:
 
 def seen_in(logs: Path) -> tuple[tuple[str, ...], list[Seen]]:
     """The names of the cameras, and what they saw of the newest episodes that were judged."""
+    if not logs.is_dir():
+        return (), []
     episodes = _judged_episodes(logs)
     sets: list[tuple[list[Array], list[Array]]] = [([], []) for _ in episodes]
     names: tuple[str, ...] = ()
-    for session in _sessions(logs):
+    for session in sessions_in(logs):
         try:
             cameras = LoggedCameras(session)
         except InvalidArgument:  # it has none
@@ -288,7 +289,7 @@ def seen_in(logs: Path) -> tuple[tuple[str, ...], list[Seen]]:
                 continue
             rows = (captured >= episode[0]["step"]) & (captured <= episode[-1]["step"])
             age = (episode[-1]["step"] - captured[rows]) * session.period
-            # As often as while judging.
+            # As many sets as a judge would see.
             _, kept = np.unique(np.floor(age / PERIOD + 1e-6), return_index=True)
             for index, one in zip(cameras.companion.time_index[rows][kept], age[kept], strict=True):
                 is_near = _has_succeeded(episode) and bool(one <= MAY_SHOW_SUCCESS)
@@ -306,7 +307,7 @@ def seen_in(logs: Path) -> tuple[tuple[str, ...], list[Seen]]:
 def _judged_episodes(logs: Path) -> list[Array]:
     parts = [
         np.array(one.get_observations(*one.range("observation"), fields=FACTS))
-        for session in _sessions(logs)
+        for session in sessions_in(logs)
         for one in session.companions
         if one.name.rpartition(".")[2] == COMPANION
     ]
@@ -327,12 +328,6 @@ def _judged_episodes(logs: Path) -> list[Array]:
 
 def _has_succeeded(episode: Array) -> bool:
     return bool(episode[-1]["flags"] & SUCCESS)
-
-
-def _sessions(logs: Path) -> Iterator[LoggedSession]:
-    for file in sorted(logs.glob("*.mcap")):
-        with contextlib.suppress(Error):  # it was killed at its begin
-            yield from Log(file).sessions
 
 
 # ---- teaching ----

@@ -99,7 +99,7 @@ class RobotTraining:
         address: tuple[str, int] = LOOPBACK,
         starts_learner: bool = True,
         judged: int = LAST_EPISODES,
-        care: Sequence[str] = (),
+        care: Sequence[str] | None = (),
         options: Sequence[str] = (),
         is_judged: bool = False,
     ) -> None:
@@ -107,9 +107,10 @@ class RobotTraining:
 
         The learner is started here, or joins from another machine: join(). `address` is where it is
         waited for. `care` is a command that makes the robot ready after a fault, and brings its
-        object back. `options` are more of `trifinger run-policy` for the actor. If the training
-        `is_judged`, tell() says what has succeeded, not the task. Raises InvalidArgument if the
-        folder has a training by another plan, or if a log has no experience.
+        object back. An object out of reach ends the training if there is no such command, and
+        nobody looks for it if `care` is None. `options` are more of `trifinger run-policy` for the
+        actor. If the training `is_judged`, tell() says what has succeeded, not the task. Raises
+        InvalidArgument if the folder has a training by another plan, or if a log has no experience.
         """
         self.plan, self.folder, self.robot, self._say = plan, folder, robot, say
         self._starts_learner = starts_learner
@@ -120,7 +121,7 @@ class RobotTraining:
             raise InvalidArgument(f"'{plan.task}' is a task in Python, which no robot learns alone")
         if is_judged and plan.recipe.relabelled > 0:
             raise InvalidArgument("relabelled makes rewards of its own: judged needs relabelled=0")
-        self._care, self._options, self._is_judged = list(care), list(options), is_judged
+        self._care, self._options, self._is_judged = care, list(options), is_judged
         if (folder / PLAN).exists():
             if not (folder / TALLY).exists():
                 raise InvalidArgument(f"{folder} has a training in simulation")
@@ -396,7 +397,7 @@ class RobotTraining:
     def _start_policy(self, name: str, seed: int, first: int, count: int, *more: object) -> None:
         words = ("run-policy", self.policy_path, "--robot", self.robot, "--json", *more)
         words = (*words, "--rest-below", REST_BELOW)
-        if self._care or "TRIFINGER_JOB_FOLDER" not in os.environ:
+        if self._care is not None:
             words = (*words, "--end-out-of-reach")
         words = (*words, "--seed", seed, "--first", first, "--episodes", count)
         self._start(
@@ -590,8 +591,11 @@ class RobotTraining:
     # Replaces a file. While the disk is full the one before stays: the robot waits, and the newest
     # state of the learner is in its memory.
     def _write(self, path: Path, content: bytes) -> None:
-        with contextlib.suppress(OSError) if not self._has_room else contextlib.nullcontext():
+        try:
             replace_file(path, content)
+        except OSError:
+            if self._has_room:
+                raise
 
     # The recorder ends last: it records how the others end.
     def _close(self) -> None:
