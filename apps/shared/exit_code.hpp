@@ -10,9 +10,9 @@ namespace trifinger::apps {
 inline constexpr int kDone = 0;
 inline constexpr int kFailed = 1;
 inline constexpr int kWrongUsage = 2;
+inline constexpr int kIncomplete = 3;  // The work was done, but its log lacks something.
 inline constexpr int kNeedsRest = 5;   // The motors are warm.
 inline constexpr int kOutOfReach = 6;  // The object is.
-inline constexpr int kIncomplete = 3;  // The work was done, but its log lacks something.
 
 // What the user typed is not allowed. The text says what would be.
 class UsageError : public std::runtime_error {

@@ -16,11 +16,13 @@ class OptionFields:
     """Number of steps of the robot for which an action acts."""
     mapping: Literal["state_augmentation", "approximation"] = "approximation"
     """How steps of the robot become states and actions; docs/learning.md compares both."""
-    action: Literal["position", "position_change", "torque"] = "position"
+    action: Literal["position", "position_change", "relative_position", "torque"] = "position"
     """What numbers from -1 to 1 mean: positions in their range, changes of the desired
-    positions, or shares of the largest torque."""
+    positions, desired positions relative to the measured ones, or shares of the largest
+    torque."""
     position_change: float = 0.1
-    """Largest change of a desired position by one action [rad]."""
+    """Largest change of a desired position by one action, or largest distance from the measured
+    one [rad]."""
     observation: Literal["flat", "dictionary", "goal", "images"] = "flat"
     """One vector scaled to -1 to 1, its parts in SI units, the vector with a separate goal, or
     the parts with images of the cameras instead of poses of objects."""

@@ -48,6 +48,11 @@ class Summary:
         scale, unit = (100.0, "cm") if self.unit == "m" else (1.0, self.unit)
         return f"{' to '.join(f'{scale * distance:.2f}' for distance in distances)} {unit}"
 
+    @property
+    def in_short(self) -> str:
+        """The median and the share of success."""
+        return f"{self.in_words(self.median)}, success {100 * self.success:.0f} %"
+
     def __str__(self) -> str:
         rows = (
             ("episodes", str(self.episodes)),

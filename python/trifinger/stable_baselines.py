@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lets Stable-Baselines3 train on the environments of this package."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 # This import comes first because its error says what to install.
@@ -22,6 +23,7 @@ try:
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence("learning", str(error.name)), name=error.name) from error
 
+Flat = Mapping[str, tuple[Sequence[int], Array, Array]]  # places, low and high of each entry
 Vector = gymnasium.vector.VectorEnv[Any, Any, Any]
 
 JOINTS = 3  # joints of a finger
@@ -64,8 +66,7 @@ class Rows(VecEnv):
         self.episodes = np.zeros(environment.num_envs, np.int64)
         """Number of episodes that have ended, for each environment."""
         self._reward_scale, self._approach, self._gamma = reward_scale, approach, gamma
-        if approach > 0:
-            self._entries = _one_of(environment).entries
+        self._one = _one_of(environment)
         self._is_per_finger = is_per_finger
         self._lengths = np.zeros(environment.num_envs, np.int64)
         self._returns = np.zeros(environment.num_envs)
@@ -168,12 +169,27 @@ class Rows(VecEnv):
         if self.rows > 1:
             offsets = (achieved - desired).reshape(self.rows, -1)
             rewards = -np.linalg.norm(offsets, axis=1).astype(float)
-        if self._approach > 0:
-            left, reached = self._potential(np.stack([before, after]))
-            gained = self._gamma * (0.0 if terminated else reached) - left
-            rewards += gained / self._reward_scale
+        rewards = self._with_approach(rewards, before[None], after[None], np.array([terminated]))
         shown = self._shown(np.asarray(achieved)[None]).reshape(self.rows, -1)
-        return (self._reward_scale * rewards).astype(np.float32), shown
+        return rewards, shown
+
+    def rewards(self, before: Array, after: Array, terminated: Array) -> Array:
+        """The rewards of transitions (N x numbers) for the goals in their observations.
+
+        Only for tasks in which the position of an object is the goal.
+        """
+        seen = self.entries(after)
+        rewards = self._one._compute_reward(seen["object_position"], seen["goal"])
+        return self._with_approach(rewards, before, after, terminated)
+
+    def entries(self, observations: Array) -> dict[str, Array]:
+        """The entries of flat observations in SI units."""
+        return self._one.entries(observations)
+
+    @property
+    def flat(self) -> Flat:
+        """Where each entry is in a flat observation, and its bounds in SI units."""
+        return self._one._flat
 
     def close(self) -> None:
         """Closes the environments."""
@@ -196,13 +212,20 @@ class Rows(VecEnv):
         """False for each row: nothing is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
+    def _with_approach(
+        self, rewards: Array, before: Array, after: Array, terminated: Array
+    ) -> Array:
+        reached = np.where(terminated, 0.0, self._potential(after))
+        gained = self._gamma * reached - self._potential(before)
+        return (self._reward_scale * rewards + gained).astype(np.float32)
+
     # The potential of `approach`. It rises as the nearest tip comes nearer to the place from which
     # it would push the object, and twice as much as the object comes nearer to its goal. The place
     # is on the side of the object away from the goal; at the goal, it is the object's middle.
     def _potential(self, observations: Array) -> Array:
         if self._approach == 0:
             return np.zeros(len(observations))
-        seen = self._entries(observations)
+        seen = self.entries(observations)
         tips = seen["tip_position"].reshape(len(observations), -1, 3)
         place, goal = seen["object_position"], seen["goal"][:, :3]
         offset = goal - place[:, : goal.shape[1]]

@@ -18,7 +18,6 @@ rest.
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -177,12 +176,3 @@ def load(name: str) -> type[Task]:
             "trifinger.tasks.Task"
         )
     return found
-
-
-def task_of_file(named: str, said: str | None, file: Path) -> str:
-    """The task that a file names, or `said`, what the user says it is.
-
-    The file need not be trusted, so a module that only the file names is not imported. Raises
-    InvalidArgument.
-    """
-    return own_class.name_of_file("task", named, said, file)

@@ -251,6 +251,7 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
         target = 0.5 * (low + high) + 0.5 * (high - low) * number;
         break;
       case ActionKind::kPositionChange:
+      case ActionKind::kRelativePosition:
         target = std::clamp(target + self.options.position_change * number, low, high);
         break;
       case ActionKind::kTorque:
@@ -275,6 +276,7 @@ void Environment::invert_action(std::span<const double> torque, std::span<const 
         number = (2.0 * position[i] - low - high) / (high - low);
         break;
       case ActionKind::kPositionChange:
+      case ActionKind::kRelativePosition:
         number = (position[i] - episode.target[i]) / self.options.position_change;
         break;
       case ActionKind::kTorque:

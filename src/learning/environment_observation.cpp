@@ -78,6 +78,7 @@ void Environment::Implementation::look(Observed& one) const noexcept {
   add_noise(std::span(one.position).first(n), options.position_noise);
   add_noise(std::span(one.velocity).first(n), options.velocity_noise);
   add_noise(std::span(one.model_position).first(num_model), options.position_noise);
+  if (options.action == ActionKind::kRelativePosition) hold(one.position, *one.episode);
 
   View& view = one.view;
   view.object = {};

@@ -37,7 +37,8 @@ struct About {
 };
 
 constexpr std::array<std::string_view, 2> kMappings{"state_augmentation", "approximation"};
-constexpr std::array<std::string_view, 3> kActions{"position", "position_change", "torque"};
+constexpr std::array<std::string_view, 4> kActions{"position", "position_change",
+                                                   "relative_position", "torque"};
 constexpr std::array<std::string_view, 4> kLayouts{"flat", "dictionary", "goal", "images"};
 constexpr std::array<std::string_view, 2> kObjectPoses{"exact", "tracked"};
 
@@ -57,10 +58,13 @@ void visit(Options& options, const Visitor& field) {
             .words = kMappings});
   field("action", options.action,
         About{.meaning = "What numbers from -1 to 1 mean: positions in their range, changes of the "
-                         "desired positions, or shares of the largest torque.",
+                         "desired positions, desired positions relative to the measured ones, or "
+                         "shares of the largest torque.",
               .words = kActions});
   field("position_change", options.position_change,
-        About{"Largest change of a desired position by one action [rad].", 1e-6, std::numbers::pi});
+        About{"Largest change of a desired position by one action, or largest distance from the "
+              "measured one [rad].",
+              1e-6, std::numbers::pi});
   field("observation", options.layout,
         About{.meaning = "One vector scaled to -1 to 1, its parts in SI units, the vector with a "
                          "separate goal, or the parts with images of the cameras instead of poses "

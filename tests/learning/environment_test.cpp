@@ -65,8 +65,8 @@ class EveryTask : public ::testing::TestWithParam<std::string> {
 };
 
 TEST_P(EveryTask, FindsTheNumbersOfAnAction) {
-  for (const ActionKind kind :
-       {ActionKind::kPosition, ActionKind::kPositionChange, ActionKind::kTorque}) {
+  for (const ActionKind kind : {ActionKind::kPosition, ActionKind::kPositionChange,
+                                ActionKind::kRelativePosition, ActionKind::kTorque}) {
     EnvironmentOptions options = default_options(GetParam());
     options.action = kind;
     const Environment environment = make(options);
@@ -91,7 +91,7 @@ TEST_P(EveryTask, FindsTheNumbersOfAnAction) {
         if (kind != ActionKind::kTorque) {
           EXPECT_NEAR(position_again[i], position[i], 1e-6);
         }
-        if (kind != ActionKind::kPositionChange) {
+        if (kind == ActionKind::kPosition || kind == ActionKind::kTorque) {
           EXPECT_NEAR(found[i], std::clamp(numbers[i], -1.0F, 1.0F), 1e-5);
         }
       }
@@ -254,6 +254,26 @@ TEST_F(Actions, AreChangesOfThePositionThatWasAskedForLast) {
   }
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(take(-1.0F));
   EXPECT_TRUE(std::ranges::equal(position_, environment_->position_low()));
+}
+
+TEST_F(Actions, AreRelativeToWhatWasMeasuredLastWhateverWasAskedForBefore) {
+  begin(ActionKind::kRelativePosition);
+  std::vector<float> observation(environment_->observation_size());
+  std::vector<double> achieved(environment_->goal_size());
+  std::vector<double> desired(environment_->goal_size());
+  std::array<double, 9> measured{};
+  const std::array<double, 9> velocity{};
+  const auto high = environment_->position_high();
+  for (const float before : {-1.0F, 0.3F, 1.0F}) {
+    for (std::size_t i = 0; i < 9; ++i) measured[i] = high[i] - 0.07;
+    ASSERT_TRUE(take(before));
+    (void)environment_->observe({.position = measured, .velocity = velocity, .object = nullptr},
+                                episode_, observation, achieved, desired);
+    ASSERT_TRUE(take(0.5F));
+    for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(position_[i], measured[i] + 0.05, 1e-12);
+    ASSERT_TRUE(take(1.0F));
+    for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(position_[i], high[i]);
+  }
 }
 
 TEST_F(Actions, AreSharesOfTheLargestTorque) {

@@ -188,6 +188,7 @@ TEST_F(Runs, LetAPersonActInPlaceOfThePolicyWithoutAllocation) {
   for (const Case& its : {Case{ActionKind::kPosition, Mapping::kApproximation},
                           Case{ActionKind::kPosition, Mapping::kStateAugmentation},
                           Case{ActionKind::kPositionChange, Mapping::kApproximation},
+                          Case{ActionKind::kRelativePosition, Mapping::kApproximation},
                           Case{ActionKind::kTorque, Mapping::kStateAugmentation}}) {
     Takeover<Finger> takeover(robot_.session(), limits());
     std::atomic<bool> stop{false};

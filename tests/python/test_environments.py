@@ -348,7 +348,7 @@ def test_entries_of_flat_observations_are_those_of_the_dictionary(task):
 
 
 @pytest.mark.parametrize("task", ["reach", "push"])
-@pytest.mark.parametrize("action", ["position", "position_change", "torque"])
+@pytest.mark.parametrize("action", ["position", "position_change", "relative_position", "torque"])
 def test_the_first_augmented_state_has_the_action_that_holds(task, action):
     options = {"mapping": "state_augmentation", "observation": "dictionary"}
     environment = single(task, action=action, **options)

@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import PATIENT, StartProgram
+from trifinger.commands.learn import command_of, parse
+from trifinger.commands.program import path as program
 from trifinger.environments import Options
 from trifinger.training import Plan, on_robot
-from trifinger.training.experience import LATE, Episodes, digest_of, of_logs
+from trifinger.training.experience import INTERVENTION, LATE, Episodes, digest_of, of_logs
 from trifinger.training.on_robot import LOGS, RobotTraining, join
 from trifinger.training.report import Tally
 
@@ -97,7 +99,7 @@ def test_learns_from_everything_that_the_robot_does(
     assert metadata["robot"] == str(tmp_path / "robot.yml")
     assert "2 new episodes" in said[-1]
     report = training.report().read_text()
-    assert "| episodes, actions | 12, 240 |" in report
+    assert "| learning | episode 12 of 12, 240 actions, " in report
     assert (tmp_path / "f/tips.png").exists()
 
 
@@ -111,16 +113,26 @@ def test_goes_on_whatever_is_killed_and_loses_nothing(
     chance, done = np.random.default_rng(3), threading.Event()
     killed: list[str] = []
 
+    def watch() -> subprocess.Popen[bytes]:
+        words = ["view", "r", "--training", tmp_path / "f", "--port", "0", "--no-browser"]
+        return subprocess.Popen([program(), *words], stdout=subprocess.DEVNULL)
+
     def kill() -> None:
         while not (training.policy_path.exists() and training.tally.episodes):
             if done.wait(0.1):
                 return
+        viewer = watch()
         while len(killed) < kills and not done.wait(chance.uniform(0.2, 2.0)):
-            name = chance.choice(["actor", "learner", "recorder"])
-            process = training._processes.get(name)
+            name = chance.choice(["actor", "learner", "recorder", "viewer"])
+            process = viewer if name == "viewer" else training._processes.get(name)
             if process and process.poll() is None:
                 process.kill()
                 killed.append(name)
+            if name == "viewer":
+                viewer.wait()
+                viewer = watch()
+        viewer.kill()
+        viewer.wait()
         # It still learns: a new policy acts in a whole episode.
         episodes, policies = training.tally.episodes, training.tally.policies
         while training.tally.episodes == episodes or training.tally.policies == policies:
@@ -222,7 +234,7 @@ def test_a_learner_may_join_with_the_token_alone(
 ) -> None:
     start_robot(start_program)
     plan = plan_of(tmp_path, "r", 4)
-    training = RobotTraining(plan, tmp_path / "f", "r", judged=0, starts_learner=False)
+    training = RobotTraining(plan, tmp_path / "f", "r", judged=0, listen="127.0.0.1:0")
     false = tmp_path / "false"
     false.write_text("0" * 64)
     refused: list[str] = []
@@ -268,6 +280,24 @@ def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None
     (tmp_path / "g/plan.json").write_text(simulated.to_json())
     assert "has a training; --resume" in refused("reach", "--robot", "r", "-o", tmp_path / "g")
     assert "a training in simulation" in refused("--resume", tmp_path / "g", "--robot", "r")
+
+
+def test_says_how_to_go_on() -> None:
+    begun = ["reach", "--algorithm", "my:Own", "--care", "", "--takeover", "--judge", "keys"]
+    assert command_of(parse(begun), Path("a folder"), "r") == (
+        "trifinger learn --resume 'a folder' --robot r --algorithm my:Own --care '' --takeover "
+        "--judge keys"
+    )
+    assert command_of(parse(["reach"]), Path("f"), "r") == "trifinger learn --resume f --robot r"
+
+
+@pytest.mark.parametrize("option", ["--care=", "--from=logs", "--judge=keys", "--takeover"])
+def test_what_is_said_at_the_robot_is_not_for_who_joins(
+    option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        parse(["--join", "here:1", "--token", "t", option])
+    assert "--join takes --token and --algorithm alone" in capsys.readouterr().err
 
 
 def test_lets_warm_motors_rest(
@@ -337,3 +367,23 @@ def test_ends_if_nobody_brings_the_object_back(
     monkeypatch.setattr(on_robot, "MOST_CARES", 2)
     with pytest.raises(trifinger.Error, match="needs care again and again"):
         RobotTraining(plan, tmp_path / "f", "r", care=["true"]).run()
+
+
+def test_a_push_begins_with_demonstrations(start_program: StartProgram, tmp_path: Path) -> None:
+    robot = start_program("run", "sim", "--name", "r", *PATIENT)
+    robot.wait_for("waits for a user")
+    script = Path(__file__).parents[2] / "evaluation/push_demonstrations.py"
+    words = [sys.executable, script, "r", tmp_path / "demonstrations", "--count", "1"]
+    assert subprocess.run(words, check=False).returncode == 0
+    plan = Plan.of("push", "rlpd", episodes=1)
+    logs = [tmp_path / "demonstrations"]
+    training = RobotTraining(plan, tmp_path / "f", "r", logs=logs, judged=0)
+    tally = training.run()
+    assert tally.episodes == 1
+    shown, _ = training._book.since(0, most=training._prior)
+    assert np.count_nonzero(shown["flags"] & INTERVENTION) >= 100
+    lived, _ = training._book.since(0)
+    on_time = (lived["actions"] > 0) & (lived["flags"] & LATE == 0)
+    assert tally.updates == 4 * np.count_nonzero(on_time)
+    # The action that was the same as the person's, not what the policy would have done.
+    assert np.abs(shown["action"]).max() > 0.5

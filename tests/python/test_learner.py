@@ -208,6 +208,8 @@ def test_experience_of_others_demonstrates_and_the_own_does_not(own: Any) -> Non
     assert np.mean(counts) == pytest.approx(32 + 32 * 60 / 420, abs=1.5)
     demonstrations = torch.cat([batch.actions[:32] for batch in own().Imitator.batches])
     assert (demonstrations == 0.5).all()
+    for batch in own().Imitator.batches:
+        assert batch.demonstrated.tolist() == 32 * [1] + 32 * [0]
 
 
 @pytest.mark.parametrize("is_shared", [False, True])
@@ -222,9 +224,11 @@ def test_a_batch_has_the_transitions(own: Any, is_shared: bool) -> None:
     assert learner.transitions == ACTIONS
     found = {}
     for batch in own().Imitator.batches:
-        assert all(part.dtype == torch.float32 for part in batch)
-        assert batch.rewards.shape == batch.terminated.shape == (64,)
-        for row in zip(*(part.numpy() for part in batch), strict=True):
+        *parts, progress = batch
+        assert all(part.dtype == torch.float32 for part in parts)
+        assert batch.rewards.shape == batch.terminated.shape == batch.demonstrated.shape == (64,)
+        assert progress == ACTIONS / learner.total
+        for row in zip(*(part.numpy() for part in parts), strict=True):
             found[row[1].tobytes()] = row
     assert len(found) == rows * ACTIONS
     for before, after in itertools.pairwise(elements):
@@ -232,7 +236,8 @@ def test_a_batch_has_the_transitions(own: Any, is_shared: bool) -> None:
         for i in range(rows):
             part = slice(i * 27 // rows, (i + 1) * 27 // rows)
             acted = after["action"].reshape(rows, -1)[i]
-            seen, _, reward, then, terminated = found[acted.tobytes()]
+            seen, _, reward, then, terminated, demonstrated = found[acted.tobytes()]
+            assert not demonstrated
             assert np.array_equal(seen, before["observation"][part])
             assert np.array_equal(then, after["observation"][part])
             expected = -distances[i] if is_shared else after["reward"]
@@ -359,6 +364,8 @@ def test_settings_that_fit_no_algorithm_are_refused(tmp_path: Path) -> None:
         plan_of("sac", demonstrations=1.5)
     with pytest.raises(InvalidArgument, match="relabelled is for ddpg"):
         plan_of("my_own:Imitator", relabelled=0.2)
+    with pytest.raises(InvalidArgument, match="symmetry and offsets are for rlpd"):
+        plan_of("ddpg", symmetry=True)
     with pytest.raises(InvalidArgument, match="only for a robot that runs: trifinger learn"):
         Training(plan_of("my_own:Imitator"), tmp_path / "f")
     assert not (tmp_path / "f").exists()
@@ -453,7 +460,8 @@ def test_the_algorithm_of_the_page_finds_the_best_actions(monkeypatch: pytest.Mo
     for _ in range(400):
         seen, acted = 2 * torch.rand(64, 1) - 1, 2 * torch.rand(64, 1) - 1
         then = (seen + acted).clip(-1, 1)
-        algorithm.update(Batch(seen, acted, -(then[:, 0] ** 2), then, torch.zeros(64)))
+        zeros = torch.zeros(64)
+        algorithm.update(Batch(seen, acted, -(then[:, 0] ** 2), then, zeros, zeros, 0.0))
     places = torch.linspace(-0.9, 0.9, 19)[:, None]
     with torch.no_grad():
         assert (algorithm.actor()(places) + places).abs().mean() < 0.1

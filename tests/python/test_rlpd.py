@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """RLPD on a problem whose best policy is known, and what checkpoints have of it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from trifinger.training.plan import Recipe
 from trifinger.training.rlpd import Rlpd
 
 GAMMA, STEP, EFFORT = 0.9, 0.5, 0.2
+SHOWN = 0.7
 RECIPE = Recipe(gamma=GAMMA, layers=(64, 64), learning_rate=1e-3)
 
 
@@ -28,8 +31,10 @@ def best_share() -> float:
 
 
 # The second number never varies, as the height of an object on the table.
-def draw(size: int) -> Batch:
+# The first rows are demonstrations of an action that is not the best one.
+def draw(size: int, shown: int = 0) -> Batch:
     place, action = torch.rand(size) * 2 - 1, torch.rand(size, 1) * 2 - 1
+    action[:shown] = SHOWN
     then = place + STEP * action[:, 0]
     still = torch.full((size,), 0.3)
     return Batch(
@@ -38,6 +43,8 @@ def draw(size: int) -> Batch:
         -then.square() - EFFORT * action[:, 0].square(),
         torch.stack([0.2 + 0.05 * then, still], 1),
         torch.zeros(size),
+        (torch.arange(size) < shown).float(),
+        progress=0.0,
     )
 
 
@@ -66,7 +73,20 @@ def test_after_the_end_of_a_task_nothing_has_a_value():
         batch = draw(64)._replace(rewards=torch.full((64,), 3.0), terminated=torch.ones(64))
         losses = algorithm.update(batch)
     assert losses["critic_loss"] < 0.05
-    assert losses["actor_loss"] == pytest.approx(-3.0, abs=0.2)
+    assert losses["value"] == pytest.approx(3.0, abs=0.2)
+
+
+def test_imitates_demonstrations_less_and_less():
+    torch.manual_seed(1)
+    away = []
+    for progress in (0.0, 1.0):
+        algorithm = Rlpd(2, 1, dataclasses.replace(RECIPE, imitation=20.0))
+        for _ in range(300):
+            algorithm.update(draw(64, shown=32)._replace(progress=progress))
+        with torch.no_grad():
+            away.append((algorithm.actor()(draw(64).observations) - SHOWN).abs().mean())
+    assert away[0] < 0.1
+    assert away[1] > 0.3
 
 
 def test_goes_on_from_a_checkpoint_bit_for_bit(learned):

@@ -45,7 +45,7 @@ ELSEWHERE = {
     "commands/run_policy_of_python.py": ("_configuration_of",),
     "training/learner.py": ("serve", "policy"),
     # What a process says as long as it runs; a secret that nobody else may read for an instant.
-    "training/on_robot.py": ("_start", "_token_in"),
+    "training/on_robot.py": ("_launch", "_token_in"),
     # Into the memory.
     "log/camera_film.py": ("__init__",),
     "trifinger_camera_calibration/colour_labels.py": ("_source",),

@@ -72,7 +72,8 @@ struct Episode {
   Random noise{};                       ///< Random numbers for the noise on measured joints.
   std::int64_t actions{0};              ///< Number of actions so far.
   std::array<double, kMaxGoal> goal{};  ///< [m], [1]
-  std::array<double, kMaxCountedJoints> target{};  ///< Desired joint positions [rad], [m].
+  /// Desired joint positions, or for relative actions the last measured ones [rad], [m].
+  std::array<double, kMaxCountedJoints> target{};
   /// The last action, each number from -1 to 1.
   std::array<double, kMaxCountedJoints> action{};
   std::int64_t goals{1};  ///< Number of goals drawn so far.

@@ -17,9 +17,10 @@ enum class Mapping : std::uint8_t { kStateAugmentation, kApproximation };
 
 /// The meaning of the numbers of an action, each from -1 to 1.
 enum class ActionKind : std::uint8_t {
-  kPosition,        ///< Joint positions, from `position_low` to `position_high` of `Environment`.
-  kPositionChange,  ///< Changes of these, times `EnvironmentOptions::position_change`.
-  kTorque,          ///< Torques, times the largest torque.
+  kPosition,          ///< Joint positions, from `position_low` to `position_high` of `Environment`.
+  kPositionChange,    ///< Changes of these, times `EnvironmentOptions::position_change`.
+  kRelativePosition,  ///< The same, from where the joints were measured at the last observation.
+  kTorque,            ///< Torques, times the largest torque.
 };
 
 /// The layout of an observation.

@@ -7,7 +7,6 @@ import os
 import re
 import signal
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -18,6 +17,7 @@ import trifinger
 from chromium import open_browser
 from conftest import PATIENT, StartChild, StartProgram
 from playwright.sync_api import Browser, Page, expect
+from trifinger.training import Plan
 from trifinger.training.report import Tally
 from trifinger_view import page as viewed
 from trifinger_view.authentication import Authentication
@@ -110,11 +110,12 @@ def test_the_page_says_how_a_training_goes(
     tally = Tally(episodes=3, actions=60, faults={"late": 2}, recoveries=2, time_lost=4.4)
     page.goto(start_view("bot", "--training", str(tmp_path)).url)
     says(page, "learning", "has no training on a robot")
-    (tmp_path / "plan.json").write_text(json.dumps({"episodes": 700}))
-    (tmp_path / "tally.json").write_text(json.dumps({"tally": asdict(tally)}))
+    rows = tally.rows(Plan.of("reach", "ddpg"))
+    (tmp_path / "tally.json").write_text(json.dumps({"rows": rows}))
     says(page, "learning", "episode 3 of 700, 60 actions")
     says(page, "faults", "2 x late")
-    says(page, "by-itself", "2 recoveries, 0 cares, 0 rests; 4 s lost")
+    says(page, "time", "4 s lost")
+    says(page, "by-itself", "2 recoveries, 0 cares, 0 rests")
 
 
 def test_the_page_waits_for_a_robot_and_follows_its_sessions_and_faults(

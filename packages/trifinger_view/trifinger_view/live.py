@@ -7,7 +7,6 @@ import contextlib
 import os
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +19,7 @@ from trifinger.session_info import SessionInfo
 from trifinger_view.curves import Window, series_of
 from trifinger_view.frame import Frame, frame_of
 from trifinger_view.scene import Scene, scene_of
-from trifinger_view.words import Line, lines_of, lines_of_training, missing
+from trifinger_view.words import Line, lines_of, missing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,16 +36,8 @@ class LiveRun:
     that one. The attributes are those of the last look.
     """
 
-    def __init__(
-        self,
-        name: str = "",
-        clock: Callable[[], float] = time.monotonic,
-        training: Path | None = None,
-    ) -> None:
-        """Looks at the robot `name`, or at the first that runs; it need not run yet.
-
-        `training` is the folder of a training on it.
-        """
+    def __init__(self, name: str = "", clock: Callable[[], float] = time.monotonic) -> None:
+        """Looks at the robot `name`, or at the first that runs; it need not run yet."""
         self.wanted = name
         """The name of the robot; empty for any."""
         self.info: SessionInfo | None = None
@@ -63,7 +54,7 @@ class LiveRun:
         """The last seconds, for plots."""
         self.session_id: int | None = None
         """Which session it is; another number means that everything else may differ."""
-        self._clock, self._training = clock, training
+        self._clock = clock
         self._robot: Frontend | None = None
         self._objects: Frontend | None = None
         self._cameras: Cameras | None = None
@@ -97,8 +88,6 @@ class LiveRun:
                 self.lines.append(Line("before", self._before))
             if self.scene_error:
                 self.lines.append(Line("model", self.scene_error, "warning"))
-            if self._training is not None:
-                self.lines += lines_of_training(self._training)
 
     def _follow(self) -> None:
         """Finds the session to look at."""

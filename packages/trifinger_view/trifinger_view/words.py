@@ -84,26 +84,17 @@ def lines_of(
     return lines
 
 
-def lines_of_training(folder: Path) -> list[Line]:
+def lines_of_training(folder: Path | None) -> list[Line]:
     """How a training on the robot goes, by the files in its folder: `trifinger learn`."""
+    if folder is None:
+        return []
     try:
-        plan = json.loads((folder / "plan.json").read_text())
-        tally = json.loads((folder / "tally.json").read_text())["tally"]
+        rows = json.loads((folder / "tally.json").read_text())["rows"]
     except (OSError, ValueError, KeyError) as error:
         return [Line("learning", f"{folder} has no training on a robot: {error}", "warning")]
-    faults = [f"{count} x {reason}" for reason, count in tally["faults"].items()]
     return [
-        Line(
-            "learning",
-            f"episode {tally['episodes']} of {plan['episodes']}, {tally['actions']} actions, "
-            f"{tally['successes']} successes, {tally['policies']} policies",
-        ),
-        Line("faults", "; ".join(faults) or "none", "warning" * bool(faults)),
-        Line(
-            "by itself",
-            f"{tally['recoveries']} recoveries, {tally['cares']} cares, {tally['rests']} rests; "
-            f"{tally['time_lost']:.0f} s lost",
-        ),
+        Line(name, text, "warning" * (name == "faults" and text != "none"))
+        for name, text in rows.items()
     ]
 
 

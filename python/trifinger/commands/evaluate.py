@@ -10,6 +10,7 @@ from trifinger._trifinger import Policy
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_json, say
 from trifinger.errors import InvalidArgument
+from trifinger.own_class import name_of_file
 from trifinger.progress import Progress
 
 
@@ -35,10 +36,10 @@ def main(words: Sequence[str] | None = None) -> int:
     def run() -> None:
         extras.require("learning", "gymnasium")
         from trifinger import evaluation
-        from trifinger.tasks import task_of_file
 
         policy = Policy(arguments.policy)
-        task = task_of_file(policy.metadata.get("task", ""), arguments.task, arguments.policy)
+        named = policy.metadata.get("task", "")
+        task = name_of_file("task", named, arguments.task, arguments.policy)
         if not task:
             raise InvalidArgument(f"{arguments.policy} does not say its task: --task is needed")
         if arguments.episodes < 1:

@@ -18,13 +18,16 @@ from typing import TYPE_CHECKING
 from trifinger import extras
 from trifinger._trifinger import observe, running_robot, task_names
 from trifinger.commands import command_line
-from trifinger.commands.command_line import ArgumentParser, add_output, say
+from trifinger.commands.command_line import ArgumentParser, say
 from trifinger.commands.program import path as program
-from trifinger.errors import Error, InvalidArgument
+from trifinger.commands.train import SETTINGS, add_settings, plan_of, were_said
+from trifinger.errors import InvalidArgument
 from trifinger.whole_file import replace_file
 
 if TYPE_CHECKING:
     from trifinger.training import Plan
+
+AT_THE_ROBOT = ("listen", "care", "takeover", "judge")  # options that no folder knows
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -58,10 +61,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="NAME",
         help="how it learns: ddpg, td3, sac, rlpd, or MODULE:CLASS of your own; default: ddpg",
     )
-    parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
-    parser.add_argument("--episodes", type=int, help="default: 700")
-    parser.add_argument("--seed", type=int, help="of what chance draws; default: 1")
-    add_output(parser, "folder of the training; default: the task's name", "FOLDER")
+    add_settings(parser, "default: 700")
     parser.add_argument(
         "--from",
         dest="logs",
@@ -70,14 +70,6 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         type=Path,
         metavar="LOGS",
         help="begin with the experience in this log, or in all logs of this folder",
-    )
-    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="a field of trifinger.training.Recipe or trifinger.environments.Options",
     )
     parser.add_argument(
         "--listen",
@@ -108,11 +100,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error("either a task, --resume or --join is needed")
     if (arguments.join is None) != (arguments.token is None):
         parser.error("--join and --token belong together")
-    if arguments.join and (arguments.robot or arguments.logs or arguments.listen):
-        parser.error("--join takes no --robot, --from and --listen")
-    own = ("episodes", "seed", "output")
-    others = any(getattr(arguments, name) is not None for name in own)
-    if not arguments.task and (arguments.shared or arguments.set or others):
+    if arguments.join and were_said(parser, arguments, "robot", "logs", *AT_THE_ROBOT):
+        parser.error("--join takes --token and --algorithm alone; the rest is said at the robot")
+    if not arguments.task and were_said(parser, arguments, *SETTINGS):
         parser.error("--resume and --join go on as the training was begun: they take no settings")
     return arguments
 
@@ -121,7 +111,7 @@ def learn(arguments: argparse.Namespace) -> None:
     """Learns to the end, and writes a report."""
     extras.require("learning")
     from trifinger.training.judge import judge_of
-    from trifinger.training.on_robot import LOOPBACK, RobotTraining, address_of, join
+    from trifinger.training.on_robot import RobotTraining, join
 
     if arguments.join:
         join(arguments.join, arguments.token, arguments.algorithm)
@@ -137,8 +127,7 @@ def learn(arguments: argparse.Namespace) -> None:
             robot,
             report,
             logs=arguments.logs,
-            address=address_of(arguments.listen) if arguments.listen else LOOPBACK,
-            starts_learner=arguments.listen is None,
+            listen=arguments.listen,
             care=care_of(arguments.care, robot),
             options=("--takeover",) if arguments.takeover else (),
             is_judged=judge is not None,
@@ -147,11 +136,23 @@ def learn(arguments: argparse.Namespace) -> None:
             with judge(training) if judge else nullcontext():
                 training.run()
         except KeyboardInterrupt:
-            report(f"--resume {folder} goes on; say --algorithm, --judge and the like again.")
+            report(f"{command_of(arguments, folder, robot)} goes on.")
             raise
         finally:
             report(f"{training.report()} written.")
         say(f"{training.policy_path} written.")
+
+
+def command_of(arguments: argparse.Namespace, folder: Path, robot: str) -> str:
+    """The command that goes on with a training."""
+    words = ["trifinger", "learn", "--resume", str(folder), "--robot", robot]
+    for name in ("algorithm", *AT_THE_ROBOT):
+        match getattr(arguments, name):
+            case str(value):
+                words += [f"--{name}", value]
+            case True:
+                words.append(f"--{name}")
+    return shlex.join(words)
 
 
 def care_of(command: str | None, robot: str) -> list[str] | None:
@@ -164,11 +165,10 @@ def care_of(command: str | None, robot: str) -> list[str] | None:
 
 def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
     """The plan of a training on this robot and its folder; raises InvalidArgument."""
-    from trifinger.training import PLAN, Plan, name_of, parse_setting
+    from trifinger.training import PLAN, Plan, name_of
 
     if arguments.resume:
-        plan = Plan.of_folder(arguments.resume, algorithm=arguments.algorithm)
-        return plan, arguments.resume
+        return Plan.of_folder(arguments.resume, algorithm=arguments.algorithm), arguments.resume
     folder = arguments.output or Path(name_of(arguments.task))
     if (folder / PLAN).exists():
         raise InvalidArgument(f"{folder} has a training; --resume {folder} goes on with it")
@@ -176,28 +176,12 @@ def begin(arguments: argparse.Namespace, robot: str) -> tuple[Plan, Path]:
         raise InvalidArgument(
             f"'{arguments.task}' is a task in Python, which no robot learns alone"
         )
-    documents = observe(robot).documents()
-    numbers = {name: getattr(arguments, name) for name in ("episodes", "seed")}
-    is_new = not folder.exists()
-    folder.mkdir(parents=True, exist_ok=True)
-    configuration = folder / "robot.yml"
-    replace_file(configuration, documents["configuration.yml"].encode())
     # Relabelled goals have rewards that only the task could give.
     settings = {"relabelled": 0.0} if arguments.judge else {}
-    try:
-        plan = Plan.of(
-            arguments.task,
-            arguments.algorithm or "ddpg",
-            is_shared=arguments.shared,
-            settings=settings | dict(map(parse_setting, arguments.set)),
-            robot_config=str(configuration),
-            **{name: number for name, number in numbers.items() if number is not None},
-        )
-    except Error:
-        configuration.unlink()
-        if is_new:
-            folder.rmdir()
-        raise
+    configuration = folder.resolve() / "robot.yml"
+    plan = plan_of(arguments, str(configuration), settings)
+    folder.mkdir(parents=True, exist_ok=True)
+    replace_file(configuration, observe(robot).documents()["configuration.yml"].encode())
     return plan, folder
 
 

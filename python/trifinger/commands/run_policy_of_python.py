@@ -17,7 +17,7 @@ from trifinger.arrays import Array
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_output, add_robot, say
 from trifinger.errors import Error, InvalidArgument
-from trifinger.tasks import task_of_file
+from trifinger.own_class import name_of_file
 from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:  # it needs the extra `learning`
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
     if missing:
         raise InvalidArgument(f"{arguments.policy} does not say its '{min(missing)}'")
     named = policy.metadata["task"]
-    task = task_of_file(named, arguments.task, arguments.policy)
+    task = name_of_file("task", named, arguments.task, arguments.policy)
     if task != named:
         raise InvalidArgument(f"{arguments.policy} is for the task '{named}', not for '{task}'")
     with command_line.ended_by_signals(), tempfile.TemporaryDirectory() as folder:

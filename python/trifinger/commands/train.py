@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from trifinger.training import Plan
 
 ALGORITHMS = ("ddpg", "td3", "sac", "ppo")
+SETTINGS = ("shared", "episodes", "seed", "output", "set")  # of a training that is begun
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -54,26 +55,11 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         help="one of those below, or MODULE:CLASS of your own: my_tasks:Middle",
     )
     parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
-    parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
-    parser.add_argument(
-        "--episodes",
-        type=int,
-        help="default: 700; for push by PPO 30000, for D'Claw by PPO 20000",
-    )
-    parser.add_argument("--seed", type=int, help="of what chance draws; default: 1")
+    add_settings(parser, "default: 700; for push by PPO 30000, for D'Claw by PPO 20000")
     parser.add_argument(
         "--robot-config",
         metavar="NAME|FILE",
         help="configuration of the simulated robot; default: of the one that the task is for",
-    )
-    add_output(parser, "folder of the training; default: the task's name", "FOLDER")
-    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="a field of trifinger.training.Recipe or trifinger.environments.Options",
     )
     parser.add_argument(
         "--task",
@@ -87,27 +73,58 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error("either a task or --resume is needed")
     if arguments.said and not arguments.resume:
         parser.error("--task belongs to --resume")
-    own = ("algorithm", "episodes", "seed", "output", "robot_config")
-    others = any(getattr(arguments, name) is not None for name in own)
-    if arguments.resume and (arguments.shared or arguments.set or others):
+    if arguments.resume and were_said(parser, arguments, *SETTINGS, "algorithm", "robot_config"):
         parser.error("--resume goes on as the training was begun: it takes no other options")
     return arguments
 
 
-def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
-    """The plan of a training and its folder; raises InvalidArgument."""
-    from trifinger.training import Plan, name_of, parse_setting
+def add_settings(parser: ArgumentParser, episodes: str) -> None:
+    """Adds SETTINGS and --resume, as every training has them; `episodes` is the default, in words.
 
-    if arguments.resume:
-        return Plan.of_folder(arguments.resume, arguments.said), arguments.resume
-    numbers = {name: getattr(arguments, name) for name in ("episodes", "seed", "robot_config")}
-    plan = Plan.of(
+    `plan_of` reads them.
+    """
+    parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
+    parser.add_argument("--episodes", type=int, help=episodes)
+    parser.add_argument("--seed", type=int, help="of what chance draws; default: 1")
+    add_output(parser, "folder of the training; default: the task's name", "FOLDER")
+    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a field of trifinger.training.Recipe or trifinger.environments.Options",
+    )
+
+
+def were_said(parser: ArgumentParser, arguments: argparse.Namespace, *names: str) -> bool:
+    """Whether any of these arguments is not as it is by default."""
+    return any(getattr(arguments, name) != parser.get_default(name) for name in names)
+
+
+def plan_of(
+    arguments: argparse.Namespace, robot_config: str | None, settings: Mapping[str, Any]
+) -> Plan:
+    """The plan of a new training; what --set says comes before `settings`."""
+    from trifinger.training import Plan, parse_setting
+
+    fields = {"episodes": arguments.episodes, "seed": arguments.seed, "robot_config": robot_config}
+    return Plan.of(
         arguments.task,
         arguments.algorithm or "ddpg",
         is_shared=arguments.shared,
-        settings=dict(map(parse_setting, arguments.set)),
-        **{name: number for name, number in numbers.items() if number is not None},
+        settings=dict(settings) | dict(map(parse_setting, arguments.set)),
+        **{name: value for name, value in fields.items() if value is not None},
     )
+
+
+def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
+    """The plan of a training and its folder; raises InvalidArgument."""
+    from trifinger.training import Plan, name_of
+
+    if arguments.resume:
+        return Plan.of_folder(arguments.resume, arguments.said), arguments.resume
+    plan = plan_of(arguments, arguments.robot_config, {})
     folder = arguments.output or Path(name_of(arguments.task))
     if folder.exists() and any(folder.iterdir()):
         raise InvalidArgument(

@@ -21,6 +21,7 @@ from trifinger import own_class, policy_file
 from trifinger.errors import Error, InvalidArgument
 from trifinger.training import checkpoint
 from trifinger.training.plan import CLASSES, Plan, Recipe
+from trifinger.training.pushes import Pushes, offsets_of
 from trifinger.training.replay import DemonstrationReplayBuffer
 
 
@@ -36,6 +37,10 @@ class Batch(NamedTuple):
     next_observations: torch.Tensor
     terminated: torch.Tensor
     """N numbers: 1 if nothing can follow, so the value of the next observation does not count."""
+    demonstrated: torch.Tensor
+    """N numbers: 1 for those that were drawn from demonstrations."""
+    progress: float
+    """Share of the training that is done."""
 
 
 class Algorithm(Protocol):
@@ -73,24 +78,34 @@ class ClassModel:
             "cpu",
             rows.num_envs,
             demonstrations=recipe.demonstrations,
+            augment=Pushes(plan, rows) if recipe.relabelled > 0 or recipe.symmetry else None,
         )
         self.losses: dict[str, float] = {}
         """The newest losses, by name."""
+        more = offsets_of(rows.flat) if recipe.offsets else np.zeros((0, self._sizes[0]))
+        self._offsets = torch.from_numpy(more.astype(np.float32))
         kind = own_class.load("algorithm", self._name)
         if not all(callable(getattr(kind, name, None)) for name in ("update", "actor")):
             raise InvalidArgument(f"'{self._name}' has no functions update() and actor()")
         set_random_seed(plan.seed)
         try:
-            self._algorithm: Algorithm = kind(*self._sizes, recipe)
+            self._algorithm: Algorithm = kind(self._sizes[0] + len(more), self._sizes[1], recipe)
             self._layers()
         except Exception as error:
             raise InvalidArgument(self._failure("cannot be used", error)) from error
 
-    def update(self, steps: int, _progress: float) -> None:
+    def update(self, steps: int, progress: float) -> None:
         """Takes gradient steps; raises Error if the class cannot."""
-        for _ in range(steps):
-            seen, acted, then, ended, rewards, *_ = self.memory.sample(self._batch_size)
-            batch = Batch(seen, acted, rewards.squeeze(1), then, ended.squeeze(1))
+        # All batches are drawn at once, which saves overhead; each has its share of all parts.
+        count = steps * self._batch_size
+        drawn = self.memory.sample(count)
+        demonstrated = (torch.arange(count) < self.memory.demonstrated(count)).float()
+        for step in range(steps):
+            seen, acted, then, ended, rewards, shown = (
+                one[step::steps] for one in (*drawn[:5], demonstrated)
+            )
+            seen, then = (torch.cat([one, one @ self._offsets.T], 1) for one in (seen, then))
+            batch = Batch(seen, acted, rewards[:, 0], then, ended[:, 0], shown, progress)
             try:
                 losses = {name: float(one) for name, one in self._algorithm.update(batch).items()}
             except Exception as error:
@@ -122,12 +137,16 @@ class ClassModel:
     def _layers(self) -> list[policy_file.Layer]:
         layers = policy_file.layers_of(self._algorithm.actor())
         sizes = [np.shape(layers[0][0])[1], np.shape(layers[-1][0])[0]] if layers else [0, 0]
-        if sizes != self._sizes:
+        inputs, outputs = self._sizes[0] + len(self._offsets), self._sizes[1]
+        if sizes != [inputs, outputs]:
             raise InvalidArgument(
-                f"actor() is from {sizes[0]} to {sizes[1]} numbers, must be from {self._sizes[0]} "
-                f"to {self._sizes[1]}"
+                f"actor() is from {sizes[0]} to {sizes[1]} numbers, must be from {inputs} to "
+                f"{outputs}"
             )
-        return layers
+        # Offsets are sums of numbers of an observation, so they become a part of its first layer.
+        (weight, bias, activation), *rest = layers
+        of_seen, of_offsets = np.split(np.asarray(weight), [self._sizes[0]], axis=1)
+        return [(of_seen + of_offsets @ self._offsets.numpy(), bias, activation), *rest]
 
     def _failure(self, what: str, error: Exception) -> str:
         # The first place is in this file; the second one, if any, is in the class.

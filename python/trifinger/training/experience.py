@@ -1,22 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What robots have lived through, as their companion "experience" tells it: docs/log_format.md."""
 
+import bisect
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from trifinger._trifinger import Frontend, Log, LoggedSession, list_sessions, observe
 from trifinger.arrays import Array
-from trifinger.errors import (
-    Error,
-    HistoryLost,
-    InvalidArgument,
-    RobotStopped,
-    SessionNotFound,
-)
+from trifinger.errors import Error, HistoryLost, InvalidArgument, RobotStopped, SessionNotFound
 
 COMPANION = "experience"
 TERMINATED, TRUNCATED, SUCCESS, LATE, INTERVENTION, JUDGED = 1, 2, 4, 8, 16, 32  # flags
@@ -43,10 +38,9 @@ def compact(elements: Array, process: int) -> Array:
     elements = elements[elements["process"] == process]
     if not len(elements):
         return np.zeros(0)
-    kinds: list[Any] = [(name, elements.dtype[name]) for name in FACTS]
     lengths = {name: int(elements[0][count]) for name, count in ARRAYS.items()}
-    kinds += [(name, np.dtype("f4"), (length,)) for name, length in lengths.items()]
-    packed = np.zeros(len(elements), kinds)
+    facts = [(name, elements.dtype[name]) for name in FACTS]
+    packed = np.zeros(len(elements), [*facts, *((name, "f4", (n,)) for name, n in lengths.items())])
     for name in FACTS:
         packed[name] = elements[name]
     for name, length in lengths.items():
@@ -108,15 +102,14 @@ def sessions_in(path: Path, say: Callable[[str], None] = lambda _: None) -> Iter
     Of a folder, logs that cannot be read, such as one that was killed at its begin, are left out;
     `say` gets the reason.
     """
-    for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
+    if not path.is_dir():
+        yield from Log(path).sessions
+        return
+    for file in sorted(path.glob("*.mcap")):
         try:
-            sessions = Log(file).sessions
+            yield from Log(file).sessions
         except Error as error:
-            if not path.is_dir():
-                raise
             say(f"left out: {error}")
-            continue
-        yield from sessions
 
 
 def of_logs(
@@ -202,62 +195,55 @@ class Book:
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._data: Array = np.zeros(0)
+        self._data: Array = np.zeros(0, [("number", "i8"), ("element", "i8")])  # with free room
         self._count = 0  # of elements in _data
-        self._kept = 0  # of them, the first ones stay
-        self._removed = 0  # after those
+        self._end = 0  # number of the next element
+        self._kept = 0  # number of the first element that need not stay
+        self._staying = 0  # elements in _data that stay, as far as it is known
         self._newest: dict[int, int] = {}  # step of the newest element of each session
         self._changed = threading.Condition()
 
     def keep(self) -> int:
-        """Lets all elements that are there stay; returns their number."""
-        self._kept = self._count
-        return self._kept
+        """Lets all elements that are there stay, before any is read; returns their number."""
+        self._end = self._kept = self._staying = self._count
+        self._data["number"][: self._count] = range(self._count)
+        return self._count
 
     def add(self, elements: Array) -> Array:
         """Adds those of these elements, in the order of their steps, that are not known.
 
         Returns them.
         """
-        new = [
-            part[part["step"] > self._newest.get(int(session), -1)]
-            for session in (np.unique(elements["session"]) if len(elements) else ())
-            for part in [elements[elements["session"] == session]]
-        ]
-        new = [part for part in new if len(part)]
-        if not new:
-            return np.zeros(0)
-        for part in new:
-            self._newest[int(part[0]["session"])] = int(part["step"].max())
-        added = np.concatenate(new)
+        if not len(elements):
+            return elements
+        sessions = elements["session"].tolist()
+        added = elements[elements["step"] > [self._newest.get(one, -1) for one in sessions]]
+        # The last one of each session is the newest.
+        self._newest |= dict(zip(added["session"].tolist(), added["step"].tolist(), strict=True))
         with self._changed:
-            if not len(self._data):
-                self._data = np.zeros(max(len(added), 1024), added.dtype)
-            self._make_room(len(added))
-            self._data[self._count : self._count + len(added)] = added
-            self._count += len(added)
+            if not self._end:
+                self._data = np.zeros(0, [("number", "i8"), ("element", added.dtype)])
+            if self._count + len(added) - self._staying > self._size + self._size // 4:
+                self._forget(len(added))
+            first, self._count = self._count, self._count + len(added)
+            if self._count > len(self._data):
+                self._data = np.resize(self._data, self._count + self._count // 4)
+            self._data["element"][first : self._count] = added
+            self._data["number"][first : self._count] = range(self._end, self._end + len(added))
+            self._end += len(added)
             self._changed.notify_all()
         return added
 
-    # Removes the oldest elements if there are too many, and gets memory.
-    def _make_room(self, count: int) -> None:
-        surplus = self._count + count - self._kept - self._size
-        if surplus > self._size // 4:
-            surplus = min(surplus, self._count - self._kept)
-            old = self._data[self._kept : self._kept + surplus]
-            by_person = old["flags"] & INTERVENTION != 0
-            # What a person did begins at the element before it.
-            stays = by_person | np.append(by_person[1:], False)
-            kept = np.concatenate([self._data[: self._kept], old[stays]])
-            rest = self._data[self._kept + surplus : self._count]
-            self._removed += int(np.count_nonzero(~stays))
-            self._kept = len(kept)
-            self._count = len(kept) + len(rest)
-            self._data = np.concatenate([kept, rest])
-        if self._count + count > len(self._data):
-            room = np.zeros(len(self._data) + max(count, len(self._data) // 4), self._data.dtype)
-            room[: self._count] = self._data[: self._count]
-            self._data = room
+    # Removes the oldest elements, so that there are as many as there should be with those to come.
+    def _forget(self, to_come: int) -> None:
+        data = self._data[: self._count]
+        by_person = data["element"]["flags"] & INTERVENTION != 0
+        # What a person did begins at the element before it.
+        stays = (data["number"] < self._kept) | by_person | np.append(by_person[1:], False)
+        old = np.flatnonzero(~stays)
+        surplus = max(len(old) + to_come - self._size, 0)
+        self._data = np.delete(data, old[:surplus])
+        self._count, self._staying = len(self._data), len(stays) - len(old)
 
     def since(
         self, number: int, timeout: float = 0.0, most: int | None = None
@@ -267,7 +253,9 @@ class Book:
         Waits for one if needed. Numbers count also what was removed.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._count + self._removed > number, timeout)
-            first = number if number < self._kept else max(number - self._removed, self._kept)
+            self._changed.wait_for(lambda: self._end > number, timeout)
+            numbers = self._data["number"][: self._count]
+            first = bisect.bisect_left(numbers, number)
             end = self._count if most is None else min(self._count, first + most)
-            return self._data[first:end].copy(), end + (self._removed if end >= self._kept else 0)
+            following = int(numbers[end - 1]) + 1 if end > first else number
+            return self._data["element"][first:end].copy(), following

@@ -11,7 +11,8 @@ A judge by images is taught by the logs of a training that was judged by keys: t
 from __future__ import annotations
 
 import contextlib
-import copy
+import dataclasses
+import math
 import os
 import select
 import sys
@@ -22,12 +23,10 @@ import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import torch
-from torch import nn
-from torch.nn import functional
+from PIL import Image
 
 from trifinger._trifinger import observe
 from trifinger.arrays import Array
@@ -42,16 +41,14 @@ from trifinger.training.experience import (
     SUCCESS,
     TERMINATED,
     TRUNCATED,
+    Book,
     LiveExperience,
     sessions_in,
 )
+from trifinger.training.on_robot import RobotTraining, Verdict
 from trifinger.whole_file import replace_file
 
-if TYPE_CHECKING:
-    from trifinger.training.on_robot import RobotTraining, Verdict
-
-    Tell = Callable[[Verdict], None]
-
+Tell = Callable[[Verdict], None]
 JUDGE = "judge.npz"  # the file in the folder of the training that has taught it
 POLL = 0.1  # s between two looks for the end
 HELD = 1.0  # s without a key, after which it is a new one: terminals repeat keys that are held
@@ -59,14 +56,10 @@ PERIOD = 0.1  # s between two sets of images that are looked at
 SHOWS_SUCCESS = 0.3  # s before the verdict: whoever gave it had to see the success first
 MAY_SHOW_SUCCESS = 1.0  # s before the verdict; images between the two teach nothing
 IN_A_ROW = 2  # sets of images that must show a success
-SIZE = 64  # pixels of an image in either direction
+SIZE = 16  # pixels of an image in either direction
 FEWEST, MOST = 5, 100  # successes, and failures, that teach; the newest ones
-FOLDS = 4  # networks, each tried with episodes that it was not shown
-BATCH = 32
-LOOK = 20  # steps between two looks at what it was not shown
-PATIENCE = 4  # looks that are no better end the training
-MOST_STEPS = 500
-GOOD_ENOUGH = 0.03  # loss of what it was not shown
+FOLDS = 4  # parts of the episodes: a judge of each is taught by the others
+RIDGE = 0.5  # of the variance of a pixel: how little it shall count if there are few images
 NO_CHANCE = 2.33  # standard deviations: pure chance gets there in one of 100 cases
 
 
@@ -110,18 +103,14 @@ def judging_by_keys(tell: Tell, descriptor: int | None = None) -> Iterator[None]
 def _read_keys(terminal: int, tell: Tell, ended: threading.Event) -> None:
     verdicts: dict[bytes, Verdict] = {b"s": "success", b"f": "failure"}
     last, typed = b"", 0.0
-    while not ended.is_set():
-        if not select.select([terminal], [], [], POLL)[0]:
-            continue
-        try:
-            key = os.read(terminal, 1)
-        except OSError:
-            key = b""
-        if not key:  # the terminal is gone
-            return
-        if key in verdicts and (key != last or time.monotonic() > typed + HELD):
-            tell(verdicts[key])
-        last, typed = key, time.monotonic()
+    with contextlib.suppress(OSError):  # the terminal is gone
+        while not ended.is_set():
+            if select.select([terminal], [], [], POLL)[0]:
+                if not (key := os.read(terminal, 1)):
+                    return
+                if key in verdicts and (key != last or time.monotonic() > typed + HELD):
+                    tell(verdicts[key])
+                last, typed = key, time.monotonic()
 
 
 @contextlib.contextmanager
@@ -139,40 +128,38 @@ def _beside(work: Callable[[threading.Event], None]) -> Iterator[None]:
 # ---- images ----
 
 
+@dataclasses.dataclass(frozen=True)
 class ImageJudge:
     """Says whether what cameras see is a success."""
 
-    def __init__(
-        self, names: Sequence[str], networks: Sequence[nn.Module], threshold: float, words: str
-    ) -> None:
-        """The scores of the networks, which were taught by other episodes each, are averaged."""
-        self.names, self._networks = tuple(names), networks
-        self.threshold = threshold
-        """Images with a score above it show a success."""
-        self.words = words
-        """How good it is, as a sentence."""
+    names: tuple[str, ...]
+    """The names of the cameras."""
+    weights: Array
+    """What each of their pixels adds to the score."""
+    threshold: float
+    """Images with a score above it show a success."""
+    words: str
+    """How good it is, as a sentence."""
 
     def score(self, sets: Array) -> Array:
         """The scores of sets of images; a set is what pixels_of() returns."""
-        scores: Array = np.mean([_scores(network, sets) for network in self._networks], axis=0)
+        scores: Array = _features(sets) @ self.weights
         return scores
 
     def store(self, path: Path) -> None:
         """Writes a file that load() reads."""
-        parameters = [network.state_dict() for network in self._networks]
-        replace_file(path, checkpoint.dump((self.names, parameters, self.threshold, self.words)))
+        fields = (self.names, self.weights, self.threshold, self.words)
+        replace_file(path, checkpoint.dump(fields))
 
     @classmethod
     def load(cls, path: Path) -> ImageJudge:
         """Reads what store() has written; nothing in it can run. Raises InvalidArgument."""
         try:
-            names, parameters, threshold, words = checkpoint.load(path.read_bytes())
-            networks = [_network(len(names)) for _ in parameters]
-            for network, values in zip(networks, parameters, strict=True):
-                network.load_state_dict(values)
-            return cls(names, networks, float(threshold), str(words))
-        except (OSError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+            judge = cls(*checkpoint.load(path.read_bytes()))
+            judge.score(np.zeros((1, SIZE, SIZE, 3 * len(judge.names)), np.uint8))
+        except (OSError, ValueError, TypeError) as error:
             raise InvalidArgument(f"{path} is no judge: {error}") from None
+        return judge
 
     @contextlib.contextmanager
     def judging(
@@ -189,24 +176,21 @@ class ImageJudge:
 
         def watch(ended: threading.Event) -> None:
             due = 0.0
-            while not ended.wait(max(due - time.monotonic(), 0.0)):
-                if (images := cameras.next(POLL)) is None:
-                    continue
-                due = time.monotonic() + PERIOD
-                if images.names != self.names:
-                    raise InvalidArgument(f"it sees by {images.names}, and knows {self.names}")
-                streak.follow(live.take(), time.monotonic())
-                with contextlib.suppress(CameraLost, HistoryLost):
-                    if streak.add(self.score(pixels_of(images)[None])[0], images.time):
-                        tell("success")
-
-        def guarded(ended: threading.Event) -> None:
             try:
-                watch(ended)
+                while not ended.wait(max(due - time.monotonic(), 0.0)):
+                    if (images := cameras.next(POLL)) is None:
+                        continue
+                    due = time.monotonic() + PERIOD
+                    if images.names != self.names:
+                        raise InvalidArgument(f"it sees by {images.names}, and knows {self.names}")
+                    streak.follow(live.take(), time.monotonic())
+                    with contextlib.suppress(CameraLost, HistoryLost):
+                        if streak.add(self.score(pixels_of(images)[None])[0], images.time):
+                            tell("success")
             except Exception as error:
                 say(f"nobody judges any more: {error}")
 
-        with _beside(guarded):
+        with _beside(watch):
             yield
 
 
@@ -239,17 +223,17 @@ class Streak:
 
 
 def pixels_of(images: Images) -> Array:
-    """The images of all cameras, smaller: uint8[3 * cameras, SIZE, SIZE]."""
-    rgb = [torch.from_numpy(images[name]).permute(2, 0, 1).float() for name in images.names]
-    small = torch.cat([functional.adaptive_avg_pool2d(one, SIZE) for one in rgb])
-    return small.round().byte().numpy()
+    """The images of all cameras, smaller: uint8[SIZE, SIZE, 3 * cameras]."""
+    size, mean = (SIZE, SIZE), Image.Resampling.BOX
+    small = [Image.fromarray(images[name]).resize(size, mean) for name in images.names]
+    return np.concatenate([np.asarray(one) for one in small], axis=2)
 
 
 # ---- what teaches ----
 
 
 class Seen(NamedTuple):
-    """Sets of images of an episode: uint8[sets, 3 * cameras, SIZE, SIZE]."""
+    """Sets of images of an episode: uint8[sets, SIZE, SIZE, 3 * cameras]."""
 
     before: Array
     """Those that show no success."""
@@ -296,8 +280,8 @@ def seen_in(logs: Path) -> tuple[tuple[str, ...], list[Seen]]:
                 if not is_near or one <= SHOWS_SUCCESS:
                     with contextlib.suppress(CameraLost, NotInLog):
                         kinds[is_near].insert(0, pixels_of(cameras.at(int(index))))
-    none = np.zeros((0, 3 * len(names), SIZE, SIZE), np.uint8)
-    seen = [Seen(*(np.array(kind) if kind else none for kind in kinds)) for kinds in sets]
+    shape = (-1, SIZE, SIZE, 3 * max(len(names), 1))
+    seen = [Seen(*(np.array(kind, np.uint8).reshape(shape) for kind in kinds)) for kinds in sets]
     # One whose images of its kind are missing says nothing.
     both = zip(seen, episodes, strict=True)
     return names, [one for one, episode in both if len(one[_has_succeeded(episode)])]
@@ -305,19 +289,15 @@ def seen_in(logs: Path) -> tuple[tuple[str, ...], list[Seen]]:
 
 # The experience of the newest episodes that were judged.
 def _judged_episodes(logs: Path) -> list[Array]:
-    parts = [
-        np.array(one.get_observations(*one.range("observation"), fields=FACTS))
-        for session in sessions_in(logs)
-        for one in session.companions
-        if one.name.rpartition(".")[2] == COMPANION
-    ]
-    if not parts:
+    book = Book(sys.maxsize)
+    for session in sessions_in(logs):
+        for one in session.companions:
+            if one.name.rpartition(".")[2] == COMPANION:
+                facts = one.get_observations(*one.range("observation"), fields=FACTS)
+                book.add(facts[facts["flags"] & JUDGED != 0])
+    elements, _ = book.since(0)
+    if not len(elements):
         return []
-    elements = np.concatenate(parts)
-    # A log that follows another one begins with what that one had last.
-    _, first = np.unique(elements[["session", "step"]], return_index=True)
-    elements = elements[np.sort(first)]
-    elements = elements[elements["flags"] & JUDGED != 0]
     kinds: tuple[list[Array], list[Array]] = ([], [])
     for episode in np.split(elements, np.flatnonzero(elements["actions"] == 0)):
         is_whole = len(np.unique(episode[["session", "seed", "episode"]])) == 1
@@ -341,35 +321,31 @@ def teach(names: Sequence[str], episodes: Sequence[Seen]) -> ImageJudge:
             f"there are images of {len(good)} successes and {len(bad)} failures that somebody "
             f"judged; to teach a judge takes {FEWEST} of each"
         )
-    torch.set_num_threads(1)
-    torch.manual_seed(0)
-    networks, success, early, failed = [], [], [], []
-    for fold in range(FOLDS):
-        # Successes first, so that each part has as many of them as any other.
-        shows = [one for i, one in enumerate(good + bad) if i % FOLDS != fold]
-        held = (good + bad)[fold::FOLDS]
-        networks.append(network := _fit(len(names), shows, held))
-        for one in held:
-            lasting = _lasting(_scores(network, one.before))
-            if len(one.success):
-                success.append(np.median(_scores(network, one.success)))
-                early.append(lasting)
-            else:
-                failed.append(lasting)
+    # Successes first, so that each part has as many of them as any other.
+    order = [*good, *bad]
+    fits = [
+        _fit([one for i, one in enumerate(order) if i % FOLDS != fold]) for fold in range(FOLDS)
+    ]
+    # What each says of the episodes that it was not shown.
+    lasting = [_lasting(_features(one.before) @ fits[i % FOLDS]) for i, one in enumerate(order)]
+    early, failed = np.split(lasting, [len(good)])
+    success = np.array(
+        [np.median(_features(one.success) @ fits[i % FOLDS]) for i, one in enumerate(good)]
+    )
     # The test of Mann and Whitney, by whole episodes: images of one are alike.
-    wins = np.mean(np.array(success)[:, None] > np.array(failed))
+    wins = np.mean(success[:, None] > failed)
     spread = np.sqrt((len(episodes) + 1) / (12 * len(good) * len(bad)))
     if wins < 0.5 + NO_CHANCE * spread:
         raise InvalidArgument(
             "the images do not show what has succeeded: of episodes that it was not shown, a judge "
             "knows no more than chance does"
         )
-    _, threshold, found, false = max(_tried(np.array(success), np.array(early), np.array(failed)))
+    _, threshold, found, false = max(_tried(success, early, failed))
     words = (
         f"taught by {len(good)} successes and {len(bad)} failures; of episodes that it was not "
         f"shown, it knows {found} of the successes, and takes {false} others for a success"
     )
-    return ImageJudge(names, networks, threshold, words)
+    return ImageJudge(tuple(names), np.mean(fits, axis=0), threshold, words)
 
 
 # Thresholds with what they lead to: the F-score for which a false success is worse than one that is
@@ -388,58 +364,18 @@ def _lasting(scores: Array) -> float:
     return max((float(run.min()) for run in runs), default=-np.inf)
 
 
-def _network(cameras: int) -> nn.Module:
-    return nn.Sequential(
-        *(nn.Conv2d(3 * cameras, 16, 3, 2, 1), nn.ReLU()),
-        *(nn.Conv2d(16, 32, 3, 2, 1), nn.ReLU()),
-        *(nn.Conv2d(32, 32, 3, 2, 1), nn.ReLU()),
-        *(nn.Flatten(), nn.Dropout(0.3), nn.Linear(32 * (SIZE // 8) ** 2, 64), nn.ReLU()),
-        *(nn.Dropout(0.3), nn.Linear(64, 1), nn.Flatten(0)),
-    ).eval()
+# What does not change with the light: each colour of a camera, less its mean, by its spread.
+def _features(sets: Array) -> Array:
+    pixels = sets.astype(np.float32)
+    pixels -= pixels.mean(axis=(1, 2), keepdims=True)
+    pixels /= pixels.std(axis=(1, 2), keepdims=True) + 1.0
+    return pixels.reshape(len(sets), math.prod(sets.shape[1:]))
 
 
-@torch.no_grad()
-def _scores(network: nn.Module, sets: Array) -> Array:
-    parts = torch.split(torch.from_numpy(sets), BATCH)
-    scores: Array = torch.cat([network(_input(part)) for part in parts]).numpy()
-    return scores
-
-
-def _input(sets: torch.Tensor) -> torch.Tensor:
-    return sets.float() / 255 - 0.5
-
-
-# Other light, and cameras that have moved a little.
-def _varied(sets: torch.Tensor) -> torch.Tensor:
-    x, y = torch.randint(3, (2,)).tolist()
-    moved = functional.pad(sets, (1, 1, 1, 1), "replicate")[:, :, y : y + SIZE, x : x + SIZE]
-    light = 1 + 0.15 * torch.randn(len(sets), 1, 1, 1)
-    return moved * light + 0.05 * torch.randn(len(sets), sets.shape[1], 1, 1)
-
-
-# What knows best, while it is taught by some episodes, of others.
-def _fit(cameras: int, shows: Sequence[Seen], held: Sequence[Seen]) -> nn.Module:
-    network = _network(cameras)
-    optimizer = torch.optim.Adam(network.parameters(), 1e-3, weight_decay=1e-4)
-    kinds = [torch.from_numpy(np.concatenate(kind)) for kind in zip(*shows, strict=True)]
-    before, success = (np.concatenate(kind) for kind in zip(*held, strict=True))
-    half = BATCH // 2
-    labels = torch.cat([torch.zeros(half), torch.ones(half)])
-    best, kept, looks = np.inf, network.state_dict(), 0
-    for step in range(1, MOST_STEPS + 1):
-        batch = torch.cat([kind[torch.randint(len(kind), (half,))] for kind in kinds])
-        optimizer.zero_grad()
-        logits = network.train()(_varied(_input(batch)))
-        torch.autograd.backward(functional.binary_cross_entropy_with_logits(logits, labels))
-        optimizer.step()
-        if step % LOOK == 0:
-            network.eval()
-            loss = np.logaddexp(0, _scores(network, before)).mean()
-            loss += np.logaddexp(0, -_scores(network, success)).mean()
-            looks += 1
-            if loss < best:
-                best, kept, looks = loss, copy.deepcopy(network.state_dict()), 0
-            if looks == PATIENCE or best < GOOD_ENOUGH:
-                break
-    network.load_state_dict(kept)
-    return network.eval()
+# The weights by which successes come nearest to 1, and all else to -1: ridge regression.
+def _fit(shows: Sequence[Seen]) -> Array:
+    before, success = (_features(np.concatenate(kind)) for kind in zip(*shows, strict=True))
+    spread = RIDGE * np.eye(before.shape[1], dtype=np.float32)
+    for kind in (before, success):
+        spread += kind.T @ kind / len(kind)
+    return np.linalg.solve(spread, success.mean(axis=0) - before.mean(axis=0))

@@ -12,21 +12,25 @@ import collections
 import contextlib
 import dataclasses
 import json
-import math
 import os
 import queue
 import re
 import secrets
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from multiprocessing import AuthenticationError
-from multiprocessing.connection import Client, Connection, answer_challenge, deliver_challenge
+from multiprocessing.connection import (
+    Client,
+    Connection,
+    Listener,
+    answer_challenge,
+    deliver_challenge,
+)
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,26 +47,16 @@ from trifinger.commands.program import path as program
 from trifinger.errors import Error, InvalidArgument
 from trifinger.evaluation import SEED, Summary, save_curve
 from trifinger.training import checkpoint
-from trifinger.training.experience import (
-    JUDGED,
-    PART,
-    SUCCESS,
-    TERMINATED,
-    TRUNCATED,
-    Book,
-    LiveExperience,
-    digest_of,
-    of_logs,
-)
+from trifinger.training.experience import JUDGED, PART, Book, LiveExperience, digest_of, of_logs
 from trifinger.training.learner import serve
 from trifinger.training.plan import PLAN, TALLY, Plan
-from trifinger.training.report import Tally, paths_to_goals, summary_of, write_report
+from trifinger.training.report import Tally, summary_of, write_report
 from trifinger.whole_file import replace_file
 
 STATE = "learner"  # the newest state of the learner
 LEARN = "trifinger.commands.learn"
 JOINING = "token"
-LOOPBACK = ("127.0.0.1", 0)  # a free port of this machine alone
+LOOPBACK = "127.0.0.1:0"  # a free port of this machine alone
 LOGS = "logs"
 APPROACH_EVERY = 50  # episodes
 LAST_EPISODES = 20  # episodes of the last policy, without noise, of starts and goals that are new
@@ -96,8 +90,7 @@ class RobotTraining:
         say: Callable[[str], None] = lambda _: None,
         *,
         logs: Sequence[Path] = (),
-        address: tuple[str, int] = LOOPBACK,
-        starts_learner: bool = True,
+        listen: str | None = None,
         judged: int = LAST_EPISODES,
         care: Sequence[str] | None = (),
         options: Sequence[str] = (),
@@ -105,15 +98,16 @@ class RobotTraining:
     ) -> None:
         """`say` gets lines for people. `logs` have experience of the same task to begin with.
 
-        The learner is started here, or joins from another machine: join(). `address` is where it is
-        waited for. `care` is a command that makes the robot ready after a fault, and brings its
-        object back. An object out of reach ends the training if there is no such command, and
-        nobody looks for it if `care` is None. `options` are more of `trifinger run-policy` for the
-        actor. If the training `is_judged`, tell() says what has succeeded, not the task. Raises
-        InvalidArgument if the folder has a training by another plan, or if a log has no experience.
+        The learner is started here, or `listen` is the HOST:PORT where one is waited for that joins
+        from another machine, by join(). `care` is a command that makes the robot ready after a
+        fault, and brings its object back. An object out of reach ends the training if there is no
+        such command, and nobody looks for it if `care` is None. `options` are more of `trifinger
+        run-policy` for the actor. If the training `is_judged`, tell() says what has succeeded, not
+        the task. Raises InvalidArgument if the folder has a training by another plan, or if a log
+        has no experience.
         """
         self.plan, self.folder, self.robot, self._say = plan, folder, robot, say
-        self._starts_learner = starts_learner
+        self._starts_learner = listen is None
         self._judged_episodes = 0 if is_judged else judged  # by the task
         if plan.recipe.algorithm == "ppo":
             raise InvalidArgument("ppo learns only from what its newest policy did")
@@ -121,27 +115,25 @@ class RobotTraining:
             raise InvalidArgument(f"'{plan.task}' is a task in Python, which no robot learns alone")
         if is_judged and plan.recipe.relabelled > 0:
             raise InvalidArgument("relabelled makes rewards of its own: judged needs relabelled=0")
-        self._care, self._options, self._is_judged = care, list(options), is_judged
-        if (folder / PLAN).exists():
-            if not (folder / TALLY).exists():
-                raise InvalidArgument(f"{folder} has a training in simulation")
-            if Plan.from_json((folder / PLAN).read_text()) != plan:
-                raise InvalidArgument(f"{folder} has a training by another plan")
+        self._care, self._is_judged = care, is_judged
+        self._options = [*options, "--judge"] if is_judged else list(options)
         self.process = digest_of(policy_metadata(**plan.environment))
         self._live = LiveExperience(robot, self.process)
         self._configuration = observe(robot).documents()["configuration.yml"]
-        with contextlib.closing(Environment(**plan.environment)) as environment:
-            self._unit = environment.goal_unit.partition(",")[0]
         self._has_room = True
         self.tally = Tally()
         self.curve: list[tuple[int, Summary]] = []
         self._newest: collections.deque[dict[str, Any]] = collections.deque(maxlen=CURVE_EPISODES)
-        self._state = _state_of(folder / STATE)
+        state = folder / STATE
+        self._state = checkpoint.load(state.read_bytes()) if state.exists() else None
         self._logs = [path.resolve() for path in logs]
         self._others: list[int] = []  # sessions in which others moved the robot
         self._next_episode = 0
         self._book = Book(plan.recipe.buffer_size)
-        self._restore()
+        if (folder / PLAN).exists():
+            self._restore()
+        elif len(elements := self._live.take()):  # what others did before
+            self._others = np.unique(elements["session"]).tolist()
         (folder / LOGS).mkdir(parents=True, exist_ok=True)
         self._prior = self._read_logs()
         self._events: queue.Queue[tuple[str, Any]] = queue.Queue()
@@ -150,11 +142,10 @@ class RobotTraining:
         self._closes = threading.Event()
         self._token = _token_in(folder / JOINING)
         try:
-            self._listener = socket.create_server(address)
+            self._listener = Listener(_address_of(listen or LOOPBACK))
         except (OSError, OverflowError) as error:
-            host, port = address
-            raise InvalidArgument(f"nobody can join at {host}:{port}: {error}") from None
-        self.address = ":".join(map(str, self._listener.getsockname()[:2]))
+            raise InvalidArgument(f"nobody can join at {listen or LOOPBACK}: {error}") from None
+        self.address = ":".join(map(str, self._listener.address))
         """Where a learner may join, as HOST:PORT."""
         self._save()
         replace_file(folder / PLAN, plan.to_json().encode())
@@ -165,11 +156,10 @@ class RobotTraining:
         self._looked = time.monotonic()
         self._failures: collections.Counter[str] = collections.Counter()
         self._ended_at: float | None = None  # when the actor ended
-        self._waiting = ""  # name of the process that goes on after a care or a rest
-        self._goes_on_at = math.inf  # when the rest is over
-        self._silent: set[str] = set()  # processes that were killed because they said nothing
+        self._waits = False  # the actor, for a care or a rest
+        self._is_learned = False  # and the last policy is judged
         self._cares_in_a_row = 0
-        self._episodes_since_care = 0
+        self._cared_at = 0  # number of episodes that had ended at the last care
         self._judged: list[dict[str, Any]] = []
         self._is_done = False
 
@@ -185,15 +175,12 @@ class RobotTraining:
         Error if the robot cannot be mended. The robot is then at rest, as after every end.
         """
         begin = time.monotonic() - self.tally.seconds
-        threads = [
-            threading.Thread(target=work, daemon=True) for work in (self._accept, self._watch)
-        ]
-        for thread in threads:
-            thread.start()
+        _in_thread(self._accept)
+        _in_thread(self._watch)
         try:
-            self._start_recorder()
+            self._start("recorder")
             if self._starts_learner:
-                self._start_learner()
+                self._start("learner")
             else:
                 self._say(f"waits for a learner at {self.address}; {self.folder / JOINING}")
             while not self._is_done:
@@ -203,18 +190,21 @@ class RobotTraining:
                     self._heard[kind] = time.monotonic()
                     self._handle(kind, what)
                     self.tally.seconds = time.monotonic() - begin
+            if self._judged:
+                summary = summary_of(self._judged, self._unit)
+                what = f"the last policy without noise, {summary.episodes} new episodes"
+                self._say(f"{what}: {summary.in_short}")
         finally:
             self._close()
-            self.tally.seconds = time.monotonic() - begin
             self._save()
         return self.tally
 
     def report(self) -> Path:
         """Writes report.md with its figures, and returns its path."""
-        judged = summary_of(self._judged, self._unit) if self._judged else None
-        paths = paths_to_goals(self._own(self._book.since(self._prior)[0]))
         title = f"{self.plan.name} on {self.robot}"
-        return write_report(self.folder, title, self.plan, self.tally, self.curve, judged, paths)
+        judged = summary_of(self._judged, self._unit) if self._judged else None
+        elements, _ = self._book.since(self._prior)
+        return write_report(self.folder, title, self.plan, self.tally, judged, self._own(elements))
 
     def tell(self, verdict: Verdict) -> None:
         """Ends the running episode, with the reward 1 for a success and 0 for a failure.
@@ -230,48 +220,39 @@ class RobotTraining:
     # ---- what happens ----
 
     def _handle(self, kind: str, what: Any) -> None:
-        match kind:
-            case "learner":
-                self._hear(what)
-            case "actor":
-                self._episodes_since_care += 1
-                self._count(json.loads(what))
-            case "judge":
-                self._episodes_since_care += 1
-                self._judged.append(json.loads(what))
-            case "ended":
-                self._take_leave(*what)
-            case "gone":
-                if not self._starts_learner:
-                    self._say("the learner has gone; another one may join")
-            case "failed":
-                raise what
-
-    def _hear(self, message: dict[str, Any]) -> None:
-        match message["kind"]:
-            case "state":
-                self._state = message["state"]
+        match kind, what:
+            case "learner", {"kind": "state"}:
+                self._state = what["state"]
                 self._write(self.folder / STATE, checkpoint.dump(self._state))
                 self._save()
-            case "policy":
-                self._take(message)
-            case "done":
-                self._judge()
+            case "learner", {"kind": "policy"}:
+                self._take(what)
+            case "learner", {"kind": "done"}:
+                self._is_learned = True
+                self._start("actor")
+            case "actor", _ if self._is_learned:
+                self._judged.append(json.loads(what))
+            case "actor", _:
+                self._count(json.loads(what))
+            case "ended", (name, status):
+                self._take_leave(name, status)
+            case "gone", _ if not self._starts_learner:
+                self._say("the learner has gone; another one may join")
+            case "failed", _:
+                raise what
 
     def _take(self, message: dict[str, Any]) -> None:
         self._write(self.policy_path, message["policy"].tobytes())
-        self.tally.policies, self.tally.updates = message["number"] + 1, message["updates"]
-        board, actions = self._board, message["transitions"]
-        board.add_scalar("learner/updates_per_action", self._rate(message), actions)
-        board.add_scalar("exploration/noise", message["noise"], actions)
-        for name, loss in message["losses"].items():
-            board.add_scalar(name, loss, actions)
-        if "actor" not in self._processes and not self._is_over.is_set():
-            self._start_actor()
-
-    @staticmethod
-    def _rate(message: dict[str, Any]) -> float:
-        return float(message["updates"] / max(message["transitions"], 1))
+        actions, updates = message["transitions"], message["updates"]
+        self.tally.policies, self.tally.updates = message["number"] + 1, updates
+        shown = {
+            "learner/updates_per_action": updates / max(actions, 1),
+            "exploration/noise": message["noise"],
+        }
+        for name, value in (shown | message["losses"]).items():
+            self._board.add_scalar(name, value, actions)
+        if not self._is_over.is_set():
+            self._start("actor")
 
     def _count(self, report: dict[str, Any]) -> None:
         tally = self.tally
@@ -283,25 +264,29 @@ class RobotTraining:
             tally.time_lost += time.monotonic() - self._ended_at
             self._ended_at = None
         self._newest.append(report)
-        worst = max(one for one in report["distance"] if one is not None)
-        for name, value in (("reward", report["total_reward"]), ("distance", worst)):
-            self._board.add_scalar(f"episode/{name}", value, tally.actions)
+        for name, value in {
+            "episode/reward": report["total_reward"],
+            "episode/distance": max(one for one in report["distance"] if one is not None),
+            "robot/faults": sum(tally.faults.values()),
+            "robot/recoveries": tally.recoveries,
+            "robot/rests": tally.rests,
+            "robot/time_lost": tally.time_lost,
+        }.items():
+            self._board.add_scalar(name, value, tally.actions)
         if tally.episodes % CURVE_EPISODES == 0:
             self._add_point()
+        self._save()
 
     def _add_point(self) -> None:
-        summary = summary_of(self._newest, self._unit)
-        self.curve.append((self.tally.episodes, summary))
-        tally = self.tally
+        tally, summary = self.tally, summary_of(self._newest, self._unit)
+        self.curve.append((tally.episodes, summary))
         faults = sum(tally.faults.values())
-        median = summary.in_words(summary.median)
         self._say(
-            f"episode {tally.episodes} of {self.plan.episodes}: {median}, "
-            f"success {100 * summary.success:.0f} %, policy {tally.policies - 1}, "
-            f"{tally.updates} gradient steps, {faults} fault{'s' * (faults != 1)}"
+            f"episode {tally.episodes} of {self.plan.episodes}: {summary.in_short}, "
+            f"policy {tally.policies - 1}, {tally.updates} gradient steps, "
+            f"{faults} fault{'s' * (faults != 1)}"
         )
         save_curve({self.plan.name: self.curve}, self.folder / "curve.png")
-        self._save()
 
     # ---- processes ----
 
@@ -311,134 +296,111 @@ class RobotTraining:
         self._looked = now
         if now - before > 4 * LOOK:  # this process itself was stopped
             self._heard = dict.fromkeys(self._heard, now)
-        limit = SILENCE + 5 * self.plan.options.duration
-        limits = {"actor": limit, "learner": limit, "judge": limit, "care": CARE_TIME}
-        for name, silence in limits.items():
-            process = self._processes.get(name)
-            if process and now - self._heard[name] > silence:
-                self._silent.add(name)
-                os.killpg(process.pid, signal.SIGKILL)
-        if now >= self._goes_on_at:
-            self._go_on()
+        for name, process in self._processes.items():
+            if self._is_silent(name):
+                with contextlib.suppress(ProcessLookupError):  # it is known to be dead only later
+                    os.killpg(process.pid, signal.SIGKILL)
         had_room, self._has_room = self._has_room, shutil.disk_usage(self.folder).free > ROOM
         if had_room and not self._has_room:
             self._say(f"the disk of {self.folder} is nearly full: the robot waits, for room")
             if actor := self._processes.get("actor"):
                 actor.terminate()
         elif self._has_room and not had_room:
-            if "recorder" not in self._processes:
-                self._start_recorder()
+            self._start("recorder")
             if self.policy_path.exists():
-                self._start_actor()
+                self._start("actor")
 
-    def _start(
-        self,
-        name: str,
-        *words: object,
-        command: Sequence[str] = (program(),),
-        stdin: int = subprocess.DEVNULL,
-    ) -> None:
+    def _is_silent(self, name: str) -> bool:
+        limit = CARE_TIME if name == "care" else SILENCE + 5 * self.plan.options.duration
+        return name != "recorder" and time.monotonic() - self._heard[name] > limit
+
+    # Starts a process, unless it is there, must wait, or has nothing left to do.
+    def _start(self, name: str) -> None:
+        if name in self._processes or (name == "actor" and self._waits):
+            return
+        match name:
+            case "recorder":
+                self._launch(name, program(), "record", self.robot, "-o", self.folder / LOGS)
+            case "learner":
+                where = ("--join", self.address, "--token", self.folder / JOINING)
+                how = ("--algorithm", self.plan.recipe.algorithm)  # who made the plan has said it
+                self._launch(name, sys.executable, "-P", "-m", LEARN, *where, *how)
+            case "actor" if self._is_learned:
+                # The last policy, without noise, in episodes that no training has seen.
+                if left := self._judged_episodes - len(self._judged):
+                    self._start_actor(SEED, len(self._judged), left)
+                else:
+                    self._is_done = True
+            case "actor" if self._next_episode >= self.plan.episodes:
+                self._is_over.set()
+            case "actor" if self._has_room:
+                left = self.plan.episodes - self._next_episode
+                more = ("--explore", "--precision", "single", "--approach-every", APPROACH_EVERY)
+                self._start_actor(self.plan.seed, self._next_episode, left, *more, *self._options)
+
+    def _start_actor(self, seed: int, first: int, count: int, *more: object) -> None:
+        words: list[object] = ["run-policy", self.policy_path, "--robot", self.robot, "--json"]
+        words += ["--seed", seed, "--first", first, "--episodes", count, *more]
+        words += ["--rest-below", REST_BELOW]
+        if self._care is not None:
+            words.append("--end-out-of-reach")
+        self._launch("actor", program(), *words)
+
+    def _launch(self, name: str, *words: object) -> None:
         with (self.folder / f"{name}.txt").open("a") as log:
             process = subprocess.Popen(
                 # Nobody else would end it if this process was killed.
-                ["setpriv", "--pdeathsig", "TERM", *command, *map(str, words)],
-                stdin=stdin,
-                stdout=subprocess.PIPE if name in ("actor", "judge") else log,
+                ["setpriv", "--pdeathsig", "TERM", *map(str, words)],
+                stdin=subprocess.PIPE if name == "actor" else subprocess.DEVNULL,  # for verdicts
+                stdout=subprocess.PIPE if name == "actor" else log,
                 stderr=log,
                 text=True,
                 start_new_session=True,  # Ctrl-C is for this process, which ends the others
             )
         self._processes[name] = process
         self._began[name] = self._heard[name] = time.monotonic()
-        threading.Thread(target=self._follow, args=(name, process), daemon=True).start()
+        _in_thread(self._follow, name, process)
 
     def _follow(self, name: str, process: subprocess.Popen[str]) -> None:
         with contextlib.suppress(OSError), process:  # a verdict may be left that nobody reads
             for line in process.stdout or ():
                 self._events.put((name, line))
-        self._events.put(("ended", (name, process, process.wait())))
-
-    def _start_recorder(self) -> None:
-        self._start("recorder", "record", self.robot, "-o", self.folder / LOGS)
-
-    def _start_learner(self) -> None:
-        words = ["--join", self.address, "--token", self.folder / JOINING]
-        if ":" in self.plan.recipe.algorithm:  # who made the plan has said it
-            words += ["--algorithm", self.plan.recipe.algorithm]
-        self._start("learner", *words, command=(sys.executable, "-P", "-m", LEARN))
-
-    def _start_actor(self) -> None:
-        left = self.plan.episodes - self._next_episode
-        if self._waiting:
-            return  # it goes on later
-        if left <= 0:
-            self._is_over.set()
-        elif self._has_room and "actor" not in self._processes:
-            words = ("--explore", "--precision", "single", "--approach-every", APPROACH_EVERY)
-            more = (*self._options, *(("--judge",) if self._is_judged else ()))
-            self._start_policy("actor", self.plan.seed, self._next_episode, left, *words, *more)
-
-    # Lets the last policy act without noise, in episodes that no training has seen.
-    def _judge(self) -> None:
-        first = len(self._judged)
-        if self._waiting or "judge" in self._processes:
-            return  # a learner was started again after all was learned
-        if first < self._judged_episodes:
-            self._start_policy("judge", SEED, first, self._judged_episodes - first)
-            return
-        self._is_done = True
-        if self._judged:
-            summary = summary_of(self._judged, self._unit)
-            self._say(
-                f"the last policy without noise, {summary.episodes} new episodes: "
-                f"{summary.in_words(summary.median)}, success {100 * summary.success:.0f} %"
-            )
-
-    def _start_policy(self, name: str, seed: int, first: int, count: int, *more: object) -> None:
-        words = ("run-policy", self.policy_path, "--robot", self.robot, "--json", *more)
-        words = (*words, "--rest-below", REST_BELOW)
-        if self._care is not None:
-            words = (*words, "--end-out-of-reach")
-        words = (*words, "--seed", seed, "--first", first, "--episodes", count)
-        self._start(
-            name, *words, stdin=subprocess.PIPE if "--judge" in more else subprocess.DEVNULL
-        )
+        self._events.put(("ended", (name, process.wait())))
 
     # A process has ended: starts it again, or what follows it.
-    def _take_leave(self, name: str, process: subprocess.Popen[str], status: int) -> None:
-        if self._processes.get(name) is not process or self._closes.is_set():
-            return
+    def _take_leave(self, name: str, status: int) -> None:
         del self._processes[name]
         words = self._last_words(name)
-        moves = name in ("actor", "judge")
-        if moves and status != 0:
+        if name == "actor" and status != 0:
             self._ended_at = self._ended_at or time.monotonic()
         match name:
             case "learner" if status == 0:
                 pass  # all is learned
             case "actor" | "recorder" if not self._has_room:
                 pass  # the robot waits
+            case "actor" if status == 0 and self._is_learned:
+                self._start("actor")
             case "actor" if status == 0:
                 self._is_over.set()
-            case "judge" if status == 0:
-                self._judge()
+            case "actor" if status == WARM:
+                self.tally.rests += 1
+                self._say(f"{words}; they rest for {REST:g} s")
+                self._waits = True
+                self._launch("rest", "sleep", REST)
+            case "actor" if status == OUT_OF_REACH:
+                self._take_care(words)
             case "care" if status == 0:
                 self.tally.cares += 1
                 self._failures["care"] = 0
                 self._go_on()
-            case _ if moves and status == WARM:
-                self.tally.rests += 1
-                self._say(f"{words}; they rest for {REST:g} s")
-                self._waiting, self._goes_on_at = name, time.monotonic() + REST
-            case _ if moves and status == OUT_OF_REACH:
-                self._take_care(name, words)
+            case "rest":
+                self._go_on()
             case _:
                 self._take_failure(name, status, words)
         self._save()
 
     def _take_failure(self, name: str, status: int, words: str) -> None:
-        is_silent = name in self._silent
-        self._silent.discard(name)
+        is_silent = self._is_silent(name)
         if time.monotonic() - self._began[name] > STEADY and not is_silent:
             self._failures[name] = 0
         # Whoever kills a process knows what it does, and it may begin again as often as it likes.
@@ -446,86 +408,63 @@ class RobotTraining:
         # Later it is no mistake of whoever has started this: a tracker may have lost the object.
         if status == WRONG and (name == "learner" or (name == "actor" and not self._newest)):
             raise InvalidArgument(words)
-        had_fault = False
-        if name in ("actor", "judge", "care"):
-            had_fault = self._mend()
+        fault = self._mend() if name in ("actor", "care") else ""
         if self._failures[name] > MOST_FAILURES:
-            raise Error(f"the {name} ends again and again: {words}")
-        restarts = self.tally.restarts
-        restarts[name] = restarts.get(name, 0) + 1
+            who = "the robot stops" if fault else f"the {name} ends"
+            raise Error(f"{who} again and again: {fault or words}")
+        self.tally.restarts[name] = self.tally.restarts.get(name, 0) + 1
         words = f"the {name} has ended ({status}): {words}"
         if self._failures[name]:
             time.sleep(PAUSE * 2 ** self._failures[name])
-        if name == "care" or (had_fault and self._care):
-            self._take_care(self._waiting or name, words)
+        if name == "care" or (fault and self._care):
+            self._take_care(words)
         else:
             self._say(f"{words}; it is started again")
-            self._start_again(name)
+            self._start(name)
 
-    def _start_again(self, name: str) -> None:
-        starts = {
-            "actor": self._start_actor,
-            "learner": self._start_learner,
-            "recorder": self._start_recorder,
-            "judge": self._judge,
-        }
-        starts[name]()
-
-    # Lets the care make the robot ready for the process `name`, because of `words`.
-    def _take_care(self, name: str, words: str) -> None:
+    # Lets the care make the robot ready for the actor, because of `words`.
+    def _take_care(self, words: str) -> None:
         if not self._care:
             raise Error(f"{words}; --care names a command that brings it back")
         # An episode shows that it did not help.
-        self._cares_in_a_row = self._cares_in_a_row * (self._episodes_since_care <= 1) + 1
-        self._episodes_since_care = 0
+        episodes = self.tally.episodes + len(self._judged)
+        self._cares_in_a_row = self._cares_in_a_row * (episodes <= self._cared_at + 1) + 1
+        self._cared_at = episodes
         if self._cares_in_a_row > MOST_CARES:
             raise Error(f"it needs care again and again: {words}")
         self._say(f"{words}; {' '.join(self._care)}")
-        self._waiting = name
-        self._start("care", command=self._care)
+        self._waits = True
+        self._launch("care", *self._care)
 
     # A care or a rest is over.
     def _go_on(self) -> None:
-        name, self._waiting, self._goes_on_at = self._waiting, "", math.inf
-        self._start_again(name)
+        self._waits = False
+        self._start("actor")
 
-    # Brings the robot back after a fault, and returns whether there was one; raises Error if its
-    # back-end is gone.
-    def _mend(self) -> bool:
+    # Brings the robot back after a fault, and returns its reason, or "" if there was none; raises
+    # Error if its back-end is gone.
+    def _mend(self) -> str:
         info = next((one for one in list_sessions() if one.name == self.robot), None)
         if info is None or not info.backend_is_alive:
             raise Error(f"the back-end of '{self.robot}' is gone")
-        if info.fault is not None and info.fault.needs_recovery:
-            reason = re.sub(r" (at|before|for) step -?\d+|(;|, after ).*", "", info.fault_text)
-            self.tally.faults[reason] = self.tally.faults.get(reason, 0) + 1
-            if max(self._failures["actor"], self._failures["judge"]) > MOST_FAILURES:
-                raise Error(f"the robot stops again and again: {reason}")
-            recover(self.robot, 60.0)
-            self.tally.recoveries += 1
-            board, tally = self._board, self.tally
-            for name, count in (
-                ("faults", sum(tally.faults.values())),
-                ("recoveries", tally.recoveries),
-                ("rests", tally.rests),
-                ("time_lost", tally.time_lost),
-            ):
-                board.add_scalar(f"robot/{name}", count, tally.actions)
-            return True
-        return False
+        if info.fault is None or not info.fault.needs_recovery:
+            return ""
+        reason = re.sub(r" (at|before|for) step -?\d+|(;|, after ).*", "", info.fault_text)
+        self.tally.faults[reason] = self.tally.faults.get(reason, 0) + 1
+        recover(self.robot, 60.0)
+        self.tally.recoveries += 1
+        return reason
 
     def _last_words(self, name: str) -> str:
-        with (self.folder / f"{name}.txt").open("rb") as said:
-            said.seek(max(0, said.seek(0, os.SEEK_END) - 1000))
-            lines = said.read().decode(errors="replace").split("\n")
+        lines = (self.folder / f"{name}.txt").read_text(errors="replace").split("\n")
         return next((line for line in reversed(lines) if line.strip()), "it said nothing")[-300:]
 
     def _restore(self) -> None:
-        path = self.folder / TALLY
-        if not path.exists():
-            if len(elements := self._live.take()):  # what others did before
-                self._others = np.unique(elements["session"]).tolist()
-            return
-        known = json.loads(path.read_text())
+        if not (self.folder / TALLY).exists():
+            raise InvalidArgument(f"{self.folder} has a training in simulation")
+        if Plan.from_json((self.folder / PLAN).read_text()) != self.plan:
+            raise InvalidArgument(f"{self.folder} has a training by another plan")
+        known = json.loads((self.folder / TALLY).read_text())
         if known["is_judged"] != self._is_judged:
             who = "--judge" if known["is_judged"] else "its task, without --judge"
             raise InvalidArgument(f"{self.folder} has a training that is judged by {who}")
@@ -537,9 +476,9 @@ class RobotTraining:
     # Reads the logs of others and the own ones; returns how many elements are of others.
     def _read_logs(self) -> int:
         with contextlib.closing(Environment(**self.plan.environment)) as environment:
+            self._unit = environment.goal_unit.partition(",")[0]
             for path in self._logs:
-                check = environment._core.check_robot
-                read = of_logs(path, self.process, self._say, check)
+                read = of_logs(path, self.process, self._say, environment._core.check_robot)
                 parts = [part for one in read if len(part := self._judged_alike(one))]
                 if not parts:
                     raise InvalidArgument(
@@ -548,15 +487,8 @@ class RobotTraining:
                 for part in parts:
                     self._book.add(part)
         prior = self._book.keep()
-        tally = dataclasses.replace(self.tally, episodes=0, successes=0)
         for part in of_logs(self.folder / LOGS, self.process, self._say):
-            if len(new := self._add(part)):
-                ended = new["flags"][new["flags"] & (TERMINATED | TRUNCATED) != 0]
-                tally.episodes += len(ended)
-                tally.successes += int(np.count_nonzero(ended & SUCCESS))
-        # A killed training may not have saved what it counted; old logs may have been removed.
-        if tally.episodes > self.tally.episodes:
-            self.tally = tally
+            self._add(part)
         return prior
 
     # The elements of this training.
@@ -571,16 +503,15 @@ class RobotTraining:
         alike: Array = elements[(elements["flags"] & JUDGED != 0) == self._is_judged]
         return alike
 
-    # Takes elements of the robot; returns those of this training that are new.
-    def _add(self, elements: Array) -> Array:
-        new = self._book.add(self._own(elements))
-        if len(new):
+    # Takes those of these elements that are of this training and new.
+    def _add(self, elements: Array) -> None:
+        if len(new := self._book.add(self._own(elements))):
             self._next_episode = max(self._next_episode, int(new["episode"].max()) + 1)
-        return new
 
     def _save(self) -> None:
         known = {
             "tally": dataclasses.asdict(self.tally),
+            "rows": self.tally.rows(self.plan),
             "curve": [(episode, dataclasses.asdict(one)) for episode, one in self.curve],
             "others": self._others,
             "is_judged": self._is_judged,
@@ -600,8 +531,8 @@ class RobotTraining:
     # The recorder ends last: it records how the others end.
     def _close(self) -> None:
         self._closes.set()
-        recorder = self._processes.pop("recorder", None)
-        for processes in (list(self._processes.values()), [recorder] if recorder else []):
+        others = [process for name, process in self._processes.items() if name != "recorder"]
+        for processes in (others, self._processes.values()):
             for process in processes:
                 process.send_signal(signal.SIGCONT)
                 process.terminate()
@@ -617,29 +548,26 @@ class RobotTraining:
 
     # Reads the robot's experience as it comes.
     def _watch(self) -> None:
+        is_over = False
         try:
-            while not self._closes.is_set():
+            while not (is_over or self._closes.is_set()):
                 # Asked first: what came before it was over is still read.
-                is_over = self._is_over.is_set()
+                is_over = self._is_over.wait(POLL)
                 self._add(self._live.take())
                 if self._live.missed:
                     self._say(
                         f"{self._live.missed} actions are only in the logs: --resume has them"
                     )
                     self._live.missed = 0
-                if is_over:
-                    self._closed_book.set()
-                    return
-                time.sleep(POLL)
+            if is_over:
+                self._closed_book.set()
         except Exception as error:
             self._events.put(("failed", error))
 
     def _accept(self) -> None:
         while not self._closes.is_set():
             with contextlib.suppress(OSError):  # the end, or nobody any more
-                learner, _ = self._listener.accept()
-                connection = Connection(learner.detach())
-                threading.Thread(target=self._teach, args=(connection,), daemon=True).start()
+                _in_thread(self._teach, self._listener.accept())
 
     # Gives a learner what it asks for; it may be slow, stop or vanish.
     def _teach(self, connection: Connection) -> None:
@@ -678,7 +606,7 @@ def join(address: str, token: Path, algorithm: str | None = None) -> None:
     the token is another one.
     """
     try:
-        connection = Client(address_of(address), authkey=token.read_bytes())
+        connection = Client(_address_of(address), authkey=token.read_bytes())
     except (AuthenticationError, EOFError):
         raise Error(f"{address} has another token than {token}") from None
     except (OSError, OverflowError) as error:
@@ -687,8 +615,7 @@ def join(address: str, token: Path, algorithm: str | None = None) -> None:
         serve(connection, algorithm)
 
 
-def address_of(text: str) -> tuple[str, int]:
-    """The address that HOST:PORT means; raises InvalidArgument."""
+def _address_of(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit():
         raise InvalidArgument(f"'{text}' is no HOST:PORT")
@@ -703,5 +630,5 @@ def _token_in(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def _state_of(path: Path) -> Any:
-    return checkpoint.load(path.read_bytes()) if path.exists() else None
+def _in_thread(work: Callable[..., None], *arguments: object) -> None:
+    threading.Thread(target=work, args=arguments, daemon=True).start()

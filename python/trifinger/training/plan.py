@@ -49,8 +49,14 @@ class Recipe:
     """Factor on the reward of the task. The reward of `approach` is added to the product; PPO
     divides the sum by the standard deviation of its returns."""
     relabelled: float = 0.0
-    """Share of the goals that are replaced by positions that were reached. If it is above zero,
-    batches are put together finger by finger. Only for reaches."""
+    """Share of the goals that are replaced: those of a reach by positions that were reached, and
+    batches are then put together finger by finger; those of a push, on a connected robot, as
+    trifinger.training.pushes says."""
+    symmetry: bool = False
+    """Whether transitions of a push are turned by thirds of a circle; on a connected robot."""
+    offsets: bool = False
+    """Whether networks also get the offsets from the tips and the goal of a push to the object, on
+    a connected robot. They follow from the observation, but 2 cm are little among its numbers."""
     approach: float = 0.0
     """Reward for a tip that comes nearer to where it could push the object to its goal [1/m]. An
     object that comes nearer to its goal gets twice as much."""
@@ -60,6 +66,9 @@ class Recipe:
     demonstrations: float = 0.5
     """Share of each batch that is drawn from demonstrations, once there are any; the rest is drawn
     from all transitions. PPO and `relabelled` do not use this."""
+    imitation: float = 0.0
+    """Weight in RLPD of the squared distance to demonstrated actions, against values of about 1; it
+    falls linearly to 0 at the end."""
     buffer_size: int = 1_000_000
     """Largest number of transitions that are stored."""
     rollout: int = 100
@@ -100,6 +109,11 @@ class Recipe:
             if ":" not in task and task != "reach":
                 common |= {"approach": 60.0}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
+        if task == "push" and algorithm == "rlpd":
+            common |= {"gamma": 0.95, "learning_rate": 3e-4, "gradient_steps": 4, "approach": 40.0}
+            common |= {"relabelled": 0.5, "symmetry": True, "offsets": True, "random_actions": 0}
+            common |= {"imitation": 0.1}
+            return cls(**common, layers=(128, 128), noise=0.4, final_noise=0.1, noise_color=0.5)
         if algorithm not in LIBRARY:
             gamma = 0.9 if reaches_with_fingers else 0.98
             return cls(**common, gamma=gamma, batch_size=256, learning_rate=3e-4)
@@ -153,11 +167,14 @@ class Plan:
         for name, value in changes.items():
             _check_type(name, value, getattr(recipe, name))
         recipe = dataclasses.replace(recipe, **changes)
-        if recipe.is_shared or recipe.relabelled > 0:
+        if recipe.is_shared or (recipe.relabelled > 0 and task != "push"):
             settings = {"per_finger": True} | settings
         if (task, algorithm) == ("push", "ppo"):
             settings = {"duration": 6.0} | settings
             more = {"episodes": 30_000} | more
+        if (task, algorithm) == ("push", "rlpd"):
+            slow = {"steps_per_action": 100, "duration": 10.0}
+            settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
         if task.startswith("dclaw_") and algorithm == "ppo":
             more = {"episodes": 20_000, "evaluation_interval": 1000} | more
         options = Options.of(task)
@@ -173,8 +190,10 @@ class Plan:
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
         if recipe.approach > 0 and task in ("reach", "finger_reach"):
             raise InvalidArgument("approach is for tasks with an object")
-        if recipe.relabelled > 0 and recipe.algorithm not in LIBRARY:
-            raise InvalidArgument("relabelled is for ddpg, td3 and sac")
+        if recipe.relabelled > 0 and recipe.algorithm not in LIBRARY and task != "push":
+            raise InvalidArgument("relabelled is for ddpg, td3 and sac, or for pushes")
+        if (recipe.symmetry or recipe.offsets) and recipe.algorithm in LIBRARY:
+            raise InvalidArgument("symmetry and offsets are for rlpd and algorithms of your own")
         if not 0.0 <= recipe.demonstrations <= 1.0:
             raise InvalidArgument(f"demonstrations is {recipe.demonstrations}, must be 0 to 1")
         if plan.episodes < 1:

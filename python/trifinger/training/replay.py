@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Memories of transitions: one for demonstrations, one that makes more of reaches."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,48 @@ from trifinger.errors import InvalidArgument
 
 FINGER = 9  # numbers of a finger in observations of a reach: positions, velocities, goal
 GOAL = slice(6, 9)  # place of the goal in the numbers of a finger
+draw = np.random.randint  # by the generator of Stable-Baselines3: its state is in the checkpoints
+
+Augment = Callable[[ReplayBufferSamples, Array, Array], ReplayBufferSamples]
 
 
-class DemonstrationReplayBuffer(ReplayBuffer):
+class EpisodeReplayBuffer(ReplayBuffer):
+    """Knows which transitions are of the same episode; all environments begin and end together."""
+
+    def __init__(self, *arguments: Any, augment: Augment | None = None, **more: Any) -> None:
+        """`augment` makes others of drawn transitions, which could have happened as well.
+
+        It gets, for each of them, also an observation of the same episode that came later, and an
+        observation of any time.
+        """
+        super().__init__(*arguments, **more)
+        self._augment = augment
+        # For each place in the buffer, the last place of its episode.
+        self._last = np.zeros(self.buffer_size, np.int64)
+        self._first = 0
+
+    def add(self, *transition: Any) -> None:
+        """Adds a transition of each environment, as ReplayBuffer does."""
+        place = self.pos
+        self._first = min(self._first, place)
+        self._last[self._first : place + 1] = place
+        super().add(*transition)
+        if transition[4].any():
+            self._first = self.pos
+
+    def _later(self, place: Array) -> Array:
+        return draw(place, self._last[place] + 1)
+
+    def _get_samples(self, batch_inds: Array, env: VecNormalize | None = None) -> Any:
+        samples = super()._get_samples(batch_inds, env)
+        if self._augment is None:
+            return samples
+        later = self.next_observations[self._later(batch_inds), 0]
+        other = self.observations[draw(0, self.size(), len(batch_inds)), 0]
+        return self._augment(samples, later, other)
+
+
+class DemonstrationReplayBuffer(EpisodeReplayBuffer):
     """Draws the share `demonstrations` of each batch from demonstrations, once there are any.
 
     The rest is drawn from all transitions. This is the sampling of RLPD (Ball et al. 2023).
@@ -24,7 +64,7 @@ class DemonstrationReplayBuffer(ReplayBuffer):
 
     def __init__(self, *arguments: Any, demonstrations: float, **more: Any) -> None:
         super().__init__(*arguments, **more)
-        self._share, self._shown = demonstrations, ReplayBuffer(*arguments, **more)
+        self._share, self._shown = demonstrations, EpisodeReplayBuffer(*arguments, **more)
 
     def add(self, *transition: Any) -> None:
         """Adds a transition of each environment: demonstrations, if their infos say so."""
@@ -32,16 +72,20 @@ class DemonstrationReplayBuffer(ReplayBuffer):
         if transition[-1][0].get("is_demonstration"):
             self._shown.add(*transition)
 
+    def demonstrated(self, batch_size: int) -> int:
+        """Number of demonstrations in a batch: its first rows."""
+        return round(self._share * batch_size) if self._shown.size() else 0
+
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
         """Draws a batch."""
-        count = round(self._share * batch_size) if self._shown.size() else 0
+        count = self.demonstrated(batch_size)
         if count == 0:
             return super().sample(batch_size, env)
         parts = self._shown.sample(count, env), super().sample(batch_size - count, env)
         return ReplayBufferSamples(*map(torch.cat, zip(*(part[:5] for part in parts), strict=True)))
 
 
-class FingerReplayBuffer(ReplayBuffer):
+class FingerReplayBuffer(EpisodeReplayBuffer):
     """Stores transitions of a reach; sample() puts rows together finger by finger.
 
     Each finger of a row gets the transition of any finger at any time. Its goal is the original
@@ -69,40 +113,23 @@ class FingerReplayBuffer(ReplayBuffer):
         self._half = (np.asarray(goal_high) - goal_low) / 2
         # Positions that the tips reached, scaled like goals.
         self._achieved = np.zeros((*shape[:2], self._fingers, 3), np.float32)
-        # For each place in the buffer, the last place of its episode.
-        self._last = np.zeros(shape[0], np.int64)
-        self._first = 0
 
-    def add(
-        self,
-        obs: Array,
-        next_obs: Array,
-        action: Array,
-        reward: Array,
-        done: Array,
-        infos: list[dict[str, Any]],
-    ) -> None:
-        """Adds a transition of each environment; all episodes must begin and end together."""
-        place = self.pos
-        achieved = np.stack([info["achieved_goal"] for info in infos])
-        achieved = achieved.reshape(len(infos), self._fingers, 3)
-        self._achieved[place] = np.clip((achieved - self._middle) / self._half, -1.0, 1.0)
-        self._first = min(self._first, place)
-        self._last[self._first : place + 1] = place
-        super().add(obs, next_obs, action, reward, done, infos)
-        if done.any():
-            self._first = self.pos
+    def add(self, *transition: Any) -> None:
+        """Adds a transition of each environment."""
+        achieved = np.stack([info["achieved_goal"] for info in transition[-1]])
+        achieved = achieved.reshape(len(achieved), self._fingers, 3)
+        self._achieved[self.pos] = np.clip((achieved - self._middle) / self._half, -1.0, 1.0)
+        super().add(*transition)
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
         """Draws a batch. Raises InvalidArgument if `env` asks to normalise it."""
         if env is not None:
             raise InvalidArgument("batches of fingers are not normalised")
         size = (batch_size, self._fingers)
-        draw = np.random.randint
         place = draw(0, self.size(), size)
         row = draw(0, self.n_envs, size)
         finger = draw(0, self._fingers, size)
-        later = draw(place, self._last[place] + 1)
+        later = self._later(place)
         blocks = (*self.observations.shape[:2], self._fingers, -1)
         seen = self.observations.reshape(blocks)[place, row, finger]
         next_seen = self.next_observations.reshape(blocks)[place, row, finger]

@@ -4,21 +4,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 # This import comes first because its error says what to install.
 from trifinger.arrays import Array
-from trifinger.evaluation import SHOWN_EPISODES, Evaluation, Summary, save_curve, save_paths
+from trifinger.evaluation import SHOWN_EPISODES, Evaluation, Summary, save_paths
 
 # isort: split
 import numpy as np
 
 from trifinger.training.plan import Plan
+from trifinger.training.run import PATH_FIGURES
 from trifinger.whole_file import replace_file
-
-WITH_PATHS = ("reach", "finger_reach", "push")  # tasks whose goals are points
 
 
 @dataclasses.dataclass
@@ -44,66 +43,58 @@ class Tally:
     seconds: float = 0.0
     """How long it took."""
 
-    def rows(self) -> list[tuple[str, str]]:
+    def rows(self, plan: Plan) -> dict[str, str]:
         """All of it, in words."""
-        return [
-            ("episodes, actions", f"{self.episodes}, {self.actions}"),
-            ("time", f"{self.seconds / 60:.1f} min"),
-            ("time lost by ends of the actor", f"{self.time_lost:.1f} s"),
-            ("policies, gradient steps", f"{self.policies}, {self.updates}"),
-            ("recoveries, cares, rests", f"{self.recoveries}, {self.cares}, {self.rests}"),
-            *((f"fault: {reason}", str(count)) for reason, count in self.faults.items()),
-            *((f"{name} started again", str(count)) for name, count in self.restarts.items()),
-        ]
+        faults = [f"{count} x {reason}" for reason, count in self.faults.items()]
+        restarts = [f"{name} {count} x" for name, count in self.restarts.items()]
+        return {
+            "learning": f"episode {self.episodes} of {plan.episodes}, {self.actions} actions, "
+            f"{self.successes} successes, {self.policies} policies, {self.updates} gradient steps",
+            "time": f"{self.seconds / 60:.1f} min; {self.time_lost:.0f} s lost by faults and care",
+            "faults": "; ".join(faults) or "none",
+            "by itself": f"{self.recoveries} recoveries, {self.cares} cares, {self.rests} rests",
+            "started again": "; ".join(restarts) or "nothing",
+        }
 
 
 def write_report(
-    folder: Path,
-    title: str,
-    plan: Plan,
-    tally: Tally,
-    curve: Sequence[tuple[int, Summary]],
-    judged: Summary | None,
-    paths: dict[str, Array],
+    folder: Path, title: str, plan: Plan, tally: Tally, judged: Summary | None, elements: Array
 ) -> Path:
-    """Writes report.md with its figures, and returns its path."""
-    figures = []
-    if curve:
-        save_curve({plan.name: curve}, folder / "curve.png")
-        figures.append("curve.png")
-    if plan.task in WITH_PATHS and paths:
-        save_paths(paths, folder / "tips.png")
-        figures.append("tips.png")
-    rows = [("task, algorithm", f"{plan.task}, {plan.recipe.algorithm}"), *tally.rows()]
+    """Writes report.md with its figures, and returns its path.
+
+    `judged` is of the last policy, `elements` are the experience of the training.
+    """
+    figure = PATH_FIGURES.get(plan.task)
+    if figure and (paths := _paths_to_goals(elements)):
+        save_paths(paths, folder / figure)
+    rows = {"task, algorithm": f"{plan.task}, {plan.recipe.algorithm}"} | tally.rows(plan)
     if judged is not None:
         words = judged.in_words(judged.lower_quartile, judged.median, judged.upper_quartile)
         name = f"last policy without noise, {judged.episodes} new episodes on the robot"
-        rows.append((name, f"quartiles {words}, success {100 * judged.success:.0f} %"))
+        rows[name] = f"quartiles {words}, success {100 * judged.success:.0f} %"
     lines = [f"# {title}", "", "| | |", "|---|---|"]
-    lines += [f"| {name} | {value} |" for name, value in rows]
+    lines += [f"| {name} | {value} |" for name, value in rows.items()]
+    figures = [name for name in ("curve.png", figure) if name and (folder / name).exists()]
     lines += ["", *(f"![]({name})" for name in figures), ""]
     replace_file(folder / "report.md", "\n".join(lines).encode())
     return folder / "report.md"
 
 
-def paths_to_goals(elements: Array) -> dict[str, Array]:
-    """Paths of the paper's figure, of experience: at the beginning, later and at the end."""
+# Paths of the paper's figure: at the beginning, later and at the end.
+def _paths_to_goals(elements: Array) -> dict[str, Array]:
     if not len(elements):
         return {}
     last = int(elements["episode"].max())
-    begins = {"begin": 0, "after 200 episodes": 200, "end": last + 1 - SHOWN_EPISODES}
+    begins = {"begin": 0, "after 200 episodes": 200, "end": max(last + 1 - SHOWN_EPISODES, 0)}
     paths: dict[str, Array] = {}
     for name, first in begins.items():
-        of_part = [
-            (one["achieved"] - one["desired"])
-            for number in range(max(first, 0), first + SHOWN_EPISODES)
-            if len(one := elements[elements["episode"] == number]) > 1
-        ]
-        if of_part:
-            path = np.full((len(of_part), max(map(len, of_part)), of_part[0].shape[1]), np.nan)
-            for row, one in zip(path, of_part, strict=True):
-                row[: len(one)] = one
-            paths[name] = path
+        place = elements["episode"].astype(np.int64) - first
+        shown = (place >= 0) & (place < SHOWN_EPISODES)
+        if shown.any():
+            offset = elements["achieved"][shown] - elements["desired"][shown]
+            actions = elements["actions"][shown]
+            paths[name] = np.full((SHOWN_EPISODES, max(actions) + 1, offset.shape[1]), np.nan)
+            paths[name][place[shown], actions] = offset
     return paths
 
 
@@ -112,5 +103,5 @@ def summary_of(reports: Iterable[Mapping[str, Any]], unit: str) -> Summary:
     ended = list(reports)
     distances = [one for report in ended for one in report["distance"] if one is not None]
     successes = [report["is_success"] for report in ended]
-    no_paths = np.zeros((len(ended), 0, 0))
-    return Evaluation(np.array(distances), np.array(successes), no_paths, unit).summary()
+    none = np.zeros(0)  # paths
+    return Evaluation(np.array(distances), np.array(successes), none, unit).summary()

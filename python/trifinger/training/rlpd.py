@@ -28,42 +28,56 @@ class Rlpd:
     """Two critics with layer norm, and an actor that is trained by their mean."""
 
     def __init__(self, observations: int, actions: int, recipe: Recipe) -> None:
-        self._gamma = recipe.gamma
+        self._gamma, self._imitation = recipe.gamma, recipe.imitation
         self._scale = torch.nn.BatchNorm1d(observations, LEAST_VARIANCE, None, affine=False)
         last = torch.nn.Linear(recipe.layers[-1], actions)
         last.load_state_dict({name: FIRST_ACTIONS * one for name, one in last.state_dict().items()})
         sizes = itertools.pairwise([observations, *recipe.layers])
         hidden = [part for size in sizes for part in (torch.nn.Linear(*size), torch.nn.ReLU())]
         self._actor = torch.nn.Sequential(*hidden, last, torch.nn.Tanh())
-        self._critics = _Critics([observations + actions, *recipe.layers])
+        self._critics = Critics([observations + actions, *recipe.layers])
         self._target = copy.deepcopy(self._critics)
         self._actor_optimizer, self._critics_optimizer = (
             torch.optim.Adam(module.parameters(), recipe.learning_rate, fused=True)
             for module in (self._actor, self._critics)
         )
-        self._steps, self._actor_loss = 0, 0.0
+        self._steps, self._value = 0, 0.0
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Takes a gradient step of the critics, and every second time one of the actor."""
-        self._scale.train()(batch.observations)  # takes part in the mean of all that was seen
+        before, after, then = self._scaled(batch)
+        with torch.no_grad():
+            value = self._target(after, then).amin(0)
+            value = batch.rewards + self._gamma * (1 - batch.terminated) * value
+        loss = (self._critics(before, batch.actions) - value).square().mean(1).sum()
+        descend(self._critics_optimizer, self._critics, loss)
+        self._steps += 1
+        if self._steps % ACTOR_EVERY == 0:
+            acts = self._actor(before)
+            self._improve(batch, acts, self._critics(before, acts).mean(0))
+        with torch.no_grad():
+            critics: list[torch.Tensor] = list(self._critics.parameters())
+            torch._foreach_lerp_(list(self._target.parameters()), critics, TARGET_RATE)
+        return {"critic_loss": loss.item() / CRITICS, "value": self._value}
+
+    # Observations before and after, scaled by all that was seen, and what the actor does after.
+    def _scaled(self, batch: Batch) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        self._scale.train()(batch.observations)
         self._scale.eval()
         before, after = self._scale(batch.observations), self._scale(batch.next_observations)
         with torch.no_grad():
             then = self._actor(after)
             noise = TARGET_NOISE * torch.randn_like(then).clamp(-2, 2)
-            value = self._target(after, (then + noise).clamp(-1, 1)).amin(0)
-            value = batch.rewards + self._gamma * (1 - batch.terminated) * value
-        loss = (self._critics(before, batch.actions) - value).square().mean(1).sum()
-        _descend(self._critics_optimizer, self._critics, loss)
-        self._steps += 1
-        if self._steps % ACTOR_EVERY == 0:
-            actor_loss = -self._critics(before, self._actor(before)).mean()
-            _descend(self._actor_optimizer, self._actor, actor_loss)
-            self._actor_loss = actor_loss.item()
-        with torch.no_grad():
-            critics: list[torch.Tensor] = list(self._critics.parameters())
-            torch._foreach_lerp_(list(self._target.parameters()), critics, TARGET_RATE)
-        return {"critic_loss": loss.item() / CRITICS, "actor_loss": self._actor_loss}
+        return before, after, (then + noise).clamp(-1, 1)
+
+    # Takes a gradient step of the actor, for what it does and the values of that.
+    def _improve(self, batch: Batch, acts: torch.Tensor, value: torch.Tensor) -> None:
+        apart = (acts - batch.actions).square().sum(1) @ batch.demonstrated
+        apart = apart / batch.demonstrated.sum().clamp(min=1)
+        weight = self._imitation * (1 - batch.progress)
+        loss = weight * apart - value.mean() / value.detach().abs().mean()
+        descend(self._actor_optimizer, self._actor, loss)
+        self._value = value.mean().item()
 
     def actor(self) -> torch.nn.Sequential:
         """A copy of what acts; the scale of observations is a part of its first layer."""
@@ -76,15 +90,17 @@ class Rlpd:
         return actor
 
 
-def _descend(adam: torch.optim.Adam, module: torch.nn.Module, loss: torch.Tensor) -> None:
+def descend(adam: torch.optim.Adam, module: torch.nn.Module, loss: torch.Tensor) -> None:
+    """Takes a gradient step of the parameters of a module, and leaves all others as they are."""
     parameters: list[torch.Tensor] = list(module.parameters())
     for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
         parameter.grad = gradient
     adam.step()
 
 
-class _Critics(torch.nn.Module):
-    # All critics at once: each array has one more dimension, which saves overhead.
+class Critics(torch.nn.Module):
+    """Critics with layer norm, all at once: arrays have one more dimension, which saves time."""
+
     def __init__(self, sizes: list[int]) -> None:
         super().__init__()
         self.weights, self.biases, self.gains, self.shifts = (
@@ -99,6 +115,7 @@ class _Critics(torch.nn.Module):
             self.shifts.append(torch.zeros(CRITICS, 1, size))
 
     def forward(self, observations: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        """The values of N observations and actions, CRITICS x N."""
         values = torch.cat([observations, actions], 1).expand(CRITICS, -1, -1)
         *layers, last = zip(self.biases, self.weights, strict=True)
         for (bias, weight), gain, shift in zip(layers, self.gains, self.shifts, strict=True):

@@ -202,15 +202,10 @@ class Training:
         begin, first = self._started
         done = self._model.num_timesteps
         spent = time.monotonic() - begin
-        left = (
-            f", {spent / (done - first) * (self._total - done):.0f} s left"
-            if spent and done > first
-            else ""
-        )
-        self._say(
-            f"episode {self.episodes} of {self.plan.episodes}: "
-            f"{summary.in_words(summary.median)}, success {100 * summary.success:.0f} %{left}"
-        )
+        left = ""
+        if spent and done > first:
+            left = f", {spent / (done - first) * (self._total - done):.0f} s left"
+        self._say(f"episode {self.episodes} of {self.plan.episodes}: {summary.in_short}{left}")
         self._after_evaluation(self)
 
     def _save(self) -> None:
@@ -315,11 +310,8 @@ def _threads(recipe: Recipe) -> int:
 
 def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:
     text = io.StringIO()
-    names = [
-        field.name
-        for field in dataclasses.fields(Summary)
-        if field.name not in ("episodes", "unit")
-    ]
+    names = [one.name for one in dataclasses.fields(Summary)]
+    names = [name for name in names if name not in ("episodes", "unit")]
     writer = csv.writer(text)
     writer.writerow(["episode", *names])
     writer.writerows([episode, *(getattr(one, name) for name in names)] for episode, one in curve)

@@ -43,6 +43,7 @@ class PageOptions:
     authentication: Authentication
     opens_browser: bool
     is_plain: bool  # without shadows
+    training: Path | None  # the folder of one on the robot
 
 
 def is_log(text: str) -> bool:
@@ -118,22 +119,16 @@ def print_address(
     say(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
-def show_robot(
-    name: str,
-    options: PageOptions,
-    controller: PageController | None = None,
-    training: Path | None = None,
-) -> None:
-    """Shows a running robot, or the next one that runs, and how a training on it goes.
-
-    With a controller, the page can steer it.
+def show_robot(name: str, options: PageOptions, controller: PageController | None = None) -> None:
+    """Shows a running robot, or the next one that runs. With a controller, the page can steer
+    it.
     """
     from trifinger_view.control_panel import ControlPanel, add_stop
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
-    from trifinger_view.words import facts_of
+    from trifinger_view.words import facts_of, lines_of_training
 
-    live = LiveRun(name, training=training)
+    live = LiveRun(name)
     if controller is not None and controller.with_guide:
         add_stop(options.authentication, name)
 
@@ -157,7 +152,7 @@ def show_robot(
                 page.show(live.frame)
             if live.lines is not shown["lines"]:
                 shown["lines"] = live.lines
-                page.show_state(live.lines)
+                page.show_state(live.lines + lines_of_training(options.training))
                 if live.frame is not None and is_watched:
                     page.show_images(live.frame.images)
                 groups = GROUPS.get(live.info.type, ()) if live.info is not None else ()
@@ -179,12 +174,7 @@ def note_of_missing(name: str) -> str:
 
 
 def steer_robot(
-    name: str,
-    options: PageOptions,
-    *,
-    with_guide: bool,
-    frames: Sequence[str] = (),
-    training: Path | None = None,
+    name: str, options: PageOptions, *, with_guide: bool, frames: Sequence[str] = ()
 ) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
     if not with_guide:
@@ -193,7 +183,7 @@ def steer_robot(
     with ended_by_signals(), contextlib.closing(controller):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             controller.connect()
-        show_robot(name, options, controller, training)
+        show_robot(name, options, controller)
 
 
 def require_hand(name: str) -> None:
@@ -360,16 +350,17 @@ def show_or_write(arguments: argparse.Namespace) -> None:
             page_options(arguments),
             with_guide=arguments.control,
             frames=arguments.frame,
-            training=arguments.training,
         )
     else:
-        show_robot(arguments.what, page_options(arguments), training=arguments.training)
+        show_robot(arguments.what, page_options(arguments))
 
 
 def page_options(arguments: argparse.Namespace) -> PageOptions:
     """What the command line says about the page. Its socket listens from now on."""
     authentication = Authentication(arguments.host, arguments.port, arguments.token)
-    return PageOptions(authentication, wants_browser(arguments), arguments.plain)
+    return PageOptions(
+        authentication, wants_browser(arguments), arguments.plain, arguments.training
+    )
 
 
 def wants_browser(arguments: argparse.Namespace) -> bool:
