@@ -175,6 +175,7 @@ class Trial:
                 self.remember(happened)
                 count -= 1
         self._demonstrator = None
+        self.learner._prior = self.learner.transitions  # no part of the training
 
     def remember(self, happened: list[Transition]) -> None:
         """Gives transitions to the learner."""

@@ -145,10 +145,7 @@ def way(tip: Array, end: Array, cube: Array) -> Array:
 
 
 def demonstrate(robot: str, folder: Path, count: int) -> tuple[int, int]:
-    """Records demonstrations until `count` have succeeded; returns how many did, and all.
-
-    An episode counts if its goal was more than 3 cm away at the begin.
-    """
+    """Records demonstrations until `count` have succeeded; returns how many did, and all."""
     plan = Plan.of("push", "rlpd")
     with contextlib.closing(Environment(**plan.environment)) as environment:
         metadata = policy_metadata(**plan.environment)
@@ -192,11 +189,13 @@ def _act(
 
     reader = threading.Thread(target=read)
     reader.start()
-    person = _takeover(actor, robot)
     live, demonstrator, episode = LiveExperience(robot, process), Demonstrator(), -1
-    desired = person.latest_observation().position.copy()
+    live.take()  # what was before
     change = environment.options.position_change
+    person = None
     try:
+        person = _takeover(actor, robot)
+        desired = person.latest_observation().position.copy()
         while actor.poll() is None and sum(bool(x["is_success"]) for x in reports) < count:
             if len(elements := live.take()):
                 newest = elements[-1]
@@ -215,7 +214,8 @@ def _act(
             raise
     finally:
         with contextlib.suppress(trifinger.Error):
-            person.finish()
+            if person is not None:
+                person.finish()
         actor.send_signal(signal.SIGINT)
         actor.wait()
         reader.join()

@@ -66,7 +66,6 @@ class Rows(VecEnv):
         self.episodes = np.zeros(environment.num_envs, np.int64)
         """Number of episodes that have ended, for each environment."""
         self._reward_scale, self._approach, self._gamma = reward_scale, approach, gamma
-        self._one = _one_of(environment)
         self._is_per_finger = is_per_finger
         self._lengths = np.zeros(environment.num_envs, np.int64)
         self._returns = np.zeros(environment.num_envs)
@@ -179,17 +178,17 @@ class Rows(VecEnv):
         Only for tasks in which the position of an object is the goal.
         """
         seen = self.entries(after)
-        rewards = self._one._compute_reward(seen["object_position"], seen["goal"])
+        rewards = _one_of(self.environment)._compute_reward(seen["object_position"], seen["goal"])
         return self._with_approach(rewards, before, after, terminated)
 
     def entries(self, observations: Array) -> dict[str, Array]:
         """The entries of flat observations in SI units."""
-        return self._one.entries(observations)
+        return _one_of(self.environment).entries(observations)
 
     @property
     def flat(self) -> Flat:
         """Where each entry is in a flat observation, and its bounds in SI units."""
-        return self._one._flat
+        return _one_of(self.environment)._flat
 
     def close(self) -> None:
         """Closes the environments."""

@@ -384,6 +384,6 @@ def test_a_push_begins_with_demonstrations(start_program: StartProgram, tmp_path
     assert np.count_nonzero(shown["flags"] & INTERVENTION) >= 100
     lived, _ = training._book.since(0)
     on_time = (lived["actions"] > 0) & (lived["flags"] & LATE == 0)
-    assert tally.updates == 4 * np.count_nonzero(on_time)
+    assert tally.updates == 12 * np.count_nonzero(on_time)
     # The action that was the same as the person's, not what the policy would have done.
     assert np.abs(shown["action"]).max() > 0.5

@@ -362,9 +362,9 @@ def test_settings_that_fit_no_algorithm_are_refused(tmp_path: Path) -> None:
         plan_of("sacc")
     with pytest.raises(InvalidArgument, match=r"demonstrations is 1\.5, must be 0 to 1"):
         plan_of("sac", demonstrations=1.5)
-    with pytest.raises(InvalidArgument, match="relabelled is for ddpg"):
+    with pytest.raises(InvalidArgument, match="relabelled are for pushes"):
         plan_of("my_own:Imitator", relabelled=0.2)
-    with pytest.raises(InvalidArgument, match="symmetry and offsets are for rlpd"):
+    with pytest.raises(InvalidArgument, match="symmetry, offsets and"):
         plan_of("ddpg", symmetry=True)
     with pytest.raises(InvalidArgument, match="only for a robot that runs: trifinger learn"):
         Training(plan_of("my_own:Imitator"), tmp_path / "f")

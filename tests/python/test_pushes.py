@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """More transitions of a push: what is made of one could have happened as well."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,8 @@ from trifinger.environments import Environment, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.training import Plan
 from trifinger.training.algorithm import ClassModel
+from trifinger.training.experience import INTERVENTION, TRUNCATED, Transition
+from trifinger.training.learner import Learner
 from trifinger.training.model import rows_of
 from trifinger.training.pushes import Pushes, fingers_of, offsets_of, turn_of
 
@@ -146,10 +150,53 @@ def test_the_file_of_a_policy_has_offsets_in_its_first_layer(lived, tmp_path) ->
     np.testing.assert_allclose(acted, expected, atol=1e-4)
 
 
-def test_only_pushes_are_turned() -> None:
-    plan = Plan.of("lift", "rlpd", settings={"symmetry": True})
-    environment = SyncVectorEnv(
-        [lambda: Environment(**plan.environment)], autoreset_mode=AutoresetMode.SAME_STEP
-    )
-    with pytest.raises(InvalidArgument, match="reaches and pushes"):
-        Pushes(plan, rows_of(plan, environment))
+@pytest.mark.parametrize(
+    ("task", "algorithm", "settings"),
+    [
+        ("reach", "rlpd", {"symmetry": True}),
+        ("lift", "rlpd", {"offsets": True}),
+        ("lift", "rlpd", {"relabelled": 0.5}),
+        ("push", "ddpg", {"symmetry": True}),
+    ],
+)
+def test_only_pushes_by_classes_are_turned(task, algorithm, settings) -> None:
+    with pytest.raises(InvalidArgument, match="are for pushes of a TriFinger"):
+        Plan.of(task, algorithm, settings=settings)
+
+
+def test_an_observation_with_the_last_action_is_turned_whole() -> None:
+    make = pushes(mapping="state_augmentation")
+    whole = sum(len(places) for places, _, _ in make._flat.values())
+    action = make._flat["action"][0]
+    seen = np.zeros(whole)
+    seen[action] = np.arange(9)
+    turned = turn_of(make._flat, 1, 0) @ seen
+    np.testing.assert_array_equal(turned[action], np.arange(9)[fingers_of(1)])
+
+
+def test_the_learner_draws_turned_pushes_and_shown_ones_have_no_goals_of_others(lived) -> None:
+    before, actions, after, rewards = lived
+    learner = Learner(Plan.of("push", "rlpd", settings={"relabelled": 1.0, "symmetry": False}))
+    for i in range(64):
+        flags = INTERVENTION if i < 32 else TRUNCATED
+        element = {
+            "observation": after[i], "action": actions[i], "reward": rewards[i], "flags": flags,
+            "achieved": after[i, 27:30], "desired": after[i, 34:37],
+        }  # fmt: skip
+        learner._remember(Transition({"observation": before[i]}, element, is_cut=True))
+    memory = learner._model.memory
+    drawn = memory.sample(400)
+    assert memory.demonstrated(400) == 200
+    make = pushes()
+    goal, flat = make._goal, make._flat
+    for row, action in zip(drawn.observations[:200].numpy(), drawn.actions[:200], strict=True):
+        (own,) = np.flatnonzero(np.all(actions[:32] == action.numpy(), axis=1))
+        reached = pushes_reached(after[own], flat)
+        assert np.array_equal(row[goal], before[own, goal]) or np.allclose(row[goal], reached)
+
+
+def pushes_reached(seen: Array, flat: Any) -> Array:
+    places, low, high = flat["object_position"]
+    _, goal_low, goal_high = flat["goal"]
+    place = low + 0.5 * (seen[places] + 1) * (high - low)
+    return (2 * (place - goal_low) / (goal_high - goal_low) - 1)[:2]

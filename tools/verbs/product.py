@@ -53,6 +53,7 @@ def bench(*measures: str) -> NoReturn:
 
 
 EVALUATIONS = {
+    "algorithms": "evaluation/compare_algorithms.py",
     "control": "build/release/evaluation/evaluate_control",
     "environments": "evaluation/evaluate_environments.py",
     "learn-on-robot": "evaluation/learn_on_robot.py",

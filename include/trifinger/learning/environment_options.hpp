@@ -51,7 +51,7 @@ struct EnvironmentOptions {
   int steps_per_action{20};  ///< Number of robot steps in which one action acts.
   Mapping mapping{Mapping::kApproximation};
   ActionKind action{ActionKind::kPosition};
-  double position_change{0.1};  ///< Largest change, for `ActionKind::kPositionChange` [rad].
+  double position_change{0.1};  ///< Largest change, or distance from the measured position [rad].
   Layout layout{Layout::kFlat};
   double duration{2.0};  ///< Duration of an episode [s].
   /// Gives observations finger by finger and goals in the frame of their finger, so that the

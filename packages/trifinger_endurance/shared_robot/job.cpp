@@ -22,8 +22,8 @@ namespace {
 void add_preparation(CLI::App& command, PreparationOptions& preparation) {
   add_choice(command, "--self-test", preparation.self_test,
              {{"joints", SelfTest::kJoints}, {"hold", SelfTest::kHold}, {"off", SelfTest::kOff}},
-             "joints: each joint moves by 2 degrees and back (the default); hold: the robot holds "
-             "its pose for half a second");
+             "joints: at its initial position each joint moves by 2 degrees and back (the "
+             "default); hold: the robot holds its pose for half a second");
   add_choice(command, "--cube", preparation.cube,
              {{"try", CubeRecovery::kTry},
               {"demand", CubeRecovery::kDemand},

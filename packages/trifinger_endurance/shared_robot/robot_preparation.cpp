@@ -15,6 +15,7 @@
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -22,15 +23,17 @@ namespace {
 constexpr int kMaxRecoveries = 3;
 constexpr Nanoseconds kPause = std::chrono::milliseconds(50);
 
-// Returns what carries the joints, from the model of the robot; nothing if it is not known.
-WeightOf weights_of(const Session& session) {
+KnownRobot known_robot(const Session& session) {
   try {
-    return [weight = weight_of(make_model(read_robot_config(config_file_of(session)).simulation))](
-               const std::vector<double>& position) {
-      std::vector<double> torque(position.size());
-      weight(position, torque);
-      return torque;
-    };
+    const Simulator simulator(read_robot_config(config_file_of(session)).simulation);
+    return {.weight =
+                [weight = weight_of(make_model(simulator.options()))](
+                    const std::vector<double>& position) {
+                  std::vector<double> torque(position.size());
+                  weight(position, torque);
+                  return torque;
+                },
+            .initial_position = simulator.initial_position()};
   } catch (const Error&) {
     return {};
   }
@@ -84,7 +87,7 @@ RobotTestReport test(const std::string& robot, SelfTest kind, const PreparationO
   try {
     UntypedFrontend frontend(robot);
     frontend.set_interrupt(options.look);
-    return test_robot(frontend, kind, options.look, weights_of(frontend.session()));
+    return test_robot(frontend, kind, options.look, known_robot(frontend.session()));
   } catch (const Error& error) {
     return {.kind = kind, .problem = error.what(), .joints = {}, .cube = {}};
   }

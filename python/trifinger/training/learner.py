@@ -46,7 +46,7 @@ class Learner:
         demonstrations, and do not count as a part of the training.
         """
         self.plan = plan
-        self._others, self._prior = prior, 0  # elements to come, transitions that were made of them
+        self._prior, self._others = prior, prior  # elements, and how many of them are to come
         torch.set_num_threads(1)
         # Only its spaces and its geometry are used.
         environment = SyncVectorEnv(
@@ -75,8 +75,6 @@ class Learner:
             self._others -= others
         for transition in self._episodes.add(elements):
             self._remember(transition)
-        if others:
-            self._prior = self.transitions
 
     @property
     def steps_due(self) -> int:

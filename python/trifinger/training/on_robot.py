@@ -230,10 +230,10 @@ class RobotTraining:
             case "learner", {"kind": "done"}:
                 self._is_learned = True
                 self._start("actor")
-            case "actor", _ if self._is_learned:
-                self._judged.append(json.loads(what))
             case "actor", _:
-                self._count(json.loads(what))
+                self._failures["actor"] = 0
+                count = self._judged.append if self._is_learned else self._count
+                count(json.loads(what))
             case "ended", (name, status):
                 self._take_leave(name, status)
             case "gone", _ if not self._starts_learner:
@@ -259,7 +259,6 @@ class RobotTraining:
         tally.episodes += 1
         tally.actions += report["actions"]
         tally.successes += report["is_success"]
-        self._failures["actor"] = 0
         if self._ended_at is not None:
             tally.time_lost += time.monotonic() - self._ended_at
             self._ended_at = None
@@ -406,7 +405,9 @@ class RobotTraining:
         # Whoever kills a process knows what it does, and it may begin again as often as it likes.
         self._failures[name] += is_silent or (-status not in KILLS and status != INTERRUPTED)
         # Later it is no mistake of whoever has started this: a tracker may have lost the object.
-        if status == WRONG and (name == "learner" or (name == "actor" and not self._newest)):
+        if status == WRONG and (
+            name == "learner" or (name == "actor" and not (self._newest or self._judged))
+        ):
             raise InvalidArgument(words)
         fault = self._mend() if name in ("actor", "care") else ""
         if self._failures[name] > MOST_FAILURES:

@@ -53,7 +53,8 @@ class Recipe:
     batches are then put together finger by finger; those of a push, on a connected robot, as
     trifinger.training.pushes says."""
     symmetry: bool = False
-    """Whether transitions of a push are turned by thirds of a circle; on a connected robot."""
+    """Whether transitions of a push are turned by thirds of a circle, and their cube by quarters;
+    on a connected robot."""
     offsets: bool = False
     """Whether networks also get the offsets from the tips and the goal of a push to the object, on
     a connected robot. They follow from the observation, but 2 cm are little among its numbers."""
@@ -65,7 +66,7 @@ class Recipe:
     by its first policy instead."""
     demonstrations: float = 0.5
     """Share of each batch that is drawn from demonstrations, once there are any; the rest is drawn
-    from all transitions. PPO and `relabelled` do not use this."""
+    from all transitions. PPO and reaches that are `relabelled` do not use this."""
     imitation: float = 0.0
     """Weight in RLPD of the squared distance to demonstrated actions, against values of about 1; it
     falls linearly to 0 at the end."""
@@ -110,7 +111,7 @@ class Recipe:
                 common |= {"approach": 60.0}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
         if task == "push" and algorithm == "rlpd":
-            common |= {"gamma": 0.95, "learning_rate": 3e-4, "gradient_steps": 4, "approach": 40.0}
+            common |= {"gamma": 0.95, "learning_rate": 3e-4, "gradient_steps": 12, "approach": 40.0}
             common |= {"relabelled": 0.5, "symmetry": True, "offsets": True, "random_actions": 0}
             common |= {"imitation": 0.1}
             return cls(**common, layers=(128, 128), noise=0.4, final_noise=0.1, noise_color=0.5)
@@ -190,10 +191,14 @@ class Plan:
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
         if recipe.approach > 0 and task in ("reach", "finger_reach"):
             raise InvalidArgument("approach is for tasks with an object")
-        if recipe.relabelled > 0 and recipe.algorithm not in LIBRARY and task != "push":
-            raise InvalidArgument("relabelled is for ddpg, td3 and sac, or for pushes")
-        if (recipe.symmetry or recipe.offsets) and recipe.algorithm in LIBRARY:
-            raise InvalidArgument("symmetry and offsets are for rlpd and algorithms of your own")
+        of_pushes = recipe.symmetry or recipe.offsets
+        if recipe.algorithm not in LIBRARY:
+            of_pushes = of_pushes or recipe.relabelled > 0
+        if of_pushes and (recipe.algorithm in LIBRARY or task != "push" or plan.options.frames):
+            raise InvalidArgument(
+                "symmetry, offsets and, but for ddpg, td3 and sac, relabelled are for pushes of a "
+                "TriFinger by rlpd or an algorithm of your own"
+            )
         if not 0.0 <= recipe.demonstrations <= 1.0:
             raise InvalidArgument(f"demonstrations is {recipe.demonstrations}, must be 0 to 1")
         if plan.episodes < 1:

@@ -10,7 +10,6 @@ import torch
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
 
 from trifinger.arrays import Array
-from trifinger.errors import InvalidArgument
 from trifinger.training.plan import Plan
 
 THIRDS, QUARTERS = 3, 4
@@ -28,9 +27,7 @@ class Pushes:
     """
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        """Raises InvalidArgument if the plan is for another task, or orders its fingers."""
-        if plan.task != "push" or plan.options.per_finger:
-            raise InvalidArgument("relabelled and symmetry are for reaches and pushes")
+        """Of a plan that says `relabelled` or `symmetry`."""
         recipe = plan.recipe
         self._rows, self._relabelled = rows, recipe.relabelled
         self._flat = rows.flat
@@ -74,11 +71,9 @@ class Pushes:
 def offsets_of(flat: Flat) -> Array:
     """The matrix from an observation to x and y of the goal and of the tips, from the object.
 
-    The bounds of all these positions are symmetrical. Raises InvalidArgument if there is no object.
+    The bounds of all these positions are symmetrical.
     """
     names = ("goal", "tip_position", "object_position")
-    if not all(name in flat for name in names):
-        raise InvalidArgument("offsets are for tasks with tips, an object and a place as goal")
     numbers = sum(len(places) for places, _, _ in flat.values())
     goal, tips, thing = (
         np.eye(numbers)[places] * high[:, None] / REACH
@@ -103,7 +98,7 @@ def turn_of(flat: Flat, third: int, quarter: int) -> Array:
     angle = 2 * np.pi / 3 * third
     turn = np.eye(3)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    for name in ("joint_position", "joint_velocity"):
+    for name in {"joint_position", "joint_velocity", "action"} & place.keys():
         matrix[place[name], place[name][fingers]] = 1.0
     tips = place["tip_position"]
     points = list(zip(tips.reshape(3, 3), tips[fingers].reshape(3, 3), strict=True))

@@ -23,14 +23,21 @@ Augment = Callable[[ReplayBufferSamples, Array, Array], ReplayBufferSamples]
 class EpisodeReplayBuffer(ReplayBuffer):
     """Knows which transitions are of the same episode; all environments begin and end together."""
 
-    def __init__(self, *arguments: Any, augment: Augment | None = None, **more: Any) -> None:
+    def __init__(
+        self,
+        *arguments: Any,
+        augment: Augment | None = None,
+        is_shown: bool = False,
+        **more: Any,
+    ) -> None:
         """`augment` makes others of drawn transitions, which could have happened as well.
 
         It gets, for each of them, also an observation of the same episode that came later, and an
-        observation of any time.
+        observation of any time. For demonstrations (`is_shown`) that is the later one, too: whoever
+        showed them had no other goals in mind.
         """
         super().__init__(*arguments, **more)
-        self._augment = augment
+        self._augment, self._is_shown = augment, is_shown
         # For each place in the buffer, the last place of its episode.
         self._last = np.zeros(self.buffer_size, np.int64)
         self._first = 0
@@ -53,7 +60,7 @@ class EpisodeReplayBuffer(ReplayBuffer):
             return samples
         later = self.next_observations[self._later(batch_inds), 0]
         other = self.observations[draw(0, self.size(), len(batch_inds)), 0]
-        return self._augment(samples, later, other)
+        return self._augment(samples, later, later if self._is_shown else other)
 
 
 class DemonstrationReplayBuffer(EpisodeReplayBuffer):
@@ -64,7 +71,8 @@ class DemonstrationReplayBuffer(EpisodeReplayBuffer):
 
     def __init__(self, *arguments: Any, demonstrations: float, **more: Any) -> None:
         super().__init__(*arguments, **more)
-        self._share, self._shown = demonstrations, EpisodeReplayBuffer(*arguments, **more)
+        self._share = demonstrations
+        self._shown = EpisodeReplayBuffer(*arguments, is_shown=True, **more)
 
     def add(self, *transition: Any) -> None:
         """Adds a transition of each environment: demonstrations, if their infos say so."""

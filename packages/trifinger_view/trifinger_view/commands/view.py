@@ -120,8 +120,9 @@ def print_address(
 
 
 def show_robot(name: str, options: PageOptions, controller: PageController | None = None) -> None:
-    """Shows a running robot, or the next one that runs. With a controller, the page can steer
-    it.
+    """Shows a running robot, or the next one that runs.
+
+    With a controller, the page can steer it.
     """
     from trifinger_view.control_panel import ControlPanel, add_stop
     from trifinger_view.live import LiveRun
