@@ -18,9 +18,9 @@ from conftest import PATIENT, StartProgram
 from trifinger.commands.learn import command_of, parse
 from trifinger.commands.program import path as program
 from trifinger.environments import Options
-from trifinger.training import Plan, on_robot
+from trifinger.training import Plan, checkpoint, on_robot
 from trifinger.training.experience import INTERVENTION, LATE, Episodes, digest_of, of_logs
-from trifinger.training.on_robot import LOGS, RobotTraining, join
+from trifinger.training.on_robot import LOGS, SPARE, RobotTraining, join
 from trifinger.training.report import Tally
 
 LEARN = [sys.executable, "-m", "trifinger.commands.learn"]
@@ -59,7 +59,9 @@ def run_beside(training: RobotTraining, work: Callable[[], None], done: threadin
 
 def experience_in(folder: Path) -> Iterator[np.ndarray]:
     options = Options.of("reach", duration=0.4, per_finger=True).to_json()
-    return of_logs(folder / LOGS, digest_of({"task": "reach", "options": options}))
+    yield from of_logs(folder / LOGS, digest_of({"task": "reach", "options": options}))
+    for path in (folder / LOGS).glob(SPARE):
+        yield checkpoint.load(path.read_bytes())
 
 
 def elements_in(folder: Path) -> np.ndarray:
@@ -123,11 +125,13 @@ def test_goes_on_whatever_is_killed_and_loses_nothing(
                 return
         viewer = watch()
         while len(killed) < kills and not done.wait(chance.uniform(0.2, 2.0)):
-            name = chance.choice(["actor", "learner", "recorder", "viewer"])
-            process = viewer if name == "viewer" else training._processes.get(name)
-            if process and process.poll() is None:
-                process.kill()
-                killed.append(name)
+            name = chance.choice(["actor", "learner", "recorder", "viewer"]) if killed else ""
+            # The first two die at once: a session ends that nobody records.
+            for one in (name,) if name else ("recorder", "actor"):
+                process = viewer if one == "viewer" else training._processes.get(one)
+                if process and process.poll() is None:
+                    process.kill()
+                    killed.append(one)
             if name == "viewer":
                 viewer.wait()
                 viewer = watch()
@@ -142,11 +146,13 @@ def test_goes_on_whatever_is_killed_and_loses_nothing(
 
     with pytest.raises(KeyboardInterrupt):
         run_beside(training, kill, done)
-    assert len(killed) == kills
+    assert len(killed) >= kills
     assert set(training.tally.restarts) <= {"actor", "learner", "recorder"}
-    assert 0 < sum(training.tally.restarts.values()) <= kills  # one may end between look and kill
+    assert (
+        0 < sum(training.tally.restarts.values()) <= len(killed)
+    )  # one may end between look and kill
     elements = elements_in(tmp_path / "f")
-    elements = elements[elements["seed"] == 1]
+    elements = np.sort(elements[elements["seed"] == 1], order=["episode", "actions"])
     # No element is missing: within an episode they follow one another, up to where it was cut off.
     numbers = np.unique(elements["episode"])
     assert numbers.tolist() == list(range(len(numbers)))
@@ -223,6 +229,8 @@ def test_resumes_from_the_logs_and_begins_with_those_of_others(
     assert known["episodes"] <= np.count_nonzero(elements["flags"] & 2) <= known["episodes"] + 1
     starts = elements["episode"][elements["actions"] == 0]
     assert (np.diff(starts.astype(int)) >= 1).all()  # no episode was done again
+    acted = elements["policy"][(elements["actions"] > 0) & (elements["seed"] == 1)]
+    assert (np.diff(acted) >= 0).all()  # no number was used twice, also not after the kill
 
     other = RobotTraining(plan, tmp_path / "g", "r", logs=[tmp_path / "f" / LOGS], judged=0)
     assert len(other._book.since(0)[0]) == len(elements)

@@ -156,7 +156,8 @@ def learn() -> bool:
     build("release")
     command = [PYTHON, "-m", "pytest", "-q", "tests/python/test_learn.py", "-k", "killed"]
     variables = {**uses("release"), "TRIFINGER_SOAK": "1"}
-    killed = print_figures(STEPS.check("learn", [*command, "-m", "slow"], **variables))
+    command += ["-m", "slow", "-o", "faulthandler_timeout=3600"]  # kills take ten minutes
+    killed = print_figures(STEPS.check("learn", command, **variables))
     return python_soak("learning", "--minutes", "120") and killed
 
 

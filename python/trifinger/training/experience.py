@@ -197,7 +197,8 @@ class Book:
         self._size = size
         self._data: Array = np.zeros(0, [("number", "i8"), ("element", "i8")])  # with free room
         self._count = 0  # of elements in _data
-        self._end = 0  # number of the next element
+        self.end = 0
+        """Number of the next element."""
         self._kept = 0  # number of the first element that need not stay
         self._staying = 0  # elements in _data that stay, as far as it is known
         self._newest: dict[int, int] = {}  # step of the newest element of each session
@@ -205,7 +206,7 @@ class Book:
 
     def keep(self) -> int:
         """Lets all elements that are there stay, before any is read; returns their number."""
-        self._end = self._kept = self._staying = self._count
+        self.end = self._kept = self._staying = self._count
         self._data["number"][: self._count] = range(self._count)
         return self._count
 
@@ -221,7 +222,7 @@ class Book:
         # The last one of each session is the newest.
         self._newest |= dict(zip(added["session"].tolist(), added["step"].tolist(), strict=True))
         with self._changed:
-            if not self._end:
+            if not self.end:
                 self._data = np.zeros(0, [("number", "i8"), ("element", added.dtype)])
             if self._count + len(added) - self._staying > self._size + self._size // 4:
                 self._forget(len(added))
@@ -229,8 +230,8 @@ class Book:
             if self._count > len(self._data):
                 self._data = np.resize(self._data, self._count + self._count // 4)
             self._data["element"][first : self._count] = added
-            self._data["number"][first : self._count] = range(self._end, self._end + len(added))
-            self._end += len(added)
+            self._data["number"][first : self._count] = range(self.end, self.end + len(added))
+            self.end += len(added)
             self._changed.notify_all()
         return added
 
@@ -253,7 +254,7 @@ class Book:
         Waits for one if needed. Numbers count also what was removed.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._end > number, timeout)
+            self._changed.wait_for(lambda: self.end > number, timeout)
             numbers = self._data["number"][: self._count]
             first = bisect.bisect_left(numbers, number)
             end = self._count if most is None else min(self._count, first + most)

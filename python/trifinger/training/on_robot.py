@@ -58,6 +58,8 @@ LEARN = "trifinger.commands.learn"
 JOINING = "token"
 LOOPBACK = "127.0.0.1:0"  # a free port of this machine alone
 LOGS = "logs"
+SPARE = "experience_*.npz"  # there, too: experience that is in no log, or may be
+UNWRITTEN = 1000  # elements that a recorder may not have written when it was killed
 APPROACH_EVERY = 50  # episodes
 LAST_EPISODES = 20  # episodes of the last policy, without noise, of starts and goals that are new
 POLL = 0.05  # s between two looks for experience
@@ -156,6 +158,7 @@ class RobotTraining:
         self._looked = time.monotonic()
         self._failures: collections.Counter[str] = collections.Counter()
         self._ended_at: float | None = None  # when the actor ended
+        self._spare_from: int | None = None  # number of the first element that may be in no log
         self._waits = False  # the actor, for a care or a rest
         self._is_learned = False  # and the last policy is judged
         self._cares_in_a_row = 0
@@ -196,6 +199,7 @@ class RobotTraining:
                 self._say(f"{what}: {summary.in_short}")
         finally:
             self._close()
+            self._write_spare()
             self._save()
         return self.tally
 
@@ -299,6 +303,8 @@ class RobotTraining:
             if self._is_silent(name):
                 with contextlib.suppress(ProcessLookupError):  # it is known to be dead only later
                     os.killpg(process.pid, signal.SIGKILL)
+        if "recorder" in self._processes and now - self._began["recorder"] > LOOK:
+            self._write_spare()  # it records again
         had_room, self._has_room = self._has_room, shutil.disk_usage(self.folder).free > ROOM
         if had_room and not self._has_room:
             self._say(f"the disk of {self.folder} is nearly full: the robot waits, for room")
@@ -370,6 +376,8 @@ class RobotTraining:
     def _take_leave(self, name: str, status: int) -> None:
         del self._processes[name]
         words = self._last_words(name)
+        if name == "recorder" and self._spare_from is None:
+            self._spare_from = max(0, self._book.end - UNWRITTEN)
         if name == "actor" and status != 0:
             self._ended_at = self._ended_at or time.monotonic()
         match name:
@@ -490,7 +498,18 @@ class RobotTraining:
         prior = self._book.keep()
         for part in of_logs(self.folder / LOGS, self.process, self._say):
             self._add(part)
+        for path in (self.folder / LOGS).glob(SPARE):
+            self._add(checkpoint.load(path.read_bytes()))
         return prior
+
+    # Writes what may be in no log: of sessions that have ended while there was no recorder.
+    def _write_spare(self) -> None:
+        if self._spare_from is not None:
+            elements, end = self._book.since(self._spare_from)
+            self._spare_from = None
+            if len(elements) and (elements["session"] != elements["session"][-1]).any():
+                path = self.folder / LOGS / SPARE.replace("*", str(end))
+                self._write(path, checkpoint.dump(elements))
 
     # The elements of this training.
     def _own(self, elements: Array) -> Array:
@@ -508,6 +527,8 @@ class RobotTraining:
     def _add(self, elements: Array) -> None:
         if len(new := self._book.add(self._own(elements))):
             self._next_episode = max(self._next_episode, int(new["episode"].max()) + 1)
+            # A kill may have come before their number was saved.
+            self.tally.policies = max(self.tally.policies, int(new["policy"].max()) + 1)
 
     def _save(self) -> None:
         known = {
