@@ -11,17 +11,19 @@ import argparse
 import copy
 import dataclasses
 import itertools
+import tempfile
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
+import trifinger
 from gymnasium.vector import AutoresetMode
 from push_demonstrations import Demonstrator
 from torch import nn
 from torch.nn import functional
-from trifinger.arrays import Array
 from trifinger.environments import VectorEnvironment
 from trifinger.training import Plan, Recipe, rlpd
 from trifinger.training.algorithm import Batch
@@ -39,16 +41,9 @@ JUDGED = 50  # new episodes, without noise
 class DroppedCritics(rlpd.Critics):
     """The critics of RLPD with dropout before each layer norm."""
 
-    def forward(self, observations: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
-        """The values, a row for each critic."""
-        values = torch.cat([observations, actions], 1).expand(rlpd.CRITICS, -1, -1)
-        *layers, last = zip(self.biases, self.weights, strict=True)
-        for (bias, weight), gain, shift in zip(layers, self.gains, self.shifts, strict=True):
-            values = functional.dropout(torch.baddbmm(bias, values, weight), DROPOUT)
-            values = functional.layer_norm(values, values.shape[-1:])
-            values = torch.addcmul(shift, values, gain).relu()
-        bias, weight = last
-        return torch.baddbmm(bias, values, weight)[..., 0]
+    def normalised(self, values: torch.Tensor) -> torch.Tensor:
+        """The values of a hidden layer before its gains, shifts and activation."""
+        return super().normalised(functional.dropout(values, DROPOUT))
 
 
 class Droq(rlpd.Rlpd):
@@ -137,16 +132,16 @@ class Trial:
         """What happens in an episode, with white noise on actions."""
         seen: Any
         seen, _ = self.robot.reset(seed=seed, options={"episode": number})
-        network = self._network()
+        policy = self._policy()
         happened: list[Transition] = []
         is_over = False
         while not is_over:
             before = seen[0].copy()
             if self._demonstrator is not None:
-                action = self._shown(before, self._demonstrator)
+                change = self.plan.options.position_change
+                action = self._demonstrator.action(self.robot.entries(before), change)
             else:
-                with torch.no_grad():
-                    action = network(torch.from_numpy(before)[None])[0].numpy()
+                action = policy(before)
                 action = action + noise * self._random.standard_normal(len(action))
             action = np.clip(action, -1.0, 1.0).astype(np.float32)
             seen, rewards, terminated, truncated, info = self.robot.step(action[None])
@@ -182,25 +177,15 @@ class Trial:
         for one in happened:
             self.learner._remember(one)
 
+    def _policy(self) -> trifinger.Policy:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "policy"
+            path.write_bytes(self.learner.policy())
+            return trifinger.Policy(path)
+
     def judged(self) -> list[float]:
         """Final distances of new episodes [m]."""
         return [float(self.episode(1000, i)[-1].after["distance"]) for i in range(JUDGED)]
-
-    def _shown(self, seen: Array, demonstrator: Demonstrator) -> Array:
-        entries = self.robot.entries(seen)
-        joints = entries["joint_position"]
-        off = (demonstrator(entries) - joints).reshape(3, 3)
-        off /= self.plan.options.position_change
-        return np.ravel(off / np.maximum(1.0, np.abs(off).max(axis=1, keepdims=True)))
-
-    def _network(self) -> nn.Sequential:
-        network = nn.Sequential()
-        for weight, bias, activation in self.learner._model._layers():  # type: ignore[union-attr]
-            layer = nn.Linear(*reversed(np.shape(weight)))
-            layer.weight.data = torch.tensor(np.asarray(weight), dtype=torch.float32)
-            layer.bias.data = torch.tensor(np.asarray(bias), dtype=torch.float32)
-            network.extend([layer, nn.ReLU() if activation == "relu" else nn.Tanh()])
-        return network
 
 
 def train(plan: Plan, every: int) -> Iterator[str]:

@@ -69,6 +69,14 @@ class Demonstrator:
         wanted = [self._inverse(i, np.append(points[i], heights[i]), joints)[0] for i in range(3)]
         return np.asarray(np.concatenate(wanted) + SAG)
 
+    def action(self, seen: dict[str, Array], change: float) -> Array:
+        """The same as an action "relative_position" with this `position_change` [rad].
+
+        Each finger moves in the desired direction, as far as an action can.
+        """
+        away = (self(seen) - seen["joint_position"]).reshape(3, 3) / change
+        return np.ravel(away / np.maximum(1.0, np.abs(away).max(axis=1, keepdims=True)))
+
     # The finger that pushes, and where its tip shall go.
     def _push(
         self, tips: Array, cube: Array, yaw: float, towards: Array, distance: float
@@ -144,6 +152,11 @@ def way(tip: Array, end: Array, cube: Array) -> Array:
     return cube + turned(back / radius, float(np.clip(turn, -0.7, 0.7))) * AROUND
 
 
+def successes(reports: list[dict[str, float]]) -> int:
+    """How many episodes have succeeded."""
+    return sum(bool(one["is_success"]) for one in reports)
+
+
 def demonstrate(robot: str, folder: Path, count: int) -> tuple[int, int]:
     """Records demonstrations until `count` have succeeded; returns how many did, and all."""
     plan = Plan.of("push", "rlpd")
@@ -159,18 +172,18 @@ def demonstrate(robot: str, folder: Path, count: int) -> tuple[int, int]:
             recorder = subprocess.Popen([program(), "record", robot, "-o", folder])
             words = ["run-policy", still, "--robot", robot, "--seed", "20", "--takeover", "--json"]
             try:
-                while sum(bool(one["is_success"]) for one in reports) < count:
+                while successes(reports) < count:
                     words_now = [*words, "--first", str(len(reports)), "--end-out-of-reach"]
                     actor = subprocess.Popen(
                         [program(), *map(str, words_now)], stdout=subprocess.PIPE, text=True
                     )
                     _act(actor, robot, environment, digest_of(metadata), reports, count)
-                    if sum(bool(one["is_success"]) for one in reports) < count:
+                    if successes(reports) < count:
                         subprocess.run([program(), "job", "restore", robot], check=True)
             finally:
                 recorder.send_signal(signal.SIGINT)
                 recorder.wait()
-    return sum(bool(one["is_success"]) for one in reports), len(reports)
+    return successes(reports), len(reports)
 
 
 # Takes over until enough episodes have succeeded, or the actor ends because of the cube.
@@ -196,17 +209,13 @@ def _act(
     try:
         person = _takeover(actor, robot)
         desired = person.latest_observation().position.copy()
-        while actor.poll() is None and sum(bool(x["is_success"]) for x in reports) < count:
+        while actor.poll() is None and successes(reports) < count:
             if len(elements := live.take()):
                 newest = elements[-1]
                 if newest["episode"] != episode:
                     episode, demonstrator = int(newest["episode"]), Demonstrator()
                 seen = environment.entries(newest["observation"])
-                joints = seen["joint_position"]
-                off = (demonstrator(seen) - joints).reshape(3, 3)
-                # As far as an action can ask for, in the same direction.
-                off /= np.maximum(1.0, np.abs(off).max(axis=1, keepdims=True) / change)
-                desired = joints + off.ravel()
+                desired = seen["joint_position"] + change * demonstrator.action(seen, change)
             actions = np.repeat(np.array([person.new_action(position=desired)]), CHUNK)
             person.get_observation(person.append_desired_actions(actions))
     except trifinger.Error:

@@ -19,7 +19,7 @@ enum class Mapping : std::uint8_t { kStateAugmentation, kApproximation };
 enum class ActionKind : std::uint8_t {
   kPosition,          ///< Joint positions, from `position_low` to `position_high` of `Environment`.
   kPositionChange,    ///< Changes of these, times `EnvironmentOptions::position_change`.
-  kRelativePosition,  ///< The same, from where the joints were measured at the last observation.
+  kRelativePosition,  ///< Distances from the last measured positions, times the same.
   kTorque,            ///< Torques, times the largest torque.
 };
 

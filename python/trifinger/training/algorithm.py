@@ -98,13 +98,12 @@ class ClassModel:
         """Takes gradient steps; raises Error if the class cannot."""
         # All batches are drawn at once, which saves overhead; each has its share of all parts.
         count = steps * self._batch_size
-        drawn = self.memory.sample(count)
+        seen, acted, then, *others = self.memory.sample(count)[:5]
+        seen, then = (torch.cat([one, one @ self._offsets.T], 1) for one in (seen, then))
         demonstrated = (torch.arange(count) < self.memory.demonstrated(count)).float()
+        drawn = (seen, acted, then, *others, demonstrated)
         for step in range(steps):
-            seen, acted, then, ended, rewards, shown = (
-                one[step::steps] for one in (*drawn[:5], demonstrated)
-            )
-            seen, then = (torch.cat([one, one @ self._offsets.T], 1) for one in (seen, then))
+            seen, acted, then, ended, rewards, shown = (one[step::steps] for one in drawn)
             batch = Batch(seen, acted, rewards[:, 0], then, ended[:, 0], shown, progress)
             try:
                 losses = {name: float(one) for name, one in self._algorithm.update(batch).items()}

@@ -273,7 +273,7 @@ def seen_in(logs: Path) -> tuple[tuple[str, ...], list[Seen]]:
                 continue
             rows = (captured >= episode[0]["step"]) & (captured <= episode[-1]["step"])
             age = (episode[-1]["step"] - captured[rows]) * session.period
-            # As many sets as a judge would see.
+            # One set of images in each period: a judge looks no more often.
             _, kept = np.unique(np.floor(age / PERIOD + 1e-6), return_index=True)
             for index, one in zip(cameras.companion.time_index[rows][kept], age[kept], strict=True):
                 is_near = _has_succeeded(episode) and bool(one <= MAY_SHOW_SUCCESS)

@@ -120,7 +120,11 @@ class Critics(torch.nn.Module):
         *layers, last = zip(self.biases, self.weights, strict=True)
         for (bias, weight), gain, shift in zip(layers, self.gains, self.shifts, strict=True):
             values = torch.baddbmm(bias, values, weight)
-            values = torch.nn.functional.layer_norm(values, values.shape[-1:])
+            values = self.normalised(values)
             values = torch.addcmul(shift, values, gain).relu()
         bias, weight = last
         return torch.baddbmm(bias, values, weight)[..., 0]
+
+    def normalised(self, values: torch.Tensor) -> torch.Tensor:
+        """The values of a hidden layer before its gains, shifts and activation."""
+        return torch.nn.functional.layer_norm(values, values.shape[-1:])
