@@ -183,7 +183,9 @@ TEST(StandInInRealTime, LeavesAProgramAloneThatIsInTime) {
   int in_time = 0;
   for (int i = 0; in_time < 20 && i < 5000; ++i) {
     static_cast<void>(robot.get_observation(t));
-    const Instant begun{Nanoseconds(robot.get_status(t).time)};
+    // A step that begins late ends no later: the next one begins a period after this should have.
+    const Status status = robot.get_status(t);
+    const Instant begun{Nanoseconds(status.time - status.lateness)};
     // It thinks for half of the period.
     while (std::chrono::steady_clock::now() < begun + kSlow / 2) std::this_thread::yield();
     const TimeIndex next = robot.append_desired_action(Traits::action(i));
