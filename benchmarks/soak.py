@@ -4,6 +4,7 @@
 import argparse
 import json
 import os
+import select
 import signal
 import statistics
 import subprocess
@@ -22,6 +23,8 @@ import trifinger
 from measuring import Measure, folders, run
 from python_measures import TIMEOUT, back_end, recorder
 from rows import Row
+
+ROOT = Path(__file__).resolve().parents[1]
 
 # A controller at 1 kHz. It runs until it is killed, whatever happens to its robot.
 CONTROLLER = """
@@ -297,34 +300,58 @@ FAULTS = (
 )
 
 
-def learning(minutes: float) -> bool:
-    """Lets an emulated robot learn, with twelve faults on the way; nobody comes."""
-    robot, window = "trifinger_edu_emulated", minutes / 12 * 60
+def learning(minutes: float, *, simulated: bool = False) -> bool:
+    """Lets an emulated robot learn, with a fault every ten minutes or faster; nobody comes.
+
+    In simulated time the robot goes as fast as the learning lets it.
+    """
+    robot, count = "trifinger_edu_emulated", max(12, round(minutes / 10))
+    period = 60 * minutes / count
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         name = f"learning-{os.getpid()}"
 
-        def start(*words: str) -> subprocess.Popen[str]:
-            process = subprocess.Popen(words, stdin=subprocess.PIPE, text=True)
+        def start(
+            *words: str, stdin: int | None = None, stdout: int | None = None
+        ) -> subprocess.Popen[str]:
+            process = subprocess.Popen(words, stdin=stdin, stdout=stdout, text=True)
             stack.callback(process.wait)
             stack.callback(process.terminate)
             return process
 
-        boards = start("trifinger", "emulate", robot, "--name", name)
-        start("trifinger", "run", robot, "--name", name)
+        if simulated:
+            program = str(ROOT / "build/release/benchmarks/boards_in_simulated_time")
+            boards = start(program, name, str(round(period)), str(count), stdout=subprocess.PIPE)
+        else:
+            boards = start("trifinger", "emulate", robot, "--name", name, stdin=subprocess.PIPE)
+            start("trifinger", "run", robot, "--name", name)
         while name not in [session.name for session in trifinger.list_sessions()]:
             time.sleep(0.1)
-        # The memory of the learner is full after the first window.
-        size = ("--set", f"buffer_size={max(2000, round(40 * window))}")
+        # The memory of the learner is full after a twelfth of the time.
+        size = ("--set", f"buffer_size={max(2000, round(40 * 5 * minutes))}")
         words = ("reach", "--shared", "--robot", name, "--episodes", "10000000", *size)
-        learn = start("trifinger", "learn", *words, "-o", str(folder / "f"))
+        learn = start("trifinger", "learn", *words, "-o", str(folder / "f"), stdin=subprocess.PIPE)
+
+        def wait_for_fault(number: int) -> str:
+            end = time.monotonic() + period
+            while learn.poll() is None:
+                if boards.stdout is not None:
+                    if select.select([boards.stdout], [], [], 5.0)[0]:
+                        return boards.stdout.readline().strip()
+                elif time.monotonic() < end:
+                    time.sleep(min(5.0, max(0.0, end - time.monotonic())))
+                elif boards.stdin is not None:
+                    boards.stdin.write(FAULTS[number % len(FAULTS)] + "\n")
+                    boards.stdin.flush()
+                    return FAULTS[number % len(FAULTS)]
+            return ""
+
         usages: dict[str, Usage] = {}
-        for number in range(12):
-            end = time.monotonic() + window
-            while learn.poll() is None and time.monotonic() < end:
-                time.sleep(min(5.0, max(0.0, end - time.monotonic())))
-            if learn.poll() is not None:
+        for number in range(count):
+            fault = wait_for_fault(number)
+            if not fault:
                 break
+            print(f"[{number + 1}/{count}] {fault}", file=sys.stderr)
             for process in [learn.pid, *children_of(learn.pid)]:
                 who = "training" if process == learn.pid else kind_of(process)
                 if not who:
@@ -333,14 +360,10 @@ def learning(minutes: float) -> bool:
                     ("memory", "MiB", 20.0, resident),
                     ("files", "", 2.0, descriptors),
                 ):
-                    usage = usages.setdefault(
-                        f"{who}: {what}", Usage(who, unit, partial(read, process), bound)
-                    )
-                    usage.windows.append(read(process))
-            print(f"[{number + 1}/12] {FAULTS[number % len(FAULTS)]}", file=sys.stderr)
-            if boards.stdin is not None:
-                boards.stdin.write(FAULTS[number % len(FAULTS)] + "\n")
-                boards.stdin.flush()
+                    usage = Usage(who, unit, partial(read, process), bound)
+                    with suppress(OSError):  # it has just ended
+                        windows = [usage.read()]
+                        usages.setdefault(f"{who}: {what}", usage).windows.extend(windows)
         # It still learns after the last fault.
         tally = folder / "f/tally.json"
         before = json.loads(tally.read_text())["tally"]["episodes"]
@@ -354,7 +377,7 @@ def learning(minutes: float) -> bool:
         learn.wait()
         print((folder / "f/report.md").read_text())
         for what, usage in usages.items():
-            second = usage.windows[min(1, len(usage.windows) - 1)]
+            second = usage.windows[len(usage.windows) // 12]
             growth = usage.windows[-1] - second
             is_flat = growth <= usage.bound
             holds = holds and is_flat
@@ -387,15 +410,16 @@ def main() -> int:
         "part", choices=["kills", "memory", "endurance", "endurance-real-time", "learning"]
     )
     parser.add_argument(
-        "--minutes", type=float, default=30.0, help="of memory and endurance-real-time; default: 30"
+        "--minutes", type=float, default=30.0, help="of all but kills and endurance; default: 30"
     )
     parser.add_argument("--steps", type=float, default=1e8, help="of endurance; default: 1e8")
+    parser.add_argument("--simulated", action="store_true", help="learning in simulated time")
     arguments = parser.parse_args()
     parts = {
         "kills": kills,
         "memory": lambda: memory(arguments.minutes),
         "endurance": lambda: endurance(arguments.steps, os.cpu_count() or 1),
-        "learning": lambda: learning(arguments.minutes),
+        "learning": lambda: learning(arguments.minutes, simulated=arguments.simulated),
         "endurance-real-time": lambda: endurance_in_real_time(arguments.minutes),
     }
     return 0 if parts[arguments.part]() else 1

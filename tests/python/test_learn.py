@@ -375,8 +375,10 @@ def test_ends_if_nobody_brings_the_object_back(
     with pytest.raises(trifinger.Error, match=r"17 cm from the middle, out of reach; --care names"):
         RobotTraining(plan, tmp_path / "f", "r").run()
     monkeypatch.setattr(on_robot, "MOST_CARES", 2)
+    care = ["sh", "-c", f'echo "$@" >> {tmp_path / "care.txt"}', "care"]
     with pytest.raises(trifinger.Error, match="needs care again and again"):
-        RobotTraining(plan, tmp_path / "f", "r", care=["true"]).run()
+        RobotTraining(plan, tmp_path / "f", "r", care=care, care_of_object=["held"]).run()
+    assert (tmp_path / "care.txt").read_text() == 2 * "held\n"
 
 
 def test_a_push_begins_with_demonstrations(start_program: StartProgram, tmp_path: Path) -> None:

@@ -152,13 +152,16 @@ def endurance_in_real_time() -> bool:
 
 
 def learn() -> bool:
-    """A robot learns by itself: 500 kills of its processes, then two hours with faults."""
+    """A robot learns by itself: 500 kills of its processes, then two hours and, in simulated time,
+    a day with faults.
+    """
     build("release")
     command = [PYTHON, "-m", "pytest", "-q", "tests/python/test_learn.py", "-k", "killed"]
     variables = {**uses("release"), "TRIFINGER_SOAK": "1"}
     command += ["-m", "slow", "-o", "faulthandler_timeout=3600"]  # kills take ten minutes
     killed = print_figures(STEPS.check("learn", command, **variables))
-    return python_soak("learning", "--minutes", "120") and killed
+    held = python_soak("learning", "--minutes", "120")
+    return python_soak("learning", "--minutes", "1440", "--simulated") and held and killed
 
 
 def lerobot_itself() -> bool:

@@ -5,17 +5,12 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
-#include <optional>
 #include <utility>
 
-#include "boards/board_robot.hpp"
 #include "boards/emulated_fault.hpp"
-#include "boards/emulator.hpp"
-#include "can/memory_bus.hpp"
+#include "endurance/simulated_boards.hpp"
 #include "sim/boards_config.hpp"
-#include "sim/simulated_plant.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -125,89 +120,22 @@ class SimulatedPlace::OtherWorld final : public World {
   ManualClock& clock_;
 };
 
-// A robot on emulated motor boards: each measurement takes a millisecond of the clock.
-class SimulatedPlace::BoardWorld final : public World, public UntypedDriver {
+class SimulatedPlace::BoardWorld final : public World {
  public:
   BoardWorld(boards::BoardRobotOptions boards, const SimulationOptions& simulation,
              ManualClock& clock)
-      : options_(std::move(boards)), clock_(clock), plant_(simulation) {
-    make();
-  }
+      : boards_(std::move(boards), simulation, clock) {}
 
-  [[nodiscard]] UntypedDriver& driver() noexcept override { return *this; }
+  [[nodiscard]] UntypedDriver& driver() noexcept override { return boards_; }
   [[nodiscard]] bool moves_clock() const noexcept override { return true; }
-  void pass(Nanoseconds time) override {
-    for (Nanoseconds passed{0}; passed < time; passed += kTick) tick();
-  }
-  void restart() override {
-    robot_.reset();
-    emulator_.reset();
-    buses_.clear();
-    make();
-  }
-  [[nodiscard]] std::size_t num_boards() const noexcept override {
-    return options_.interfaces.size();
-  }
-  [[nodiscard]] std::size_t num_joints() const noexcept override { return options_.motors.size(); }
-  void add(const std::string& fault) override {
-    emulator_->add(boards::parse_fault(fault), clock_.now());
-  }
-
-  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override {
-    tick();
-    return robot_->prepare(step);
-  }
-  [[nodiscard]] const RobotTypes& description() const noexcept override {
-    return robot_->description();
-  }
-  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override {
-    return robot_->get_latest_observation(observation);
-  }
-  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override {
-    const DriverReport report = robot_->apply_action(desired, applied);
-    tick();
-    return report;
-  }
-  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override {
-    return robot_->hold(observation, action);
-  }
-  void cut() noexcept override {}
-  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override {
-    tick();
-    return robot_->stop(step);
-  }
-  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override {
-    return robot_->fault_text(fault_code);
-  }
-  [[nodiscard]] std::string_view rejection_text() const noexcept override {
-    return robot_->rejection_text();
-  }
+  void pass(Nanoseconds time) override { boards_.pass(time); }
+  void restart() override { boards_.restart(); }
+  [[nodiscard]] std::size_t num_boards() const noexcept override { return boards_.num_boards(); }
+  [[nodiscard]] std::size_t num_joints() const noexcept override { return boards_.num_joints(); }
+  void add(const std::string& fault) override { boards_.add(boards::parse_fault(fault)); }
 
  private:
-  static constexpr Nanoseconds kTick = std::chrono::milliseconds(1);
-
-  void make() {
-    std::vector<std::unique_ptr<can::Bus>> of_robot;
-    std::vector<std::unique_ptr<can::Bus>> of_boards;
-    for (std::size_t i = 0; i < options_.interfaces.size(); ++i) {
-      buses_.push_back(std::make_unique<can::MemoryBus>(clock_));
-      of_robot.push_back(buses_.back()->connect());
-      of_boards.push_back(buses_.back()->connect());
-    }
-    emulator_.emplace(options_, std::move(of_boards), plant_, clock_.now());
-    robot_.emplace(options_, std::move(of_robot), clock_);
-  }
-  void tick() noexcept {
-    clock_.advance(kTick);
-    emulator_->tick(clock_.now());
-  }
-
-  boards::BoardRobotOptions options_;
-  ManualClock& clock_;
-  SimulatedPlant plant_;
-  std::vector<std::unique_ptr<can::MemoryBus>> buses_;
-  std::optional<boards::Emulator> emulator_;
-  std::optional<boards::BoardRobot> robot_;
+  SimulatedBoards boards_;
 };
 
 SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>& stop)

@@ -129,6 +129,7 @@ def learn(arguments: argparse.Namespace) -> None:
             logs=arguments.logs,
             listen=arguments.listen,
             care=care_of(arguments.care, robot),
+            care_of_object=("--self-test", "hold") if arguments.care is None else (),
             options=("--takeover",) if arguments.takeover else (),
             is_judged=judge is not None,
         )

@@ -95,6 +95,7 @@ class RobotTraining:
         listen: str | None = None,
         judged: int = LAST_EPISODES,
         care: Sequence[str] | None = (),
+        care_of_object: Sequence[str] = (),
         options: Sequence[str] = (),
         is_judged: bool = False,
     ) -> None:
@@ -103,8 +104,9 @@ class RobotTraining:
         The learner is started here, or `listen` is the HOST:PORT where one is waited for that joins
         from another machine, by join(). `care` is a command that makes the robot ready after a
         fault, and brings its object back. An object out of reach ends the training if there is no
-        such command, and nobody looks for it if `care` is None. `options` are more of `trifinger
-        run-policy` for the actor. If the training `is_judged`, tell() says what has succeeded, not
+        such command, and nobody looks for it if `care` is None; `care_of_object` are further words of
+        the command if the robot had no fault. `options` are more of `trifinger run-policy` for the
+        actor. If the training `is_judged`, tell() says what has succeeded, not
         the task. Raises InvalidArgument if the folder has a training by another plan, or if a log
         has no experience.
         """
@@ -117,7 +119,7 @@ class RobotTraining:
             raise InvalidArgument(f"'{plan.task}' is a task in Python, which no robot learns alone")
         if is_judged and plan.recipe.relabelled > 0:
             raise InvalidArgument("relabelled makes rewards of its own: judged needs relabelled=0")
-        self._care, self._is_judged = care, is_judged
+        self._care, self._care_of_object, self._is_judged = care, care_of_object, is_judged
         self._options = [*options, "--judge"] if is_judged else list(options)
         self.process = digest_of(policy_metadata(**plan.environment))
         self._live = LiveExperience(robot, self.process)
@@ -395,7 +397,7 @@ class RobotTraining:
                 self._waits = True
                 self._launch("rest", "sleep", REST)
             case "actor" if status == OUT_OF_REACH:
-                self._take_care(words)
+                self._take_care(words, self._care_of_object)
             case "care" if status == 0:
                 self.tally.cares += 1
                 self._failures["care"] = 0
@@ -432,7 +434,7 @@ class RobotTraining:
             self._start(name)
 
     # Lets the care make the robot ready for the actor, because of `words`.
-    def _take_care(self, words: str) -> None:
+    def _take_care(self, words: str, more: Sequence[str] = ()) -> None:
         if not self._care:
             raise Error(f"{words}; --care names a command that brings it back")
         # An episode shows that it did not help.
@@ -441,9 +443,9 @@ class RobotTraining:
         self._cared_at = episodes
         if self._cares_in_a_row > MOST_CARES:
             raise Error(f"it needs care again and again: {words}")
-        self._say(f"{words}; {' '.join(self._care)}")
+        self._say(f"{words}; {' '.join([*self._care, *more])}")
         self._waits = True
-        self._launch("care", *self._care)
+        self._launch("care", *self._care, *more)
 
     # A care or a rest is over.
     def _go_on(self) -> None:
