@@ -396,9 +396,30 @@ def teach(connection: Connection, plan: Plan, elements: np.ndarray, told: list[A
                 connection.send_bytes(checkpoint.dump(answer))
 
 
+@pytest.mark.parametrize("is_leader", [True, False])
+def test_a_learner_lets_others_go_first(*, is_leader: bool) -> None:
+    numbers = Path("/proc/self/autogroup")
+    if not numbers.exists():
+        pytest.skip("this kernel does not group processes by their sessions")
+    code = f"""
+import os, trifinger.niceness
+trifinger.niceness.be_nice()
+print(os.nice(0), open("{numbers}").read().split()[-1])
+"""
+    words = [sys.executable, "-c", code]
+    before = (str(os.nice(0)), numbers.read_text().split()[-1])
+    done = subprocess.run(
+        words, stdout=subprocess.PIPE, text=True, check=True, start_new_session=is_leader
+    )
+    niceness, of_session = done.stdout.split()
+    assert int(niceness) == min(int(before[0]) + 10, 19)
+    # A session of somebody else stays as it is.
+    assert of_session == ("10" if is_leader else before[1])
+
+
 def serve_for(monkeypatch: pytest.MonkeyPatch, plan: Plan, said: str | None) -> list[Any]:
     """What a learner sends that is started with `--algorithm said`."""
-    monkeypatch.setattr(os, "nice", lambda _: 0)  # the process of the tests stays as it is
+    monkeypatch.setattr("trifinger.training.learner.be_nice", lambda: None)  # this one stays
     told: list[Any] = []
     here, there = Pipe()
     teacher = threading.Thread(target=teach, args=(there, plan, experience_of(plan, 2), told))

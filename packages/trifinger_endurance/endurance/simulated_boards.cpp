@@ -17,7 +17,7 @@ SimulatedBoards::SimulatedBoards(boards::BoardRobotOptions boards,
   make();
 }
 
-void SimulatedBoards::pass(Nanoseconds time) noexcept {
+void SimulatedBoards::pass(Nanoseconds time) {
   for (Nanoseconds passed{0}; passed < time; passed += kTick) tick();
 }
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 INFO_PERIOD = 0.2  # between two looks at what takes longer, such as whether the back-end lives [s]
 MAX_STEPS = 2000  # that are read for plots at once
-NICENESS = 10
 
 
 class LiveRun:
@@ -214,9 +212,3 @@ def _companion(robot: Frontend, name: str) -> Frontend | None:
         return robot.companion(name)
     except SessionNotFound:
         return None
-
-
-def be_modest() -> None:
-    """Lets everything else on this machine go first: this process and its threads are nice."""
-    with contextlib.suppress(OSError):
-        os.nice(NICENESS)

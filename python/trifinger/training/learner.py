@@ -8,7 +8,6 @@ machine. Nothing of what comes through it can run: the messages are those of che
 from __future__ import annotations
 
 import dataclasses
-import os
 import tempfile
 import time
 from multiprocessing.connection import Connection
@@ -26,6 +25,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from trifinger.arrays import Array
 from trifinger.environments import Environment, policy_metadata
 from trifinger.errors import Error, InvalidArgument
+from trifinger.niceness import be_nice
 from trifinger.training import checkpoint
 from trifinger.training.algorithm import ClassModel
 from trifinger.training.experience import INTERVENTION, PART, Episodes, Transition
@@ -177,7 +177,7 @@ def serve(connection: Connection, algorithm: str | None = None) -> None:
     The first message has the plan, and a state() to go on from if there is one. From then on this
     end asks for experience, and sends policies and states.
     """
-    os.nice(10)
+    be_nice()
     first = checkpoint.load(connection.recv_bytes())
     plan = Plan.from_json(first["plan"])
     plan.require_said(Path("the training"), None, algorithm)

@@ -103,12 +103,11 @@ class RobotTraining:
 
         The learner is started here, or `listen` is the HOST:PORT where one is waited for that joins
         from another machine, by join(). `care` is a command that makes the robot ready after a
-        fault, and brings its object back. An object out of reach ends the training if there is no
-        such command, and nobody looks for it if `care` is None; `care_of_object` are further words of
-        the command if the robot had no fault. `options` are more of `trifinger run-policy` for the
-        actor. If the training `is_judged`, tell() says what has succeeded, not
-        the task. Raises InvalidArgument if the folder has a training by another plan, or if a log
-        has no experience.
+        fault, and brings its object back; `care_of_object` are further words of the command if the
+        robot had no fault. An object out of reach ends the training if there is no such command,
+        and nobody looks for it if `care` is None. `options` are more of `trifinger run-policy` for
+        the actor. If the training `is_judged`, tell() says what has succeeded, not the task. Raises
+        InvalidArgument if the folder has a training by another plan, or if a log has no experience.
         """
         self.plan, self.folder, self.robot, self._say = plan, folder, robot, say
         self._starts_learner = listen is None

@@ -24,6 +24,7 @@ from trifinger.commands.command_line import (
 )
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.log.plot.panels import GROUPS
+from trifinger.niceness import be_nice
 
 from trifinger_view import PAGE
 from trifinger_view.authentication import LOOPBACK, Authentication
@@ -62,14 +63,13 @@ def show(
 
     `note` is a sentence for the terminal.
     """
-    from trifinger_view.live import be_modest
     from trifinger_view.page import Page, document_of
     from trifinger_view.page_server import PageServer
 
     authentication = options.authentication
     controls = controller is not None and controller.with_guide
     if controller is None:  # the thread of a guide would inherit this
-        be_modest()
+        be_nice()
     robot = page_title if controls else ""
     document = document_of(page_title, robot=robot, is_plain=options.is_plain)
     with contextlib.closing(authentication):
