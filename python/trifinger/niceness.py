@@ -5,11 +5,11 @@ import contextlib
 import os
 from pathlib import Path
 
-NICENESS = 10
+NICENESS = 5  # a third of the share of an equal process
 
 
 def be_nice() -> None:
-    """Lets everything else on this machine go first: this process and its threads are nice.
+    """Leaves most of a busy processor to others: this process and its threads are nice.
 
     Between login sessions Linux compares another number (sched(7), "The autogroup feature"), so the
     leader of a session of its own sets that one as well.

@@ -245,6 +245,8 @@ def test_a_learner_may_join_with_the_token_alone(
     start_robot(start_program)
     plan = plan_of(tmp_path, "r", 4)
     training = RobotTraining(plan, tmp_path / "f", "r", judged=0, listen="127.0.0.1:0")
+    with pytest.raises(trifinger.InvalidArgument, match=r"another training runs in .*/f$"):
+        RobotTraining(plan, tmp_path / "f", "r")
     false = tmp_path / "false"
     false.write_text("0" * 64)
     refused: list[str] = []

@@ -21,6 +21,7 @@ import trifinger
 from conftest import PATIENT, StartProgram
 from trifinger.environments import Environment
 from trifinger.errors import Error, InvalidArgument
+from trifinger.niceness import NICENESS
 from trifinger.training import Plan, Recipe, checkpoint
 from trifinger.training.algorithm import Batch
 from trifinger.training.experience import INTERVENTION, TERMINATED, TRUNCATED
@@ -412,9 +413,9 @@ print(os.nice(0), open("{numbers}").read().split()[-1])
         words, stdout=subprocess.PIPE, text=True, check=True, start_new_session=is_leader
     )
     niceness, of_session = done.stdout.split()
-    assert int(niceness) == min(int(before[0]) + 10, 19)
+    assert int(niceness) == min(int(before[0]) + NICENESS, 19)
     # A session of somebody else stays as it is.
-    assert of_session == ("10" if is_leader else before[1])
+    assert of_session == (str(NICENESS) if is_leader else before[1])
 
 
 def serve_for(monkeypatch: pytest.MonkeyPatch, plan: Plan, said: str | None) -> list[Any]:

@@ -45,12 +45,14 @@ ELSEWHERE = {
     "commands/run_policy_of_python.py": ("_configuration_of",),
     "training/learner.py": ("serve", "policy"),
     # What a process says as long as it runs; a secret that nobody else may read for an instant.
-    "training/on_robot.py": ("_launch", "_token_in"),
+    "training/on_robot.py": ("_launch", "_claimed"),
     # Into the memory.
     "log/camera_film.py": ("__init__",),
     "trifinger_camera_calibration/colour_labels.py": ("_source",),
     "training/checkpoint.py": ("dump",),
     "trifinger_view/to_browser.py": ("jpeg",),
+    # A number of the kernel.
+    "niceness.py": ("be_nice",),
     # Nothing: it asks whether a device may be written.
     "robot_fingers/programs.py": ("_require_targets",),
 }

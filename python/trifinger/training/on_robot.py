@@ -11,6 +11,7 @@ from __future__ import annotations
 import collections
 import contextlib
 import dataclasses
+import fcntl
 import json
 import os
 import queue
@@ -32,7 +33,7 @@ from multiprocessing.connection import (
     deliver_challenge,
 )
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 # This import comes first because its error says what to install.
 from trifinger.arrays import Array
@@ -133,17 +134,18 @@ class RobotTraining:
         self._others: list[int] = []  # sessions in which others moved the robot
         self._next_episode = 0
         self._book = Book(plan.recipe.buffer_size)
+        (folder / LOGS).mkdir(parents=True, exist_ok=True)
+        self._claim = _claimed(folder / JOINING)
         if (folder / PLAN).exists():
             self._restore()
         elif len(elements := self._live.take()):  # what others did before
             self._others = np.unique(elements["session"]).tolist()
-        (folder / LOGS).mkdir(parents=True, exist_ok=True)
         self._prior = self._read_logs()
         self._events: queue.Queue[tuple[str, Any]] = queue.Queue()
         self._is_over = threading.Event()  # no experience will come
         self._closed_book = threading.Event()
         self._closes = threading.Event()
-        self._token = _token_in(folder / JOINING)
+        self._token = self._claim.read()
         try:
             self._listener = Listener(_address_of(listen or LOOPBACK))
         except (OSError, OverflowError) as error:
@@ -566,6 +568,7 @@ class RobotTraining:
                     os.killpg(process.pid, signal.SIGKILL)
         self._listener.close()
         self._board.close()
+        self._claim.close()
 
     # ---- threads ----
 
@@ -645,12 +648,20 @@ def _address_of(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-def _token_in(path: Path) -> bytes:
+# The file with the token, which is this training's alone while it is open.
+def _claimed(path: Path) -> BinaryIO:
     path.touch(0o600)
     path.chmod(0o600)
-    if not path.read_text():
-        path.write_text(secrets.token_hex(32))
-    return path.read_bytes()
+    file = path.open("rb+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise InvalidArgument(f"another training runs in {path.parent}") from None
+    if not file.read():
+        file.write(secrets.token_hex(32).encode())
+    file.seek(0)
+    return file
 
 
 def _in_thread(work: Callable[..., None], *arguments: object) -> None:
