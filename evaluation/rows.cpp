@@ -57,6 +57,7 @@ std::vector<Report> run_all(const Options& options, const SkillRow& row) {
     for (std::size_t i = next++; i < reports.size(); i = next++) {
       SkillTrial trial = row.trial;
       row.vary(trial, options.first_seed + i);
+      trial.condition = options.condition;
       try {
         SkillTrialResult result = run_skill_trial(trial);
         reports[i] = {.judgement = row.judge(trial, result), .figures = std::move(result.figures)};
@@ -105,6 +106,9 @@ int run_evaluation(const std::string& name, const std::string& what, Options opt
   program.add_option("--first-seed", options.first_seed, "Seed of the first")
       ->capture_default_str();
   program.add_option("--output", options.output, "Where the table goes")->capture_default_str();
+  std::string condition{name_of(options.condition)};
+  program.add_option("--condition", condition, "'as documented', 'as built' or 'worn'")
+      ->capture_default_str();
   program.add_option("ONLY", options.only, "Skills, if not all; the table is then printed only");
   try {
     program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
@@ -112,6 +116,7 @@ int run_evaluation(const std::string& name, const std::string& what, Options opt
     return program.exit(error);
   }
   try {
+    options.condition = condition_from_name(condition);
     return evaluate(options);
   } catch (const std::exception& error) {
     fmt::print(stderr, "evaluate {}: {}\n", name, error.what());

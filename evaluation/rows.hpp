@@ -17,7 +17,8 @@ struct Options {
   int seeds{20};
   std::uint64_t first_seed{1};
   std::filesystem::path output;
-  std::vector<std::string> only{};  // Skills; all if there are none.
+  std::vector<std::string> only{};                // Skills; all if there are none.
+  Condition condition{Condition::kAsDocumented};  // Of the robot.
 };
 
 // A row whose trials have been run.

@@ -31,22 +31,29 @@ control::Pose pose_of(const ObjectPose& object) {
           .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])};
 }
 
+// How the robot of a trial differs from its description.
+Variation robot_of(const SkillTrial& trial) {
+  Random random{.seed = trial.simulation.seed, .episode = 1};
+  return draw(trial.condition, random);
+}
+
 // Notes what is true in a simulation.
 class TruthObserver {
  public:
   TruthObserver(const SkillTrial& trial, const SimulatedRobot& robot, const std::string& object)
       : robot_(robot),
         kinematics_(trial.simulation.description),
-        tip_radius_(variant_figures(trial.simulation.description.variant).tip_radius) {
+        tip_radius_(robot_of(trial).tip_radius *
+                    variant_figures(trial.simulation.description.variant).tip_radius) {
     const auto& objects = trial.simulation.description.objects;
     const auto found = std::ranges::find(objects, object, &ObjectDescription::name);
     if (found != objects.end()) object_ = *found;
   }
 
   // The simulation is one step ahead of the newest observation, `t`.
-  [[nodiscard]] TrueStep look(TimeIndex t, const TriFinger::Observation& observation) {
+  [[nodiscard]] TrueStep look(TimeIndex t) {
     TrueStep truth{.step = t + 1};
-    const TipPositions tips = kinematics_.tip_positions(joint_values(observation.position));
+    const TipPositions tips = kinematics_.tip_positions(joint_values(robot_.true_position()));
     for (std::size_t i = 0; i < truth.tips.size(); ++i)
       truth.tips[i] = tips.segment<3>(static_cast<Eigen::Index>(3 * i));
     if (!object_) return truth;
@@ -90,15 +97,13 @@ class ObservedRobot final : public Driver<TriFinger> {
     return robot_.prepare(step);
   }
   [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
-    const DriverReport report = robot_.get_latest_observation(&observation);
-    observation_ = observation;
-    return report;
+    return robot_.get_latest_observation(&observation);
   }
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           AppliedAction& applied) noexcept override {
     const DriverReport report = robot_.apply_action(&desired, &applied);
     if (truth_.size() < truth_.capacity())
-      truth_.push_back(observer_.look(static_cast<TimeIndex>(truth_.size()) - 1, observation_));
+      truth_.push_back(observer_.look(static_cast<TimeIndex>(truth_.size()) - 1));
     steps_.store(truth_.size(), std::memory_order_relaxed);
     return report;
   }
@@ -124,7 +129,6 @@ class ObservedRobot final : public Driver<TriFinger> {
  private:
   SimulatedRobot& robot_;
   TruthObserver& observer_;
-  Observation observation_{};
   std::vector<TrueStep> truth_;
   std::atomic<std::size_t> steps_{0};
 };
@@ -180,6 +184,8 @@ Simulation simulation_of(const SkillTrial& trial) {
 // A back-end in a thread of its own, the skill in this one.
 SkillTrialResult run_in_real_time(const SkillTrial& trial) {
   SimulatedRobot simulation(trial.simulation);
+  simulation.vary(robot_of(trial));
+  simulation.reset();
   const auto skill = make(trial);
   TruthObserver observer(trial, simulation, std::string(skill->object()));
   // The robot holds before the first action and after the last one; these steps count, too.
@@ -307,17 +313,21 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   if (trial.real_time) return run_in_real_time(trial);
   if (trial.boards) return run_on_boards(trial);
   const Simulation simulation = simulation_of(trial);
+  simulation.robot().vary(robot_of(trial));
+  simulation.robot().reset();
   const auto skill = make(trial);
   TruthObserver observer(trial, simulation.robot(), std::string(skill->object()));
   SkillTrialResult result;
   const auto after = static_cast<TimeIndex>(trial.after / trial.simulation.period);
   {
     auto robot = simulation.connect();
-    result.trace = manipulation::run_skill(
-        robot, *skill, {.on_step = [&](TimeIndex t) {
-          result.truth.push_back(observer.look(t, robot.get_observation(t)));
-          if (trial.interfere) trial.interfere(simulation.robot(), t, skill->state());
-        }});
+    result.trace =
+        manipulation::run_skill(robot, *skill, {.on_step = [&](TimeIndex t) {
+                                  (void)robot.get_observation(t);
+                                  result.truth.push_back(observer.look(t));
+                                  if (trial.interfere)
+                                    trial.interfere(simulation.robot(), t, skill->state());
+                                }});
   }
   result.end = result.truth.size();
   result.figures = figures_of(*skill, result);
@@ -329,7 +339,8 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
     const auto hold = hold_position(robot.latest_observation());
     for (TimeIndex i = 0; i < after; ++i) {
       const TimeIndex t = robot.append_desired_action(hold);
-      TrueStep truth = observer.look(t, robot.get_observation(t));
+      (void)robot.get_observation(t);
+      TrueStep truth = observer.look(t);
       truth.step = result.truth.empty() ? 0 : result.truth.back().step + 1;
       result.truth.push_back(truth);
     }

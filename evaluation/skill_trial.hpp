@@ -16,6 +16,7 @@
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skill.hpp"
 #include "trifinger/rendering/options.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
@@ -28,6 +29,7 @@ struct SkillTrial {
   std::vector<std::string> settings{};  // Of the skill's configuration.
   bool is_taught{false};                // Plays what was taught instead of controlling.
   SimulationOptions simulation;
+  Condition condition{Condition::kAsDocumented};
   RobotDescription believed;
   // How the back-end keeps time; nothing if time stands still while the skill computes.
   std::optional<BackendOptions> real_time{};

@@ -33,6 +33,7 @@
 #include "session/checks.hpp"
 #include "simulation.hpp"
 #include "trifinger/joint/reasons.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace nb = nanobind;
@@ -86,6 +87,16 @@ void bind_variation(nb::module_& m) {
       variation.def_ro(row.name, row.value);
     }
   });
+  variation.def_static(
+      "of",
+      [](const std::string& condition, std::uint64_t seed) {
+        Random random{.seed = seed};
+        return draw(condition_from_name(condition), random);
+      },
+      "condition"_a, "seed"_a,
+      "A robot that is \"as documented\", \"as built\" or \"worn\", for `Simulation.vary`; equal "
+      "seeds give equal robots.\ndocs/simulation.md says how far its joints, motors, encoders and "
+      "tips are from what is documented.\nRaises InvalidArgument for another condition.");
 }
 
 std::string signature_of_vary() {
@@ -96,7 +107,7 @@ std::string signature_of_vary() {
   for_each_value([&]<class T>(const VariationField<T>& row) {
     if constexpr (std::is_same_v<T, double>) {
       add(row.name, "float", nb::float_(Variation{}.*row.value));
-    } else if constexpr (std::is_same_v<T, TimeIndex>) {
+    } else if constexpr (std::is_integral_v<T>) {
       add(row.name, "int", nb::int_(Variation{}.*row.value));
     } else {
       add(row.name, "dict[str, float]", nb::dict());
@@ -178,10 +189,8 @@ void bind_simulation(nb::module_& m) {
           },
           nb::sig(signature_of_vary().c_str()),
           "Makes the simulation differ from its configuration from now on. A reset does not change "
-          "this. Each\nnumber is a factor, except `torque_delay`, the steps until motors deliver a "
-          "torque, and\n`joint_friction`, the dry friction added in the joints [Nm]. "
-          "`pair_friction` has additional factors\nfor pairs of surfaces, for example "
-          "{\"tip_object\": 0.8}; docs/simulation.md names them.")
+          "this.\ndocs/simulation.md explains every number, and names the pairs of surfaces for "
+          "which `pair_friction` has\nadditional factors, as in {\"tip_object\": 0.8}.")
       .def(
           "place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
           "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},

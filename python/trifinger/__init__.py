@@ -39,6 +39,7 @@ from trifinger._trifinger import (
     Status as Status,
     StatusElement as StatusElement,
     TimingRecord as TimingRecord,
+    Variation as Variation,
     connect as connect,
     export_mjcf as export_mjcf,
     export_urdf as export_urdf,

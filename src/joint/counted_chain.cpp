@@ -52,6 +52,8 @@ DriverReport CountedChain::apply(const CountedAction& desired,
   return {.action_rejected = report.action_rejected};
 }
 
-void CountedChain::forget() noexcept { std::ranges::fill(memory_.joints, JointMemory{}); }
+void CountedChain::forget(double heat) noexcept {
+  std::ranges::fill(memory_.joints, JointMemory{.heat = heat});
+}
 
 }  // namespace trifinger

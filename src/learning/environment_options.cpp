@@ -113,7 +113,7 @@ void visit(Options& options, const Visitor& field) {
         factor("Share of the applied torque that simulated motors deliver.", 0.01, 10));
   field("torque_delay", options.torque_delay,
         factor("Delay until simulated motors deliver a torque, up to 10 [steps].", 0,
-               static_cast<double>(Variation::kMaxTorqueDelay)));
+               static_cast<double>(Variation::kMaxDelay)));
   field("pair_friction", options.pair_friction,
         factor("Factors on the friction of pairs of simulated surfaces, in addition to `friction`: "
                "{\"tip_object\": (0.7, 1.2)}. docs/simulation.md names the pairs.",

@@ -73,6 +73,23 @@ double SceneModel::velocity(std::size_t joint, const mjData_& data) const noexce
   return velocity;
 }
 
+double SceneModel::acceleration(std::size_t joint, const mjData_& data) const noexcept {
+  double acceleration = 0.0;
+  for (const Part& part : motors_[joint].parts) {
+    acceleration += part.share * data.qacc[part.velocity];
+  }
+  return acceleration;
+}
+
+double SceneModel::rotor_inertia(std::size_t joint, const mjModel_& model) const noexcept {
+  const Motor& motor = motors_[joint];
+  double inertia = model.actuator_armature[motor.actuator];
+  for (const Part& part : motor.parts) {
+    inertia += part.share * part.share * model.dof_armature[part.velocity];
+  }
+  return inertia;
+}
+
 void SceneModel::set_position(std::size_t joint, double position, mjData_& data) const noexcept {
   set_position(joint, position, std::span(data.qpos, static_cast<std::size_t>(model_->nq)));
 }

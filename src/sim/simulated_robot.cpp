@@ -29,7 +29,7 @@ using detail::require;
 using detail::text_of;
 
 // Every saved state begins with this number, so that states of other versions are recognised.
-constexpr std::uint64_t kSimulatedStateMagic = 0x35534d4953465254;  // "TRFSIMS5"
+constexpr std::uint64_t kSimulatedStateMagic = 0x36534d4953465254;  // "TRFSIMS6"
 
 // Every saved state begins with this header.
 struct SimulatedStateHeader {
@@ -60,6 +60,10 @@ void for_each_part(Memory& memory, Use use) {
   use(std::span(memory.torque));
   use(std::span(memory.tip_force));
   use(std::span(memory.sent));
+  use(std::span(memory.measured));
+  use(std::span(memory.velocity_noise));
+  use(std::span(memory.in_play));
+  use(std::span(memory.play_speed));
 }
 
 }  // namespace
@@ -261,7 +265,7 @@ void SimulatedRobot::reset(std::span<const double> position, const Random& rando
   let_go();
   const TimeIndex now = state_.memory.counters.step;
   simulator_.reset(position, random, *data_, state_, model_position);
-  chain_.forget();
+  chain_.forget(state_.memory.counters.variation.motor_heat);
   simulator_.move_to_step(now, state_);
   begin_here();
 }

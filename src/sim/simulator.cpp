@@ -4,7 +4,10 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdint>
+#include <numbers>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -43,6 +46,19 @@ double mixed_time(const mjModel& model, int first, int second) noexcept {
 
 std::string_view unit_of(const DrivenJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
+// What differs from joint to joint.
+enum class Of : std::uint64_t { kHoming, kGain, kRipple };
+
+// From -1 to 1, equally likely: what `seed` gives this joint.
+double share_of(Of what, std::size_t joint, std::uint64_t seed) noexcept {
+  Random random{.seed = seed, .episode = joint, .count = static_cast<std::uint64_t>(what)};
+  return random.uniform(-1.0, 1.0);
+}
+
+// The torque of a motor with 12 pairs of poles behind gears of 9:1, as that of TriFingers, comes
+// and goes so often in a radian of its joint.
+constexpr double kRipplesPerRadian = 12 * 9;
+
 // True if the time constant of a contact is the first number of its solref; else both numbers are
 // stiffness and damping.
 bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; }
@@ -59,7 +75,7 @@ Simulator::Simulator(SimulationOptions options)
   // Saved states have no padding, so equal states have equal bytes.
   static_assert(std::is_trivially_copyable_v<Memory::Counters>);
   static_assert(sizeof(Memory::Counters) ==
-                sizeof(Variation) + sizeof(Random) + 6 * sizeof(std::uint64_t));
+                sizeof(Variation) + sizeof(Random) + 7 * sizeof(std::uint64_t));
   if (described_ != nullptr) actuator_ = trifinger::actuator(options_.description);
   const SceneModel::Data data = model_->make_data();
   model_->reset(*data);
@@ -134,7 +150,14 @@ auto Simulator::make_state() const -> State {
   state.tip_force.resize(model_->tip_geoms().size());
   state.memory.torque = PerJoint<double>(num_joints(), 0.0);
   state.memory.tip_force.resize(model_->tip_geoms().size());
-  state.memory.sent.resize(static_cast<std::size_t>(Variation::kMaxTorqueDelay) * num_joints());
+  const auto most = static_cast<std::size_t>(Variation::kMaxDelay) * num_joints();
+  state.memory.sent.resize(most);
+  state.memory.measured.resize(2 * most);
+  for (auto* const values :
+       {&state.memory.velocity_noise, &state.memory.in_play, &state.memory.play_speed}) {
+    values->resize(num_joints());
+  }
+  state.position = PerJoint<double>(num_joints(), 0.0);
   return state;
 }
 
@@ -161,6 +184,14 @@ void Simulator::vary(const Variation& variation, mjModel_& varied, mjData_& data
     const double* const solref = original.geom_solref + mjNREF * geom;
     if (!has_time_constant(solref)) continue;
     varied.geom_solref[mjNREF * geom] = variation.contact_time * solref[0];
+  }
+  for (const int tip : model_->tip_geoms()) {
+    varied.geom_size[3 * tip] = variation.tip_radius * original.geom_size[3 * tip];
+    varied.geom_rbound[tip] = variation.tip_radius * original.geom_rbound[tip];
+    // The centre and the half sizes of a box around it.
+    for (int i = 6 * tip + 3; i < 6 * tip + 6; ++i) {
+      varied.geom_aabb[i] = variation.tip_radius * original.geom_aabb[i];
+    }
   }
   vary_pairs(variation, varied);
   vary_joints(variation, varied);
@@ -243,10 +274,13 @@ void Simulator::reset(std::span<const double> position, const Random& random, mj
   for (std::size_t i = 0; i < num_joints(); ++i) model_->set_position(i, position[i], data);
   Memory& memory = state.memory;
   // After a reset, nothing of what happened before counts.
-  std::ranges::fill(state.safety.joints, JointMemory{});
+  std::ranges::fill(state.safety.joints, JointMemory{.heat = memory.counters.variation.motor_heat});
   std::ranges::fill(memory.torque, 0.0);
   std::ranges::fill(memory.tip_force, 0.0);
-  std::ranges::fill(memory.sent, 0.0);
+  for (auto* const values : {&memory.sent, &memory.measured, &memory.velocity_noise,
+                             &memory.in_play, &memory.play_speed}) {
+    std::ranges::fill(*values, 0.0);
+  }
   memory.counters = {.variation = memory.counters.variation, .random = random};
   begin(state);
   observe(data, state);
@@ -300,9 +334,11 @@ void Simulator::move_to_step(TimeIndex step, State& state) const noexcept {
 
 void Simulator::observe(const mjData_& data, State& state) const noexcept {
   for (std::size_t i = 0; i < num_joints(); ++i) {
-    state.observation.position[i] = model_->position(i, data);
+    state.position[i] = model_->position(i, data);
     state.observation.velocity[i] = model_->velocity(i, data);
   }
+  state.observation.position = state.position;
+  read_encoders(state);
   state.observation.torque = state.memory.torque;
   std::ranges::copy(state.memory.tip_force, state.tip_force.begin());
   for (std::size_t i = 0; i < state.model_position.size(); ++i) {
@@ -311,6 +347,30 @@ void Simulator::observe(const mjData_& data, State& state) const noexcept {
   }
   for (std::size_t i = 0; i < state.objects.size(); ++i) {
     state.objects[i] = object_pose(model_->objects()[i], data);
+  }
+}
+
+// What the encoders at the motors say of the true positions and velocities.
+void Simulator::read_encoders(State& state) const noexcept {
+  const Memory& memory = state.memory;
+  const Variation& variation = memory.counters.variation;
+  const std::size_t n = num_joints();
+  Observation& seen = state.observation;
+  for (std::size_t i = 0; i < n; ++i) {
+    seen.position[i] += memory.in_play[i];
+    seen.velocity[i] += memory.play_speed[i];
+  }
+  if (memory.counters.num_measured > 0) {
+    const auto delay = static_cast<std::uint64_t>(variation.measurement_delay);
+    const std::size_t oldest = memory.counters.num_measured % delay * 2 * n;
+    std::copy_n(memory.measured.data() + oldest, n, seen.position.begin());
+    std::copy_n(memory.measured.data() + oldest + n, n, seen.velocity.begin());
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (variation.homing_error > 0.0) {
+      seen.position[i] += variation.homing_error * share_of(Of::kHoming, i, variation.seed);
+    }
+    seen.velocity[i] += memory.velocity_noise[i];
   }
 }
 
@@ -349,15 +409,77 @@ bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjDa
     if (actuator_) {
       memory.torque[i] = available_torque(*actuator_, memory.torque[i], model_->velocity(i, data));
     }
-    model_->set_torque(i, counters.variation.motor_gain * memory.torque[i], data);
+    model_->set_torque(i, delivered(i, data, memory), data);
   }
+  if (counters.variation.measurement_delay > 0) pass_on_measurements(data, state);
   if (puller != nullptr) {
     puller->step(model, data, substeps_);
   } else {
     for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
   }
+  if (counters.variation.backlash > 0.0) turn_in_play(model, data, memory);
+  if (counters.variation.velocity_noise > 0.0) {
+    for (double& noise : memory.velocity_noise) {
+      noise = counters.variation.velocity_noise * counters.random.normal();
+    }
+  }
   measure_tip_forces(model, data, state);
   return SceneModel::is_finite(model, data);
+}
+
+// Notes what the encoders say before a step, so that it is known `measurement_delay` steps later.
+void Simulator::pass_on_measurements(const mjData_& data, State& state) const noexcept {
+  Memory& memory = state.memory;
+  const std::size_t n = num_joints();
+  const auto delay = static_cast<std::uint64_t>(memory.counters.variation.measurement_delay);
+  const auto note = [&](std::uint64_t number) {
+    double* const slot = memory.measured.data() + number % delay * 2 * n;
+    for (std::size_t i = 0; i < n; ++i) {
+      slot[i] = model_->position(i, data) + memory.in_play[i];
+      slot[n + i] = model_->velocity(i, data) + memory.play_speed[i];
+    }
+  };
+  // What was before the first step was like it.
+  for (std::uint64_t i = 0; memory.counters.num_measured == 0 && i < delay; ++i) note(i);
+  note(memory.counters.num_measured++);
+}
+
+// The torque that reaches the joint, of the one that its motor measures.
+double Simulator::delivered(std::size_t joint, const mjData_& data,
+                            const Memory& memory) const noexcept {
+  const Variation& variation = memory.counters.variation;
+  double torque = variation.motor_gain * memory.torque[joint];
+  if (variation.motor_spread > 0.0) {
+    torque *= 1.0 + variation.motor_spread * share_of(Of::kGain, joint, variation.seed);
+  }
+  if (variation.torque_ripple > 0.0) {
+    const double phase = std::numbers::pi * share_of(Of::kRipple, joint, variation.seed);
+    const double turned = model_->position(joint, data) + memory.in_play[joint];
+    torque *= 1.0 + variation.torque_ripple * std::sin(kRipplesPerRadian * turned + phase);
+  }
+  if (variation.backlash == 0.0) return torque;
+  // Within its play a motor turns alone, at one of its ends it can only push.
+  const bool is_at_end = std::abs(memory.in_play[joint]) == 0.5 * variation.backlash;
+  return is_at_end && torque * memory.in_play[joint] > 0.0 ? torque : 0.0;
+}
+
+// Moves each motor against its joint by what its torque does to its rotor, after a step.
+void Simulator::turn_in_play(const mjModel_& model, const mjData_& data,
+                             Memory& memory) const noexcept {
+  const double end = 0.5 * memory.counters.variation.backlash;
+  const double step = std::chrono::duration<double>(options_.period).count();
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const double inertia = std::max(model_->rotor_inertia(i, model), 1e-9);
+    const double acceleration = memory.counters.variation.motor_gain * memory.torque[i] / inertia -
+                                model_->acceleration(i, data);
+    double& place = memory.in_play[i];
+    double& speed = memory.play_speed[i];
+    speed += step * acceleration;
+    place += step * speed;
+    if (std::abs(place) < end) continue;
+    place = std::copysign(end, place);
+    speed = 0.0;
+  }
 }
 
 void Simulator::measure_tip_forces(const mjModel_& model, mjData_& data,

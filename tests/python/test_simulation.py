@@ -311,6 +311,27 @@ def test_a_configuration_says_how_objects_move_at_the_start() -> None:
         simulation.reset()
 
 
+def test_a_robot_as_built_measures_what_is_not_quite_true() -> None:
+    built = trifinger.Variation.of("as built", seed=3)
+    assert built.homing_error == 0.005
+    assert built.backlash == trifinger.Variation.of("as built", seed=3).backlash
+    assert built.backlash != trifinger.Variation.of("as built", seed=4).backlash
+    assert trifinger.Variation.of("as documented", seed=3).homing_error == 0
+    with pytest.raises(trifinger.InvalidArgument, match="'new' is no condition of a robot"):
+        trifinger.Variation.of("new", seed=3)
+
+    def seen(variation: trifinger.Variation) -> list[float]:
+        simulation = trifinger.Simulation()
+        simulation.vary(variation)
+        simulation.reset()
+        with simulation.connect() as robot:
+            return list(robot.latest_observation().position)
+
+    true = seen(trifinger.Variation.of("as documented", seed=3))
+    for one, other in zip(seen(built), true, strict=True):
+        assert 0 < abs(one - other) <= 0.005
+
+
 def test_the_friction_of_one_pair_can_vary() -> None:
     def slide(**variation: Any) -> float:
         simulation = trifinger.Simulation()

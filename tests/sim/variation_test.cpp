@@ -106,7 +106,8 @@ TEST(Variation, ReachesTheModel) {
                       .rotor_inertia = 3.0,
                       .joint_damping = 4.0,
                       .joint_friction = 0.02,
-                      .stop_margin = 0.5};
+                      .stop_margin = 0.5,
+                      .tip_radius = 1.1};
   variation.pair_friction[SurfacePair::kTipObject] = 0.25;
   variation.pair_friction[SurfacePair::kObjectTable] = 0.3;
   const SceneModel::Compiled varied = simulator.make_varied_model(variation);
@@ -121,6 +122,11 @@ TEST(Variation, ReachesTheModel) {
       EXPECT_DOUBLE_EQ(varied->dof_frictionloss[i], 0.01 + 0.02);
       EXPECT_DOUBLE_EQ(varied->jnt_range[2 * i], usual.jnt_range[2 * i] + 0.1);
       EXPECT_DOUBLE_EQ(varied->jnt_range[2 * i + 1], usual.jnt_range[2 * i + 1] - 0.1);
+    }
+    for (const int tip : simulator.model().tip_geoms()) {
+      EXPECT_DOUBLE_EQ(varied->geom_size[3 * tip], 1.1 * usual.geom_size[3 * tip]);
+      EXPECT_DOUBLE_EQ(varied->geom_rbound[tip], 1.1 * usual.geom_rbound[tip]);
+      EXPECT_DOUBLE_EQ(varied->geom_aabb[6 * tip + 3], 1.1 * usual.geom_aabb[6 * tip + 3]);
     }
     ASSERT_EQ(static_cast<int>(varied->npair), 3 + 1);
     int of_tips = 0;
@@ -161,7 +167,7 @@ TimeIndex steps_until_felt(TimeIndex delay) {
 }
 
 TEST(Variation, OfTheDelayMovesTheTorqueByThatManySteps) {
-  for (const TimeIndex delay : {TimeIndex{0}, TimeIndex{1}, Variation::kMaxTorqueDelay}) {
+  for (const TimeIndex delay : {TimeIndex{0}, TimeIndex{1}, Variation::kMaxDelay}) {
     // The effect of a step is visible in the next one.
     EXPECT_EQ(steps_until_felt(delay), delay + 1);
   }
@@ -197,7 +203,16 @@ TEST(Variation, StaysWhateverIsResetAndGoesIntoSavedStates) {
                       .rotor_inertia = 0.8,
                       .joint_damping = 2.0,
                       .joint_friction = 0.005,
-                      .stop_margin = 0.5};
+                      .stop_margin = 0.5,
+                      .homing_error = 0.01,
+                      .motor_spread = 0.1,
+                      .torque_ripple = 0.05,
+                      .seed = 9,
+                      .backlash = 0.004,
+                      .measurement_delay = 2,
+                      .velocity_noise = 0.02,
+                      .motor_heat = 0.5,
+                      .tip_radius = 1.1};
   variation.pair_friction[SurfacePair::kObjectTable] = 0.6;
   const Simulation simulation;
   simulation.robot().vary(variation);
@@ -248,12 +263,20 @@ TEST(Variation, IsRefusedWhereItMakesNoSense) {
   refuses({.object_mass = 0.0}, "object_mass is 0");
   refuses({.friction = -1.0}, "friction is -1");
   refuses({.motor_gain = std::numeric_limits<double>::quiet_NaN()}, "motor_gain is nan");
-  refuses({.torque_delay = Variation::kMaxTorqueDelay + 1}, "torque_delay is 11");
+  refuses({.torque_delay = Variation::kMaxDelay + 1}, "torque_delay is 11");
   refuses({.contact_time = 0.0}, "contact_time is 0");
   refuses({.rotor_inertia = -1.0}, "rotor_inertia is -1");
   refuses({.joint_damping = -1.0}, "joint_damping is -1");
   refuses({.joint_friction = -0.1}, "joint_friction is -0.1");
   refuses({.stop_margin = -1.0}, "stop_margin is -1");
+  refuses({.homing_error = -1.0}, "homing_error is -1");
+  refuses({.motor_spread = 1.0}, "motor_spread is 1");
+  refuses({.torque_ripple = 1.0}, "torque_ripple is 1");
+  refuses({.backlash = -1.0}, "backlash is -1");
+  refuses({.measurement_delay = -1}, "measurement_delay is -1");
+  refuses({.velocity_noise = -1.0}, "velocity_noise is -1");
+  refuses({.motor_heat = 1.0}, "motor_heat is 1");
+  refuses({.tip_radius = 0.0}, "tip_radius is 0");
   Variation pairs;
   pairs.pair_friction[SurfacePair::kTipTable] = -0.5;
   refuses(pairs, "pair_friction of tip_table is -0.5");

@@ -54,7 +54,7 @@ class CountedChain {
   /// What the checks remember of each joint.
   [[nodiscard]] std::span<JointMemory> memory() noexcept { return memory_.joints; }
   [[nodiscard]] std::span<const JointMemory> memory() const noexcept { return memory_.joints; }
-  void forget() noexcept;
+  void forget(double heat = 0.0) noexcept;
 
   /// For `UntypedDriver::fault_text` and `rejection_text`.
   [[nodiscard]] std::string_view fault_text() const noexcept { return fault_text_.view(); }

@@ -111,6 +111,9 @@ class SceneModel {
   /// @{
   [[nodiscard]] double position(std::size_t joint, const mjData_& data) const noexcept;
   [[nodiscard]] double velocity(std::size_t joint, const mjData_& data) const noexcept;
+  [[nodiscard]] double acceleration(std::size_t joint, const mjData_& data) const noexcept;
+  /// What its motor alone adds to the joint's inertia in `model`, a copy of this one [kg m^2].
+  [[nodiscard]] double rotor_inertia(std::size_t joint, const mjModel_& model) const noexcept;
   /// Moves the joint there; coupled joints share the way as the torque of their motor would, and
   /// joints that follow by an equality go where it says.
   void set_position(std::size_t joint, double position, mjData_& data) const noexcept;

@@ -138,6 +138,9 @@ class SimulatedRobot final : public UntypedDriver {
   /// may have moved it since.
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose observed_object_pose(const std::string& name) const;
+  /// True positions of the driven joints at the newest observation, whatever its encoders say
+  /// [rad], [m].
+  [[nodiscard]] std::span<const double> true_position() const noexcept { return state_.position; }
   /// The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
   /// velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects

@@ -50,6 +50,7 @@ class Simulator {
     /// The numbers whose count is the same for all robots.
     struct Counters {
       std::uint64_t num_sent{0};
+      std::uint64_t num_measured{0};
       Variation variation{};
       Random random{};  ///< Random numbers for the noise on poses.
       TimeIndex step{0};
@@ -64,6 +65,12 @@ class Simulator {
     PerJoint<double> torque;          ///< Torques measured in the last step [Nm], [N].
     std::vector<double> tip_force{};  ///< Tip forces measured in the last step [N].
     std::vector<double> sent{};       ///< Torques on their way to the motors, in a ring [Nm].
+    /// Positions and velocities on their way from the encoders, in a ring.
+    std::vector<double> measured{};
+    std::vector<double> velocity_noise{};  ///< Of the newest measurement [rad/s], [m/s].
+    /// Where each motor is in its play [rad], [m], and how fast it turns against its joint.
+    std::vector<double> in_play{};
+    std::vector<double> play_speed{};
   };
 
   /// The poses of all objects at one instant.
@@ -85,7 +92,8 @@ class Simulator {
     std::vector<double> model_position{};  ///< All hinges and slides; empty if all are driven.
     std::vector<double> model_velocity{};
     /// @}
-    /// True poses of all objects at that observation.
+    /// True positions of the driven joints and poses of all objects at that observation.
+    PerJoint<double> position;
     std::vector<ObjectPose> objects{};
     bool has_initial_pose{false};
   };
@@ -118,7 +126,8 @@ class Simulator {
   /// @throws InvalidArgument that names it, or the value found and the values allowed
   void check(const Variation& variation) const;
   /// Makes `varied`, from `make_varied_model`, differ from the model by `variation`. The contents
-  /// of `data` are lost. Gain and delay of the motors take effect through `Memory`.
+  /// of `data` are lost. What concerns motors and encoders takes
+  /// effect through `Memory`.
   void vary(const Variation& variation, mjModel_& varied, mjData_& data) const noexcept;
   /// Makes a copy of the model that can be varied. The copy has a separate friction for each pair
   /// of surfaces whose factor in `variation` is not 1. The model itself has this only if the
@@ -176,6 +185,11 @@ class Simulator {
   void vary_pairs(const Variation& variation, mjModel_& varied) const noexcept;
   void vary_joints(const Variation& variation, mjModel_& varied) const noexcept;
   void capture(const mjData_& data, State& state, Capture& capture) const noexcept;
+  void read_encoders(State& state) const noexcept;
+  void pass_on_measurements(const mjData_& data, State& state) const noexcept;
+  [[nodiscard]] double delivered(std::size_t joint, const mjData_& data,
+                                 const Memory& memory) const noexcept;
+  void turn_in_play(const mjModel_& model, const mjData_& data, Memory& memory) const noexcept;
   void measure_tip_forces(const mjModel_& model, mjData_& data, State& state) const noexcept;
 
   SimulationOptions options_;

@@ -26,8 +26,6 @@ constexpr Seconds kLongestPinch{5.0};
 constexpr Seconds kPinchCheckTime{1.0};
 constexpr double kPinchRate = 3.0;      // [N/s]
 constexpr double kCarryRate = 2.5;      // Of the share of the weight [1/s].
-constexpr double kPinchedSpeed = 4e-3;  // Of tips that have closed [m/s].
-constexpr Seconds kPinchedTime{0.1};
 constexpr double kPinchFit = 8e-3;  // Largest error of the distance of tips that pinch [m].
 constexpr Seconds kPinchNumbTime{0.05};
 // The tip that turns is this far from the face before and after a turn [m].
@@ -410,15 +408,14 @@ void PinchedHandling::begin_pinch() noexcept {
   middle_trajectory_.rest_at(pinch_.centre);
   squeeze_ = 0.0;
   carried_ = 0.0;
-  still_ = numb_ = Seconds(0);
+  numb_ = Seconds(0);
+  closed_.restart();
   corrections_ = 0;
   turned_ = 0.0;
 }
 
 void PinchedHandling::pinch(Seconds elapsed) noexcept {
-  const double closing =
-      (servo_.velocity(pinch_.right) - servo_.velocity(pinch_.left)).dot(pinch_.axis);
-  still_ = std::abs(closing) < kPinchedSpeed && is_pinched() ? still_ + elapsed : Seconds(0);
+  closed_.follow(distance_, elapsed, is_pinched());
   if (!is_pressed() && clock_.in_phase() > kLongestPinch)
     open("the object was not between the tips");
 }
@@ -499,7 +496,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   if (!holds()) return;
 
   double squeeze = config_.pinch_force;
-  if (phase_ == Phase::kPinch && still_ < kPinchedTime) squeeze = config_.closing_force;
+  if (phase_ == Phase::kPinch && !closed_.is_still()) squeeze = config_.closing_force;
   if (phase_ == Phase::kLoosen) squeeze = config_.loose_force;
   const double weight = phase_ > Phase::kPinch && phase_ < Phase::kLoosen ? 1.0 : 0.0;
   squeeze_ = towards(squeeze_, squeeze, kPinchRate * elapsed.count());

@@ -24,8 +24,6 @@ constexpr Seconds kCheckTime{1.0};
 constexpr double kStillPlace = 1e-3;  // Between two looks at a pen that rests [m].
 constexpr double kStillTilt = 0.01;   // [rad]
 constexpr Seconds kNumbTime{0.1};
-constexpr Seconds kStillTime{0.1};
-constexpr double kStillSpeed = 5e-3;  // Tips that have closed are slower [m/s].
 constexpr double kFit = 6e-3;         // Largest error of the distance of tips that hold [m].
 constexpr double kMaxLean = 0.35;     // A pen in its holder leans less [rad].
 const Vector3d kDown = -Vector3d::UnitZ();
@@ -220,17 +218,16 @@ void Draw::watch(Seconds elapsed) noexcept {
 
 void Draw::begin_closing() noexcept {
   squeeze_ = 0.0;
-  still_ = Seconds(0);
+  closed_.restart();
 }
 
 void Draw::close(Seconds elapsed) noexcept {
-  const bool is_still =
-      std::abs(gap(velocities())) < kStillSpeed && std::abs(gap(tips()) - 2 * radii_) < kFit;
-  still_ = is_still ? still_ + elapsed : Seconds(0);
+  const double distance = gap(tips());
+  closed_.follow(distance, elapsed, std::abs(distance - 2 * radii_) < kFit);
   if (!has_closed() && clock_.in_phase() > kLongestClose) open("the pen was not between the tips");
 }
 
-bool Draw::has_closed() const noexcept { return still_ >= kStillTime; }
+bool Draw::has_closed() const noexcept { return closed_.is_still(); }
 
 void Draw::grip(Seconds /*elapsed*/) noexcept {
   if (squeeze_ >= config_.grip.force) return;

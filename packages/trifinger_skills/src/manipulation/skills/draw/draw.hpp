@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "manipulation/parts/object_of.hpp"
+#include "manipulation/parts/stillness.hpp"
 #include "manipulation/parts/tips_skill.hpp"
 #include "manipulation/skills/draw/draw_config.hpp"
 #include "manipulation/skills/draw/line_part.hpp"
@@ -202,7 +203,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Eigen::Vector3d correction_{Eigen::Vector3d::Zero()};  // Makes up for errors of the direction.
   double squeeze_{0.0};                                  // [N]
   double press_{0.0};  // The nib presses on the paper with it [N].
-  Seconds still_{0};
+  Stillness closed_{5e-4, control::Seconds(0.1)};  // Of the distance of the tips.
   Seconds numb_{0};
   bool is_lost_{false};
   std::size_t stroke_{0};

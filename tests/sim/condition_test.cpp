@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/condition.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger {
+namespace {
+
+TEST(Condition, IsPerfectAsDocumented) {
+  Random random{.seed = 1};
+  EXPECT_EQ(draw(Condition::kAsDocumented, random), Variation{});
+  EXPECT_EQ(random, Random{.seed = 1});
+}
+
+TEST(Condition, GivesRobotsThatDifferAndThatASimulationTakes) {
+  SimulatedRobot robot;
+  for (const Condition condition : {Condition::kAsBuilt, Condition::kWorn}) {
+    for (std::uint64_t seed = 0; seed < 50; ++seed) {
+      Random first{.seed = seed};
+      Random second{.seed = seed};
+      Random other{.seed = seed + 1000};
+      const Variation drawn = draw(condition, first);
+      robot.vary(drawn);
+      EXPECT_EQ(drawn, draw(condition, second));
+      EXPECT_NE(drawn, draw(condition, other));
+    }
+  }
+}
+
+TEST(Condition, IsFoundByItsName) {
+  for (const Condition condition :
+       {Condition::kAsDocumented, Condition::kAsBuilt, Condition::kWorn}) {
+    EXPECT_EQ(condition_from_name(name_of(condition)), condition);
+  }
+  EXPECT_THROW((void)condition_from_name("new"), InvalidArgument);
+}
+
+}  // namespace
+}  // namespace trifinger
