@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/sim/condition.hpp"
+#include "sim/condition.hpp"
 
 #include <algorithm>
 #include <array>
