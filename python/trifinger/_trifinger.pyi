@@ -684,6 +684,41 @@ class Variation:
     @property
     def stop_margin(self) -> float: ...
 
+    @property
+    def homing_error(self) -> float: ...
+
+    @property
+    def motor_spread(self) -> float: ...
+
+    @property
+    def torque_ripple(self) -> float: ...
+
+    @property
+    def seed(self) -> int: ...
+
+    @property
+    def backlash(self) -> float: ...
+
+    @property
+    def measurement_delay(self) -> int: ...
+
+    @property
+    def velocity_noise(self) -> float: ...
+
+    @property
+    def motor_heat(self) -> float: ...
+
+    @property
+    def tip_radius(self) -> float: ...
+
+    @staticmethod
+    def of(condition: str, seed: int) -> Variation:
+        """
+        A robot that is "as documented", "as built" or "worn", for `Simulation.vary`; equal seeds give equal robots.
+        docs/simulation.md says how far its joints, motors, encoders and tips are from what is documented.
+        Raises InvalidArgument for another condition.
+        """
+
 class Simulation:
     """
     A simulated robot in this process. Its back-end runs inside the waits of its front-end: no threads,
@@ -723,12 +758,11 @@ class Simulation:
         """
 
     @overload
-    def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, pair_friction: dict[str, float] = {}, contact_time: float = 1.0, motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, joint_damping: float = 1.0, joint_friction: float = 0.0, stop_margin: float = 1.0) -> None:
+    def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, pair_friction: dict[str, float] = {}, contact_time: float = 1.0, motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, joint_damping: float = 1.0, joint_friction: float = 0.0, stop_margin: float = 1.0, homing_error: float = 0.0, motor_spread: float = 0.0, torque_ripple: float = 0.0, seed: int = 0, backlash: float = 0.0, measurement_delay: int = 0, velocity_noise: float = 0.0, motor_heat: float = 0.0, tip_radius: float = 1.0) -> None:
         """
-        Makes the simulation differ from its configuration from now on. A reset does not change this. Each
-        number is a factor, except `torque_delay`, the steps until motors deliver a torque, and
-        `joint_friction`, the dry friction added in the joints [Nm]. `pair_friction` has additional factors
-        for pairs of surfaces, for example {"tip_object": 0.8}; docs/simulation.md names them.
+        Makes the simulation differ from its configuration from now on. A reset does not change this.
+        docs/simulation.md explains every number, and names the pairs of surfaces for which `pair_friction` has
+        additional factors, as in {"tip_object": 0.8}.
         """
 
     def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = [1.0, 0.0, 0.0, 0.0]) -> None:
