@@ -24,8 +24,8 @@ using Eigen::Vector3d;
 
 constexpr Seconds kLongestPinch{5.0};
 constexpr Seconds kPinchCheckTime{1.0};
-constexpr double kPinchRate = 3.0;      // [N/s]
-constexpr double kCarryRate = 2.5;      // Of the share of the weight [1/s].
+constexpr double kPinchRate = 3.0;  // [N/s]
+constexpr double kCarryRate = 2.5;  // Of the share of the weight [1/s].
 constexpr double kPinchFit = 8e-3;  // Largest error of the distance of tips that pinch [m].
 constexpr Seconds kPinchNumbTime{0.05};
 // The tip that turns is this far from the face before and after a turn [m].

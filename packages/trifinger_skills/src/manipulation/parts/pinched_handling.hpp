@@ -185,8 +185,8 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   Eigen::Vector3d middle_{Eigen::Vector3d::Zero()};  // Of the pinching tips, as measured.
   double distance_{0.0};                             // Of the pinching tips.
   TipTrajectory middle_trajectory_;
-  double squeeze_{0.0};  // Force of the pinch [N].
-  double carried_{0.0};  // Share of the weight that is carried.
+  double squeeze_{0.0};                            // Force of the pinch [N].
+  double carried_{0.0};                            // Share of the weight that is carried.
   Stillness closed_{4e-4, control::Seconds(0.1)};  // Of the distance.
   Seconds numb_{0};
   double turn_from_{0.0};

@@ -24,8 +24,8 @@ constexpr Seconds kCheckTime{1.0};
 constexpr double kStillPlace = 1e-3;  // Between two looks at a pen that rests [m].
 constexpr double kStillTilt = 0.01;   // [rad]
 constexpr Seconds kNumbTime{0.1};
-constexpr double kFit = 6e-3;         // Largest error of the distance of tips that hold [m].
-constexpr double kMaxLean = 0.35;     // A pen in its holder leans less [rad].
+constexpr double kFit = 6e-3;      // Largest error of the distance of tips that hold [m].
+constexpr double kMaxLean = 0.35;  // A pen in its holder leans less [rad].
 const Vector3d kDown = -Vector3d::UnitZ();
 
 }  // namespace

@@ -202,7 +202,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Eigen::Vector3d shift_{Eigen::Vector3d::Zero()};  // Makes up for errors of the nib.
   Eigen::Vector3d correction_{Eigen::Vector3d::Zero()};  // Makes up for errors of the direction.
   double squeeze_{0.0};                                  // [N]
-  double press_{0.0};  // The nib presses on the paper with it [N].
+  double press_{0.0};                              // The nib presses on the paper with it [N].
   Stillness closed_{5e-4, control::Seconds(0.1)};  // Of the distance of the tips.
   Seconds numb_{0};
   bool is_lost_{false};
