@@ -5,7 +5,6 @@ import argparse
 import json
 import os
 import select
-import signal
 import statistics
 import subprocess
 import sys
@@ -373,7 +372,7 @@ def learning(minutes: float, *, simulated: bool = False) -> bool:
             time.sleep(1.0)
             learns = json.loads(tally.read_text())["tally"]["episodes"] > before
         holds = learns
-        learn.send_signal(signal.SIGINT)
+        learn.terminate()
         learn.wait()
         print((folder / "f/report.md").read_text())
         for what, usage in usages.items():
