@@ -19,10 +19,10 @@
 
 #include "boards/emulated_fault.hpp"
 #include "endurance/simulated.hpp"
-#include "endurance/simulated_boards.hpp"
 #include "learning/experience.hpp"
 #include "shared/signals.hpp"
 #include "sim/boards_config.hpp"
+#include "sim/simulated_boards.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/sensor.hpp"
@@ -35,11 +35,11 @@ namespace {
 
 using trifinger::ManualClock;
 using trifinger::Nanoseconds;
+using trifinger::SimulatedBoards;
 using trifinger::apps::InjectedFault;
 using trifinger::apps::Signals;
-using trifinger::apps::SimulatedBoards;
 
-// The time that passes after a fault, before somebody clears it: all faults are over by then.
+// The time that passes after each session, before the next one: all faults are over by then.
 constexpr Nanoseconds kRest = std::chrono::seconds(10);
 
 // Plans faults of the boards, and returns their texts.
@@ -47,8 +47,8 @@ std::vector<std::string> plan_faults(SimulatedBoards& boards, Nanoseconds every,
                                      std::size_t count) {
   std::vector<std::string> texts;
   for (std::uint64_t number = 0; texts.size() < count; ++number) {
-    const InjectedFault fault =
-        trifinger::apps::fault_to_inject(number, 1, boards.num_boards(), boards.num_joints());
+    const InjectedFault fault = trifinger::apps::fault_to_inject(
+        number, 1, boards.options().interfaces.size(), boards.options().motors.size());
     if (fault.kind != InjectedFault::Kind::kBoards) continue;
     texts.push_back(fault.text);
     trifinger::boards::EmulatedFault planned = trifinger::boards::parse_fault(fault.text);

@@ -81,7 +81,7 @@ std::string page(const Options& options, const std::vector<JudgedRow>& rows,
                  const Heaviest& heaviest, double pro_height) {
   std::string text = fmt::format(
       "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n# Optimal control: results\n\n"
-      "Written by `./run evaluate control --seeds {} --first-seed {}`. Each trial is a simulation "
+      "Written by `{}`. Each trial is a simulation "
       "of its own with a start of the\n"
       "cube within 3 cm of the centre and any yaw, a mass that is up to 20 % off, tip friction 0.6 "
       "to 1.0, and poses at 100 Hz that\n"
@@ -89,7 +89,7 @@ std::string page(const Options& options, const std::vector<JudgedRow>& rows,
       "of it. It is judged by the true\n"
       "poses, from the begin of the line or circle until the release; a cube that was grasped "
       "again counts as a failure.\n\n",
-      options.seeds, options.first_seed);
+      options.command("control"));
   text += cube_columns();
   for (const JudgedRow& done : rows) text += line_of(done);
   text += fmt::format(

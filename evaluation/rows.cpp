@@ -50,6 +50,12 @@ double JudgedRow::least(std::string_view figure) const {
   return least;
 }
 
+std::string Options::command(const std::string& name) const {
+  const bool is_usual = condition == Condition::kAsDocumented;
+  return fmt::format("./run evaluate {} --seeds {} --first-seed {}{}", name, seeds, first_seed,
+                     is_usual ? "" : fmt::format(" --condition \"{}\"", name_of(condition)));
+}
+
 std::vector<Report> run_all(const Options& options, const SkillRow& row) {
   std::vector<Report> reports(static_cast<std::size_t>(std::min(options.seeds, row.most_trials)));
   std::atomic<std::size_t> next{0};

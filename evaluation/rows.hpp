@@ -18,7 +18,10 @@ struct Options {
   std::uint64_t first_seed{1};
   std::filesystem::path output;
   std::vector<std::string> only{};                // Skills; all if there are none.
-  Condition condition{Condition::kAsDocumented};  // Of the robot.
+  Condition condition{Condition::kAsDocumented};  // How well the robots are built.
+
+  // The command that repeats the evaluation `name`.
+  [[nodiscard]] std::string command(const std::string& name) const;
 };
 
 // A row whose trials have been run.

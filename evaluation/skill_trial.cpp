@@ -155,11 +155,15 @@ std::vector<manipulation::Figure> figures_of(const manipulation::Skill& skill,
 // A robot on emulated motor boards, in time of its own.
 SkillTrialResult run_on_boards(const SkillTrial& trial) {
   if (trial.interfere) throw InvalidArgument("nobody meddles beside emulated boards");
-  BoardWorld world(*trial.boards, trial.simulation);
+  if (trial.condition != Condition::kAsDocumented) {
+    throw InvalidArgument("joints on emulated boards are as documented");
+  }
+  ManualClock clock;
+  BoardWorld world(*trial.boards, trial.simulation, clock);
   SessionHost host = SessionHost::anonymous();
   Backend backend(world, host,
                   {.mode = BackendOptions::Mode::kNonRealTime, .period = trial.simulation.period},
-                  world.clock());
+                  clock);
   Frontend<TriFinger> robot(backend, {.strict = true});
   const auto skill = make(trial);
   const std::string object(skill->object());

@@ -18,13 +18,13 @@ namespace {
 std::string page(const Options& options, const std::vector<JudgedRow>& rows) {
   std::string text = fmt::format(
       "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n# Skills: results\n\n"
-      "Written by `./run evaluate skills --seeds {} --first-seed {}`. Each trial is a simulation "
+      "Written by `{}`. Each trial is a simulation "
       "of "
       "its own that differs in mass, friction,\ndelay and noise of the poses and in the start "
       "([how](../skills.md)); the controller knows none of it. It is judged by what was true\n"
       "in the simulation, not by what the skill saw.\n\n"
       "| what | reach | succeed | figure | holds |\n|---|---|---|---|---|\n",
-      options.seeds, options.first_seed);
+      options.command("skills"));
   for (const JudgedRow& done : rows) {
     text += fmt::format("| {} | {} | {} of {} | {}: {} | {} |\n", done.row.what, done.row.reach,
                         done.successes(), done.reports.size(), done.row.figure, done.spread(),

@@ -56,14 +56,14 @@ SkillRow knowing(std::string what, const Pair& pair) {
 std::string page(const Options& options, const std::vector<JudgedRow>& rows) {
   std::string text = fmt::format(
       "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n# Lifting and sliding by sight: results\n\n"
-      "Written by `./run evaluate vision --seeds {} --first-seed {}`. The cube is known only from "
+      "Written by `{}`. The cube is known only from "
       "the images of three\n"
       "simulated cameras, 540 x 540 pixels at 30 Hz; its poses are 35 ms old. Light, colours, "
       "dust, noise and gain vary, and the\n"
       "calibration is 0.5 pixels off. Start, mass and friction vary as in "
       "[control.md](control.md). "
       "It is judged by the true poses.\n\n",
-      options.seeds, options.first_seed);
+      options.command("vision"));
   text += cube_columns();
   for (const JudgedRow& done : rows) text += line_of(done);
   for (const JudgedRow& done : rows) text += details_of(done, options.first_seed);

@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+import time
 from pathlib import Path
 
 NICENESS = 5  # a third of the share of an equal process
@@ -14,7 +15,11 @@ def be_nice() -> None:
     Between login sessions Linux compares another number (sched(7), "The autogroup feature"), so the
     leader of a session of its own sets that one as well.
     """
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError):  # as on a kernel without these groups
         os.nice(NICENESS)
-        if os.getsid(0) == os.getpid():
-            Path("/proc/self/autogroup").write_text(str(NICENESS))
+        for _ in range(20 * (os.getsid(0) == os.getpid())):
+            try:
+                Path("/proc/self/autogroup").write_text(str(NICENESS))
+                break
+            except BlockingIOError:  # all users together may do it ten times a second
+                time.sleep(0.1)

@@ -444,9 +444,9 @@ void Simulator::pass_on_measurements(const mjData_& data, State& state) const no
   note(memory.counters.num_measured++);
 }
 
-// The torque that reaches the joint, of the one that its motor measures.
-double Simulator::delivered(std::size_t joint, const mjData_& data,
-                            const Memory& memory) const noexcept {
+// What a motor gives when it measures its torque.
+double Simulator::motor_torque(std::size_t joint, const mjData_& data,
+                               const Memory& memory) const noexcept {
   const Variation& variation = memory.counters.variation;
   double torque = variation.motor_gain * memory.torque[joint];
   if (variation.motor_spread > 0.0) {
@@ -457,9 +457,17 @@ double Simulator::delivered(std::size_t joint, const mjData_& data,
     const double turned = model_->position(joint, data) + memory.in_play[joint];
     torque *= 1.0 + variation.torque_ripple * std::sin(kRipplesPerRadian * turned + phase);
   }
-  if (variation.backlash == 0.0) return torque;
+  return torque;
+}
+
+// What of it reaches the joint.
+double Simulator::delivered(std::size_t joint, const mjData_& data,
+                            const Memory& memory) const noexcept {
+  const double torque = motor_torque(joint, data, memory);
+  const double backlash = memory.counters.variation.backlash;
+  if (backlash == 0.0) return torque;
   // Within its play a motor turns alone, at one of its ends it can only push.
-  const bool is_at_end = std::abs(memory.in_play[joint]) == 0.5 * variation.backlash;
+  const bool is_at_end = std::abs(memory.in_play[joint]) == 0.5 * backlash;
   return is_at_end && torque * memory.in_play[joint] > 0.0 ? torque : 0.0;
 }
 
@@ -470,8 +478,8 @@ void Simulator::turn_in_play(const mjModel_& model, const mjData_& data,
   const double step = std::chrono::duration<double>(options_.period).count();
   for (std::size_t i = 0; i < num_joints(); ++i) {
     const double inertia = std::max(model_->rotor_inertia(i, model), 1e-9);
-    const double acceleration = memory.counters.variation.motor_gain * memory.torque[i] / inertia -
-                                model_->acceleration(i, data);
+    const double acceleration =
+        motor_torque(i, data, memory) / inertia - model_->acceleration(i, data);
     double& place = memory.in_play[i];
     double& speed = memory.play_speed[i];
     speed += step * acceleration;

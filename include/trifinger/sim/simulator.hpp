@@ -67,7 +67,7 @@ class Simulator {
     std::vector<double> sent{};       ///< Torques on their way to the motors, in a ring [Nm].
     /// Positions and velocities on their way from the encoders, in a ring.
     std::vector<double> measured{};
-    std::vector<double> velocity_noise{};  ///< Of the newest measurement [rad/s], [m/s].
+    std::vector<double> velocity_noise{};  ///< Errors of the newest velocities [rad/s], [m/s].
     /// Where each motor is in its play [rad], [m], and how fast it turns against its joint.
     std::vector<double> in_play{};
     std::vector<double> play_speed{};
@@ -187,6 +187,8 @@ class Simulator {
   void capture(const mjData_& data, State& state, Capture& capture) const noexcept;
   void read_encoders(State& state) const noexcept;
   void pass_on_measurements(const mjData_& data, State& state) const noexcept;
+  [[nodiscard]] double motor_torque(std::size_t joint, const mjData_& data,
+                                    const Memory& memory) const noexcept;
   [[nodiscard]] double delivered(std::size_t joint, const mjData_& data,
                                  const Memory& memory) const noexcept;
   void turn_in_play(const mjModel_& model, const mjData_& data, Memory& memory) const noexcept;

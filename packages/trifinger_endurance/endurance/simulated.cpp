@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "boards/emulated_fault.hpp"
-#include "endurance/simulated_boards.hpp"
 #include "sim/boards_config.hpp"
+#include "sim/simulated_boards.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -82,8 +82,50 @@ InjectedFault fault_to_inject(std::uint64_t number, std::uint64_t seed, std::siz
   return {.kind = Kind::kBoards, .text = std::move(text)};
 }
 
+// What the back-end drives, and what lives on while nobody drives it.
+class SimulatedPlace::World {
+ public:
+  World() = default;
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+  virtual ~World() = default;
+
+  [[nodiscard]] virtual UntypedDriver& driver() noexcept = 0;
+  // Whether steps of the driver move the clock by themselves.
+  [[nodiscard]] virtual bool moves_clock() const noexcept = 0;
+  virtual void pass(Nanoseconds time) = 0;
+  // The back-end was started anew.
+  virtual void restart() = 0;
+  [[nodiscard]] virtual std::size_t num_boards() const noexcept = 0;
+  [[nodiscard]] virtual std::size_t num_joints() const noexcept = 0;
+  virtual void add(const std::string& fault) = 0;
+};
+
+// A robot on emulated motor boards.
+class SimulatedPlace::BoardWorld final : public World {
+ public:
+  BoardWorld(boards::BoardRobotOptions boards, const SimulationOptions& simulation,
+             ManualClock& clock)
+      : boards_(std::move(boards), simulation, clock) {}
+
+  [[nodiscard]] UntypedDriver& driver() noexcept override { return boards_; }
+  [[nodiscard]] bool moves_clock() const noexcept override { return true; }
+  void pass(Nanoseconds time) override { boards_.pass(time); }
+  void restart() override { boards_.restart(); }
+  [[nodiscard]] std::size_t num_boards() const noexcept override {
+    return boards_.options().interfaces.size();
+  }
+  [[nodiscard]] std::size_t num_joints() const noexcept override {
+    return boards_.options().motors.size();
+  }
+  void add(const std::string& fault) override { boards_.add(boards::parse_fault(fault)); }
+
+ private:
+  SimulatedBoards boards_;
+};
+
 // A simulation without motors between: its driver knows no time.
-class SimulatedPlace::OtherWorld final : public SimulatedWorld {
+class SimulatedPlace::OtherWorld final : public World {
  public:
   OtherWorld(std::unique_ptr<UntypedDriver> driver, ManualClock& clock)
       : driver_(std::move(driver)), clock_(clock) {}
@@ -94,7 +136,7 @@ class SimulatedPlace::OtherWorld final : public SimulatedWorld {
   void restart() override {}
   [[nodiscard]] std::size_t num_boards() const noexcept override { return 0; }
   [[nodiscard]] std::size_t num_joints() const noexcept override { return 0; }
-  void add(const boards::EmulatedFault& /*fault*/) override {}
+  void add(const std::string& /*fault*/) override {}
 
  private:
   std::unique_ptr<UntypedDriver> driver_;
@@ -112,7 +154,7 @@ SimulatedPlace::SimulatedPlace(SimulatedOptions options, const std::atomic<bool>
   backend_options_ = config.backend;
   session_options_ = std::move(config.session);
   if (config.boards) {
-    world_ = std::make_unique<SimulatedBoards>(config.boards->options, config.simulation, clock_);
+    world_ = std::make_unique<BoardWorld>(config.boards->options, config.simulation, clock_);
   } else {
     world_ = std::make_unique<OtherWorld>(
         std::make_unique<SimulatedRobot>(std::move(config.simulation)), clock_);
@@ -132,7 +174,7 @@ void SimulatedPlace::begin() {
 
 Session SimulatedPlace::session() const { return host_->open(); }
 
-void SimulatedPlace::add(const std::string& fault) { world_->add(boards::parse_fault(fault)); }
+void SimulatedPlace::add(const std::string& fault) { world_->add(fault); }
 
 UntypedFrontend SimulatedPlace::connect() {
   if (std::exchange(is_restart_due_, false)) {
@@ -177,7 +219,7 @@ void SimulatedPlace::inject() {
       backend_->request_stop();
       break;
     case Kind::kBoards:
-      add(fault.text);
+      world_->add(fault.text);
       break;
   }
 }

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "endurance/drive.hpp"
-#include "endurance/simulated_boards.hpp"
 #include "trifinger/base/random.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/driver.hpp"
@@ -68,6 +67,8 @@ class SimulatedPlace final : public Place {
   bool expect(std::uint64_t steps) override;
 
  private:
+  class World;
+  class BoardWorld;
   class OtherWorld;
 
   void begin();
@@ -79,7 +80,7 @@ class SimulatedPlace final : public Place {
   std::string name_;
   SessionOptions session_options_;
   BackendOptions backend_options_;
-  std::unique_ptr<SimulatedWorld> world_;
+  std::unique_ptr<World> world_;
   std::unique_ptr<SessionHost> host_;
   std::unique_ptr<Backend> backend_;
   std::uint64_t steps_{0};

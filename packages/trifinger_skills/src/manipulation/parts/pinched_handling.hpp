@@ -187,7 +187,7 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   TipTrajectory middle_trajectory_;
   double squeeze_{0.0};                            // Force of the pinch [N].
   double carried_{0.0};                            // Share of the weight that is carried.
-  Stillness closed_{4e-4, control::Seconds(0.1)};  // Of the distance.
+  Stillness closed_{4e-4, control::Seconds(0.1)};  // Whether the distance has settled.
   Seconds numb_{0};
   double turn_from_{0.0};
   double turn_to_{0.0};

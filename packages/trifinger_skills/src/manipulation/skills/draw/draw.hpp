@@ -203,7 +203,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Eigen::Vector3d correction_{Eigen::Vector3d::Zero()};  // Makes up for errors of the direction.
   double squeeze_{0.0};                                  // [N]
   double press_{0.0};                              // The nib presses on the paper with it [N].
-  Stillness closed_{5e-4, control::Seconds(0.1)};  // Of the distance of the tips.
+  Stillness closed_{5e-4, control::Seconds(0.1)};  // Whether their distance has settled.
   Seconds numb_{0};
   bool is_lost_{false};
   std::size_t stroke_{0};

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "endurance/simulated_boards.hpp"
+#include "sim/simulated_boards.hpp"
 
 #include <chrono>
 #include <utility>
 
-namespace trifinger::apps {
+namespace trifinger {
 namespace {
 
 constexpr Nanoseconds kTick = std::chrono::milliseconds(1);
@@ -17,7 +17,7 @@ SimulatedBoards::SimulatedBoards(boards::BoardRobotOptions boards,
   make();
 }
 
-void SimulatedBoards::pass(Nanoseconds time) {
+void SimulatedBoards::pass(Nanoseconds time) noexcept {
   for (Nanoseconds passed{0}; passed < time; passed += kTick) tick();
 }
 
@@ -31,9 +31,6 @@ void SimulatedBoards::restart() {
 void SimulatedBoards::add(const boards::EmulatedFault& fault) {
   emulator_->add(fault, clock_.now());
 }
-
-std::size_t SimulatedBoards::num_boards() const noexcept { return options_.interfaces.size(); }
-std::size_t SimulatedBoards::num_joints() const noexcept { return options_.motors.size(); }
 
 DriverReport SimulatedBoards::prepare(TimeIndex step) noexcept {
   tick();
@@ -88,4 +85,4 @@ void SimulatedBoards::tick() noexcept {
   emulator_->tick(clock_.now());
 }
 
-}  // namespace trifinger::apps
+}  // namespace trifinger

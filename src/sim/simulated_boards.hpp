@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -18,43 +17,24 @@
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
-namespace trifinger::apps {
+namespace trifinger {
 
-// What a back-end drives in simulated time, and what lives on while nobody drives it.
-class SimulatedWorld {
+/// A robot on emulated motor boards in simulated time, in the thread of its back-end: each
+/// measurement takes a millisecond of the clock. Equal options give equal series.
+class SimulatedBoards : public UntypedDriver {
  public:
-  SimulatedWorld() = default;
-  SimulatedWorld(const SimulatedWorld&) = delete;
-  SimulatedWorld& operator=(const SimulatedWorld&) = delete;
-  virtual ~SimulatedWorld() = default;
-
-  [[nodiscard]] virtual UntypedDriver& driver() noexcept = 0;
-  // Whether steps of the driver move the clock by themselves.
-  [[nodiscard]] virtual bool moves_clock() const noexcept = 0;
-  // Lets time pass while nobody drives the robot.
-  virtual void pass(Nanoseconds time) = 0;
-  // The back-end was started anew.
-  virtual void restart() = 0;
-  [[nodiscard]] virtual std::size_t num_boards() const noexcept = 0;
-  [[nodiscard]] virtual std::size_t num_joints() const noexcept = 0;
-  // Lets something go wrong. Throws InvalidArgument.
-  virtual void add(const boards::EmulatedFault& fault) = 0;
-};
-
-// A robot on emulated motor boards: each measurement takes a millisecond of the clock.
-class SimulatedBoards final : public SimulatedWorld, public UntypedDriver {
- public:
-  // `clock` must outlive the object.
+  /// `clock` must outlive the object.
   SimulatedBoards(boards::BoardRobotOptions boards, const SimulationOptions& simulation,
                   ManualClock& clock);
 
-  [[nodiscard]] UntypedDriver& driver() noexcept override { return *this; }
-  [[nodiscard]] bool moves_clock() const noexcept override { return true; }
-  void pass(Nanoseconds time) override;
-  void restart() override;
-  [[nodiscard]] std::size_t num_boards() const noexcept override;
-  [[nodiscard]] std::size_t num_joints() const noexcept override;
-  void add(const boards::EmulatedFault& fault) override;
+  /// Lets time pass while nobody drives the robot.
+  void pass(Nanoseconds time) noexcept;
+  /// The back-end was started anew.
+  void restart();
+  /// Lets something go wrong. @throws InvalidArgument
+  void add(const boards::EmulatedFault& fault);
+  [[nodiscard]] const boards::BoardRobotOptions& options() const noexcept { return options_; }
+  [[nodiscard]] SimulatedPlant& plant() noexcept { return plant_; }
 
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
   [[nodiscard]] const RobotTypes& description() const noexcept override;
@@ -78,4 +58,4 @@ class SimulatedBoards final : public SimulatedWorld, public UntypedDriver {
   std::optional<boards::BoardRobot> robot_;
 };
 
-}  // namespace trifinger::apps
+}  // namespace trifinger
