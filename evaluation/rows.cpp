@@ -6,11 +6,14 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <exception>
 #include <limits>
 #include <span>
+#include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -51,9 +54,13 @@ double JudgedRow::least(std::string_view figure) const {
 }
 
 std::string Options::command(const std::string& name) const {
-  const bool is_usual = condition == Condition::kAsDocumented;
-  return fmt::format("./run evaluate {} --seeds {} --first-seed {}{}", name, seeds, first_seed,
-                     is_usual ? "" : fmt::format(" --condition \"{}\"", name_of(condition)));
+  std::string words =
+      fmt::format("./run evaluate {} --seeds {} --first-seed {}", name, seeds, first_seed);
+  if (condition != Condition::kAsDocumented) {
+    words += fmt::format(" --condition \"{}\"", name_of(condition));
+  }
+  for (const auto& [what, value] : changes) words += fmt::format(" --vary {}={:g}", what, value);
+  return words;
 }
 
 std::vector<Report> run_all(const Options& options, const SkillRow& row) {
@@ -64,6 +71,7 @@ std::vector<Report> run_all(const Options& options, const SkillRow& row) {
       SkillTrial trial = row.trial;
       row.vary(trial, options.first_seed + i);
       trial.condition = options.condition;
+      trial.changes = options.changes;
       try {
         SkillTrialResult result = run_skill_trial(trial);
         reports[i] = {.judgement = row.judge(trial, result), .figures = std::move(result.figures)};
@@ -115,6 +123,24 @@ int run_evaluation(const std::string& name, const std::string& what, Options opt
   std::string condition{name_of(options.condition)};
   program.add_option("--condition", condition, "'as documented', 'as built' or 'worn'")
       ->capture_default_str();
+  const auto add_changes = [&options](const std::vector<std::string>& changes) {
+    for (const std::string& change : changes) {
+      const std::size_t equals = std::min(change.find('='), change.size());
+      const std::string_view number =
+          std::string_view(change).substr(equals).substr(equals < change.size());
+      double value = 0.0;
+      const auto [end, error] = std::from_chars(number.begin(), number.end(), value);
+      if (error != std::errc() || end != number.end()) {
+        throw CLI::ValidationError("--vary", "write NAME=VALUE, such as backlash=0.004");
+      }
+      options.changes.emplace_back(change.substr(0, equals), value);
+    }
+  };
+  program
+      .add_option_function<std::vector<std::string>>(
+          "--vary", add_changes,
+          "NAME=VALUE of trifinger.Variation, the same in every robot; repeatable")
+      ->allow_extra_args(false);
   program.add_option("ONLY", options.only, "Skills, if not all; the table is then printed only");
   try {
     program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
@@ -123,6 +149,9 @@ int run_evaluation(const std::string& name, const std::string& what, Options opt
   }
   try {
     options.condition = condition_from_name(condition);
+    Variation checked;
+    for (const auto& [field, value] : options.changes) set_value(checked, field, value);
+    checked.validate();
     return evaluate(options);
   } catch (const std::exception& error) {
     fmt::print(stderr, "evaluate {}: {}\n", name, error.what());

@@ -6,6 +6,7 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "evaluation/skill_trial.hpp"
@@ -17,8 +18,9 @@ struct Options {
   int seeds{20};
   std::uint64_t first_seed{1};
   std::filesystem::path output;
-  std::vector<std::string> only{};                // Skills; all if there are none.
-  Condition condition{Condition::kAsDocumented};  // How well the robots are built.
+  std::vector<std::string> only{};                        // Skills; all if there are none.
+  Condition condition{Condition::kAsDocumented};          // How well the robots are built.
+  std::vector<std::pair<std::string, double>> changes{};  // Beside it: values of `Variation`.
 
   // The command that repeats the evaluation `name`.
   [[nodiscard]] std::string command(const std::string& name) const;

@@ -34,7 +34,11 @@ control::Pose pose_of(const ObjectPose& object) {
 // How the robot of a trial differs from its description.
 Variation robot_of(const SkillTrial& trial) {
   Random random{.seed = trial.simulation.seed, .episode = 1};
-  return draw(trial.condition, random);
+  Variation robot = draw(trial.condition, random);
+  if (trial.changes.empty()) return robot;
+  robot.seed = static_cast<std::uint64_t>(random.integer(0, 1'000'000'000));
+  for (const auto& [name, value] : trial.changes) set_value(robot, name, value);
+  return robot;
 }
 
 // Notes what is true in a simulation.
@@ -155,7 +159,7 @@ std::vector<manipulation::Figure> figures_of(const manipulation::Skill& skill,
 // A robot on emulated motor boards, in time of its own.
 SkillTrialResult run_on_boards(const SkillTrial& trial) {
   if (trial.interfere) throw InvalidArgument("nobody meddles beside emulated boards");
-  if (trial.condition != Condition::kAsDocumented) {
+  if (trial.condition != Condition::kAsDocumented || !trial.changes.empty()) {
     throw InvalidArgument("joints on emulated boards are as documented");
   }
   ManualClock clock;

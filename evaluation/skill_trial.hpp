@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "boards/board_robot.hpp"
@@ -30,6 +31,7 @@ struct SkillTrial {
   bool is_taught{false};                // Plays what was taught instead of controlling.
   SimulationOptions simulation;
   Condition condition{Condition::kAsDocumented};
+  std::vector<std::pair<std::string, double>> changes{};  // Beside it: values of `Variation`.
   RobotDescription believed;
   // How the back-end keeps time; nothing if time stands still while the skill computes.
   std::optional<BackendOptions> real_time{};

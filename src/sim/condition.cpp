@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <string>
+#include <tuple>
+#include <type_traits>
 
 #include "trifinger/base/error.hpp"
 
@@ -52,6 +55,22 @@ Variation draw(Condition condition, Random& random) noexcept {
   }
   robot.contact_time = random.uniform(0.7, 1.5);
   return robot;
+}
+
+void set_value(Variation& robot, std::string_view name, double value) {
+  std::string names;
+  bool is_set = false;
+  const auto try_field = [&]<class T>(const VariationField<T>& field) {
+    if constexpr (std::is_arithmetic_v<T>) {
+      names += std::string(names.empty() ? "" : ", ") + field.name;
+      if (name != field.name) return;
+      robot.*field.value = static_cast<T>(std::is_integral_v<T> ? std::round(value) : value);
+      is_set = true;
+    }
+  };
+  std::apply([&](const auto&... field) { (try_field(field), ...); }, Variation::fields());
+  if (is_set) return;
+  throw InvalidArgument("robots do not vary in '" + std::string(name) + "'; they do in " + names);
 }
 
 }  // namespace trifinger

@@ -25,4 +25,8 @@ enum class Condition : std::uint8_t {
 /// Draws a robot in this condition. Masses, and the friction of other surfaces, are as described.
 [[nodiscard]] Variation draw(Condition condition, Random& random) noexcept;
 
+/// Sets the number of this name, as in `set_value(robot, "backlash", 0.004)`; steps are rounded.
+/// @throws InvalidArgument with the names
+void set_value(Variation& robot, std::string_view name, double value);
+
 }  // namespace trifinger

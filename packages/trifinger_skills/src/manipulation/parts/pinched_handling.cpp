@@ -140,11 +140,12 @@ PinchedHandlingConfig read_pinched_handling(const config::Node& root, bool acros
           .clearance = approach.required<double>("clearance", length),
           .pinch_height = pinch.required<double>("height", length),
           .closing_force = pinch.required<double>("closing_force", force),
-          .closing_damping = pinch.required<double>("closing_damping", above_zero("Ns/m", 100)),
+          .closing_speed = pinch.required<double>("closing_speed", above_zero("m/s", 1)),
           .pinch_force = pinch.required<double>("force", force),
           .loose_force = pinch.required<double>("loose_force", force),
-          .stiffness = pinch.required<double>("stiffness", stiffness),
-          .damping = pinch.required<double>("damping", {.unit = "Ns/m", .min = 0, .max = 100}),
+          .tips = {.stiffness = pinch.required<double>("stiffness", stiffness),
+                   .damping =
+                       pinch.required<double>("damping", {.unit = "Ns/m", .min = 0, .max = 100})},
           .lift_height = lift.required<double>("height", length),
           .lift_time = read_time(lift, "time", time),
           .arm = turn.required<double>("arm", length),
@@ -209,7 +210,8 @@ PinchedHandling::PinchedHandling(const SkillContext& context, PinchedHandlingCon
       config_(std::move(config)),
       box_(object_of(context.description, config_.object, ObjectShape::kBox)),
       limits_(context.limits),
-      planning_(context.description) {}
+      planning_(context.description),
+      closing_(config_.closing_speed, config_.closing_force, config_.tips) {}
 
 constinit const std::array<PinchedHandling::Row, 14> PinchedHandling::kPhases{{
     // name, when it is stopped, done, next, entry, during
@@ -409,13 +411,13 @@ void PinchedHandling::begin_pinch() noexcept {
   squeeze_ = 0.0;
   carried_ = 0.0;
   numb_ = Seconds(0);
-  closed_.restart();
+  closing_.begin(distance_);
   corrections_ = 0;
   turned_ = 0.0;
 }
 
 void PinchedHandling::pinch(Seconds elapsed) noexcept {
-  closed_.follow(distance_, elapsed, is_pinched());
+  closing_.follow(distance_, is_pinched(), elapsed);
   if (!is_pressed() && clock_.in_phase() > kLongestPinch)
     open("the object was not between the tips");
 }
@@ -486,7 +488,7 @@ void PinchedHandling::check(Seconds /*elapsed*/) noexcept {
 
 void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
                             Seconds elapsed) noexcept {
-  const control::TipGains gains{.stiffness = config_.stiffness, .damping = config_.damping};
+  const control::TipGains& gains = config_.tips;
   for (int finger = 0; finger < control::kContacts; ++finger) {
     const auto k = static_cast<std::size_t>(finger);
     PointMotion motion = trajectories_[k].advance(elapsed);
@@ -495,17 +497,19 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
   }
   if (!holds()) return;
 
-  double squeeze = config_.pinch_force;
-  if (phase_ == Phase::kPinch && !closed_.is_still()) squeeze = config_.closing_force;
-  if (phase_ == Phase::kLoosen) squeeze = config_.loose_force;
+  if (phase_ == Phase::kPinch && !closing_.has_closed()) {
+    squeeze_ = closing_.pull();
+  } else {
+    const double squeeze = phase_ == Phase::kLoosen ? config_.loose_force : config_.pinch_force;
+    squeeze_ = towards(squeeze_, squeeze, kPinchRate * elapsed.count());
+  }
   const double weight = phase_ > Phase::kPinch && phase_ < Phase::kLoosen ? 1.0 : 0.0;
-  squeeze_ = towards(squeeze_, squeeze, kPinchRate * elapsed.count());
   carried_ = towards(carried_, weight, kCarryRate * elapsed.count());
 
   const PointMotion middle = middle_trajectory_.advance(elapsed);
   const double closing =
       (servo_.velocity(pinch_.right) - servo_.velocity(pinch_.left)).dot(pinch_.axis);
-  const double along = squeeze_ + config_.closing_damping * closing / 2;
+  const double along = squeeze_ + config_.tips.damping * closing / 2;
   for (const double side : {-1.0, 1.0}) {
     const int finger = side < 0 ? pinch_.left : pinch_.right;
     const auto k = static_cast<std::size_t>(finger);
@@ -531,7 +535,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
                            .acceleration = Vector3d::Zero()};
   forces[k] =
       control::tip_impedance(motion, servo_.tip(pinch_.pusher), servo_.velocity(pinch_.pusher),
-                             {.stiffness = config_.turn_stiffness, .damping = config_.damping});
+                             {.stiffness = config_.turn_stiffness, .damping = gains.damping});
   forces[k] = within_friction(forces[k], turn_by(pinch_, turned_) * -Vector3d::UnitZ());
   accelerations[k].setZero();
 }

@@ -10,9 +10,10 @@
 #include <string_view>
 #include <vector>
 
-#include "manipulation/parts/stillness.hpp"
+#include "manipulation/parts/closing.hpp"
 #include "manipulation/parts/tips_skill.hpp"
 #include "trifinger/config/node.hpp"
+#include "trifinger/control/impedance.hpp"
 
 namespace trifinger::manipulation {
 
@@ -28,11 +29,10 @@ struct PinchedHandlingConfig {
   double clearance;     // Of tips from faces before they pinch [m].
   double pinch_height;  // Of the pinching tips above the table [m].
   double closing_force;
-  double closing_damping;
+  double closing_speed;  // Of the distance of the tips [m/s].
   double pinch_force;
   double loose_force;  // While the box settles on the table [N].
-  double stiffness;    // Of tips [N/m].
-  double damping;
+  control::TipGains tips;
   double lift_height;  // Of the axis above the table while the box is turned [m].
   Seconds lift_time;
   double arm;  // From the axis to the tip that turns [m].
@@ -185,9 +185,9 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   Eigen::Vector3d middle_{Eigen::Vector3d::Zero()};  // Of the pinching tips, as measured.
   double distance_{0.0};                             // Of the pinching tips.
   TipTrajectory middle_trajectory_;
-  double squeeze_{0.0};                            // Force of the pinch [N].
-  double carried_{0.0};                            // Share of the weight that is carried.
-  Stillness closed_{4e-4, control::Seconds(0.1)};  // Whether the distance has settled.
+  double squeeze_{0.0};  // Force of the pinch [N].
+  double carried_{0.0};  // Share of the weight that is carried.
+  Closing closing_;
   Seconds numb_{0};
   double turn_from_{0.0};
   double turn_to_{0.0};

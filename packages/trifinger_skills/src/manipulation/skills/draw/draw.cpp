@@ -218,16 +218,16 @@ void Draw::watch(Seconds elapsed) noexcept {
 
 void Draw::begin_closing() noexcept {
   squeeze_ = 0.0;
-  closed_.restart();
+  closing_.begin(gap(tips()));
 }
 
 void Draw::close(Seconds elapsed) noexcept {
   const double distance = gap(tips());
-  closed_.follow(distance, elapsed, std::abs(distance - 2 * radii_) < kFit);
+  closing_.follow(distance, std::abs(distance - 2 * radii_) < kFit, elapsed);
   if (!has_closed() && clock_.in_phase() > kLongestClose) open("the pen was not between the tips");
 }
 
-bool Draw::has_closed() const noexcept { return closed_.is_still(); }
+bool Draw::has_closed() const noexcept { return closing_.has_closed(); }
 
 void Draw::grip(Seconds /*elapsed*/) noexcept {
   if (squeeze_ >= config_.grip.force) return;

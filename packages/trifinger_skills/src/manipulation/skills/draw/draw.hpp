@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "manipulation/parts/closing.hpp"
 #include "manipulation/parts/object_of.hpp"
-#include "manipulation/parts/stillness.hpp"
 #include "manipulation/parts/tips_skill.hpp"
 #include "manipulation/skills/draw/draw_config.hpp"
 #include "manipulation/skills/draw/line_part.hpp"
@@ -54,7 +54,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
         planning_(context.description),
         pen_radius_(pen_.size[1] / 2),
         reach_(pen_.size[0] / 2 - pen_radius_),
-        radii_(pen_radius_ + servo_.tip_radius()) {
+        radii_(pen_radius_ + servo_.tip_radius()),
+        closing_(config_.closing_speed, config_.closing_force, config_.tips) {
     for (const PenStroke& stroke : config_.wanted.lines)
       strokes_.push_back(parts_of(stroke, config_.line_speed, config_.ramp));
   }
@@ -202,8 +203,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Eigen::Vector3d shift_{Eigen::Vector3d::Zero()};  // Makes up for errors of the nib.
   Eigen::Vector3d correction_{Eigen::Vector3d::Zero()};  // Makes up for errors of the direction.
   double squeeze_{0.0};                                  // [N]
-  double press_{0.0};                              // The nib presses on the paper with it [N].
-  Stillness closed_{5e-4, control::Seconds(0.1)};  // Whether their distance has settled.
+  double press_{0.0};  // The nib presses on the paper with it [N].
+  Closing closing_;
   Seconds numb_{0};
   bool is_lost_{false};
   std::size_t stroke_{0};

@@ -55,7 +55,7 @@ DrawConfig read_draw(const config::Node& root) {
                    .clearance = approach.required<double>("clearance", length),
                    .detour = approach.required<double>("detour", length)},
           .closing_force = grip.required<double>("closing_force", force),
-          .closing_damping = grip.required<double>("damping", damping),
+          .closing_speed = grip.required<double>("closing_speed", above_zero("m/s", 1)),
           .friction = grip.required<double>("friction", above_zero("", 5)),
           .tips = {.stiffness = grip.required<double>("tip_stiffness", above_zero("N/m", 5000)),
                    .damping = grip.required<double>("tip_damping", damping)},

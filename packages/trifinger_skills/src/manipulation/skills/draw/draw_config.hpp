@@ -22,7 +22,7 @@ struct DrawConfig {
   double approach_speed;
   PenGripConfig grip;
   double closing_force;
-  double closing_damping;
+  double closing_speed;
   double friction;
   control::TipGains tips;
   double carry_clearance;

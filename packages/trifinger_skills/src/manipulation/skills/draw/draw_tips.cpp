@@ -196,8 +196,9 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
   const double wanted_press = phase_ == Phase::kDraw ? config_.press : 0.0;
   constexpr double kPressRate = 2.0;  // [N/s]
   press_ = towards(press_, wanted_press, kPressRate * elapsed.count());
-  const double squeeze = phase_ == Phase::kClose ? config_.closing_force : config_.grip.force;
-  squeeze_ = towards(squeeze_, squeeze, kSqueezeRate * elapsed.count());
+  squeeze_ = phase_ == Phase::kClose
+                 ? closing_.pull()
+                 : towards(squeeze_, config_.grip.force, kSqueezeRate * elapsed.count());
 
   std::array<Vector3d, 3> errors;
   std::array<Vector3d, 3> rates;
@@ -216,7 +217,7 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
     const Vector3d error = errors[k] + side * gap_error / 2 * inward_;
     const Vector3d rate = rates[k] + side * gap_rate / 2 * inward_;
     forces[finger(k)] = config_.tips.stiffness * error + config_.tips.damping * rate -
-                        side * share * config_.closing_damping * gap_rate / 2 * inward_;
+                        side * share * config_.tips.damping * gap_rate / 2 * inward_;
     accelerations[finger(k)] = motions[k].acceleration;
     if (phase_ == Phase::kClose) forces[finger(k)] += side * share * squeeze_ * inward_;
   }
