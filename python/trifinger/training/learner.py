@@ -20,10 +20,9 @@ from trifinger.training.model import LibraryModel, rows_of
 # isort: split
 import numpy as np
 import torch
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from trifinger.arrays import Array
-from trifinger.environments import Environment, policy_metadata
+from trifinger.environments import policy_metadata
 from trifinger.errors import Error, InvalidArgument
 from trifinger.niceness import be_nice
 from trifinger.training import checkpoint
@@ -49,12 +48,8 @@ class Learner:
         self._prior, self._others = prior, prior  # elements, and how many of them are to come
         torch.set_num_threads(1)
         # Only its spaces and its geometry are used.
-        environment = SyncVectorEnv(
-            [lambda: Environment(**plan.environment)], autoreset_mode=AutoresetMode.SAME_STEP
-        )
-        self._rows = rows_of(plan, environment)
-        one: Environment = environment.envs[0].unwrapped  # type: ignore[assignment]
-        self.total = plan.episodes * one.episode_actions
+        self._rows = rows_of(plan, 1)
+        self.total = plan.episodes * self._rows.one.episode_actions
         """Number of actions until the rates and the noise are what they are at the end."""
         size = (self.total + prior) * self._rows.rows
         is_library = plan.recipe.algorithm in LIBRARY
