@@ -141,28 +141,19 @@ class Rows(VecEnv):
             infos,
         )
 
-    def judge(
-        self,
-        before: Array,
-        after: Array,
-        reward: Any,
-        achieved: Array,
-        desired: Array,
-        *,
-        terminated: bool,
-    ) -> tuple[Array, Array]:
+    def judge(self, before: Array, after: Array, *, terminated: bool) -> tuple[Array, Array]:
         """The reward of each row and what it achieved, of one transition of a single robot.
 
-        For transitions that step() did not make: `before` and `after` are observations, `reward` is
-        that of the task.
+        For transitions that step() did not make: `before` and `after` are records with an
+        "observation", the "reward" of the task, and the goals "achieved" and "desired".
         """
-        rewards = np.full(self.rows, float(reward))
+        rewards = np.full(self.rows, float(after["reward"]))
         if self.rows > 1:
-            offsets = (achieved - desired).reshape(self.rows, -1)
+            offsets = (after["achieved"] - after["desired"]).reshape(self.rows, -1)
             rewards = -np.linalg.norm(offsets, axis=1).astype(float)
-        old, new = map(self._potential, (before[None], after[None]))
+        old, new = (self._potential(one["observation"][None]) for one in (before, after))
         rewards = self._with_approach(rewards, old, new, np.array([terminated]))
-        shown = self._shown(np.asarray(achieved)[None]).reshape(self.rows, -1)
+        shown = self._shown(after["achieved"][None]).reshape(self.rows, -1)
         return rewards, shown
 
     def rewards(self, before: Array, after: Array, terminated: Array) -> Array:

@@ -139,16 +139,8 @@ class Learner:
         self.transitions = max(self.transitions, transitions)
 
     def _remember(self, transition: Transition) -> None:
-        before, after = transition.before, transition.after
-        rows = self._rows
-        reward, achieved = rows.judge(
-            before["observation"],
-            after["observation"],
-            after["reward"],
-            after["achieved"],
-            after["desired"],
-            terminated=transition.terminated,
-        )
+        rows, before, after = self._rows, transition.before, transition.after
+        reward, achieved = rows.judge(before, after, terminated=transition.terminated)
         infos = {
             "TimeLimit.truncated": transition.ended and not transition.terminated,
             "is_demonstration": bool(after["flags"] & INTERVENTION),

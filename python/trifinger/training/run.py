@@ -67,6 +67,8 @@ class Training:
             raise InvalidArgument(f"{folder} has a training on a robot: trifinger learn --resume")
         if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
             raise InvalidArgument(f"{folder} has a training by another plan")
+        self.policy_path = folder / f"{plan.name}.policy"
+        """The file of the policy; it exists after the training."""
         self.curve: list[tuple[int, Summary]] = []
         self._paths: dict[str, Array] = {}
         self._next_checkpoint = 0
@@ -138,11 +140,6 @@ class Training:
             save_paths(self._paths, self.folder / PATH_FIGURES[task])
         scene = Environment(**self.plan.environment, render_mode="rgb_array", view=view)
         save_policy_film(self.act, scene, self.folder / "film.mp4", self._rows.rows)
-
-    @property
-    def policy_path(self) -> Path:
-        """The file of the policy; it exists after the training."""
-        return self.folder / f"{self.plan.name}.policy"
 
     @property
     def episodes(self) -> int:
