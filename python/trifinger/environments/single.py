@@ -51,11 +51,6 @@ def _code_of(stopped: RobotStopped) -> int:
     return fault.detail if fault is not None and fault.code == "driver" else -1
 
 
-def _observed(state: Any) -> Observed:
-    observed: Observed = state.observation if isinstance(state, mappings.AugmentedState) else state
-    return observed
-
-
 class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     """A task on one robot: on its own simulation, or on a robot that `connect` attaches to.
 
@@ -213,8 +208,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     # Begins a session, after a fault if that is allowed, and moves a connected robot to its start.
     def _begin_session(self) -> None:
-        recoveries = self._recoveries
-        while True:
+        for recoveries in range(self._recoveries, -1, -1):
             try:
                 state = self.process.reset()
                 if self.simulation is None:
@@ -225,7 +219,6 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             except RobotStopped as stopped:
                 if recoveries == 0:
                     raise
-                recoveries -= 1
                 try:
                     # Only the handle that has stopped is surely that of this robot.
                     robot = self.process.robot
@@ -365,7 +358,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._oldest_sure_age = self._core.oldest_sure_age
         if self._object:
             self.process.robot.companion(OBJECT)  # raises if there is none
-        for point in self._core.approach(_observed(state).position):
+        seen: Observed = state.observation if isinstance(state, mappings.AugmentedState) else state
+        for point in self._core.approach(seen.position):
             self.process.step(self.process.robot.new_action(position=point))
 
     def _configuration(self) -> Array:
