@@ -75,12 +75,12 @@ class LiveExperience:
                     elements = np.asarray(companion.get_observations(first, end))
                 except HistoryLost:
                     continue  # it was long ago that the range was asked for
-                parts.append(compact(elements, self._process))
                 self._next = end
+                if len(part := compact(elements, self._process)):
+                    parts.append(part)
             if not has_ended:
                 break
             self._companion = None
-        parts = [part for part in parts if len(part)]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     # Looks for a session that was not read yet.

@@ -175,11 +175,9 @@ def serve(connection: Connection, algorithm: str | None = None) -> None:
         here = dataclasses.replace(plan, robot_config=str(file))
         learner = Learner(here, plan.robot_config, first["prior"])
     try:
-        is_all = False
-        while not is_all:
-            experience = _ask(connection, waits=False)["experience"]
+        while len(experience := _ask(connection, waits=False)["experience"]) == PART:
             learner.add(experience)
-            is_all = len(experience) < PART
+        learner.add(experience)
         if first["state"] is not None:
             learner.restore(first["state"])
         learner.published = max(learner.published, first["published"])

@@ -106,16 +106,14 @@ class Critics(torch.nn.Module):
 
     def __init__(self, sizes: list[int]) -> None:
         super().__init__()
-        self.weights, self.biases, self.gains, self.shifts = (
-            torch.nn.ParameterList() for _ in range(4)
-        )
+        self.weights, self.biases = torch.nn.ParameterList(), torch.nn.ParameterList()
+        hidden = [(CRITICS, 1, size) for size in sizes[1:]]
+        self.gains = torch.nn.ParameterList(map(torch.ones, hidden))
+        self.shifts = torch.nn.ParameterList(map(torch.zeros, hidden))
         for inputs, outputs in itertools.pairwise([*sizes, 1]):
             bound = 1 / math.sqrt(inputs)
             self.weights.append(torch.empty(CRITICS, inputs, outputs).uniform_(-bound, bound))
             self.biases.append(torch.empty(CRITICS, 1, outputs).uniform_(-bound, bound))
-        for size in sizes[1:]:
-            self.gains.append(torch.ones(CRITICS, 1, size))
-            self.shifts.append(torch.zeros(CRITICS, 1, size))
 
     def forward(self, observations: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
         """The values of N observations and actions, CRITICS x N."""
