@@ -187,7 +187,7 @@ class Plan:
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
         if recipe.approach > 0 and task in ("reach", "finger_reach"):
             raise InvalidArgument("approach is for tasks with an object")
-        is_library = algorithm in LIBRARY
+        is_library = recipe.algorithm in LIBRARY  # a setting may have changed it
         of_pushes = recipe.symmetry or recipe.offsets or (recipe.relabelled > 0 and not is_library)
         if of_pushes and (is_library or task != "push" or plan.options.frames):
             raise InvalidArgument(
