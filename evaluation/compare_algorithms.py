@@ -95,7 +95,7 @@ class CrossQ(rlpd.Rlpd):
         now, later = self._both(before, batch.actions, after, then)
         value = batch.rewards + self._gamma * (1 - batch.terminated) * later.detach().amin(0)
         loss = (now - value).square().mean(1).sum()
-        descend(self._critics_optimizer, self._normed, loss)
+        descend(self._critics_optimizer, self._normed.parameters(), loss)
         self._steps += 1
         if self._steps % rlpd.ACTOR_EVERY == 0:
             acts = self._actor(before)

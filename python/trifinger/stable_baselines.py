@@ -61,6 +61,10 @@ class Rows(VecEnv):
         (seen,) = environment.single_observation_space.shape
         (acted,) = environment.single_action_space.shape or (0,)
         self.environment = environment
+        first: Any = environment
+        is_batch = isinstance(environment, VectorEnvironment)
+        self.one: VectorEnvironment | Environment = first if is_batch else first.envs[0].unwrapped
+        """Has what all environments have in common: the layout of observations, and rewards."""
         self.rows = acted // JOINTS if is_shared else 1
         """Number of rows of an environment."""
         self.episodes = np.zeros(environment.num_envs, np.int64)
@@ -69,6 +73,7 @@ class Rows(VecEnv):
         self._is_per_finger = is_per_finger
         self._lengths = np.zeros(environment.num_envs, np.int64)
         self._returns = np.zeros(environment.num_envs)
+        self._potentials = np.zeros(environment.num_envs)
         super().__init__(
             environment.num_envs * self.rows,
             spaces.Box(-1.0, 1.0, (seen // self.rows,), np.float32),
@@ -78,16 +83,10 @@ class Rows(VecEnv):
     def begin(self, seed: int, episodes: npt.ArrayLike) -> Array:
         """Begins episode `episodes[i]` of environment i and returns the observations."""
         self.episodes = np.array(episodes, np.int64)
-        self._lengths[:] = 0
-        self._returns[:] = 0
-        environment = self.environment
-        observations: Any
         # A single robot takes one number, not an array.
-        of_all = isinstance(environment, VectorEnvironment)
+        of_all = self.one is self.environment
         episode: Any = self.episodes if of_all else int(self.episodes[0])
-        observations, _ = environment.reset(seed=seed, options={"episode": episode})
-        self._potentials = self._potential(observations)
-        return self._split(observations)
+        return self._begin_next(seed=seed, options={"episode": episode})
 
     def reset(self) -> Any:
         """Begins the next episodes, or episode 0 of the seed that seed() was given."""
@@ -95,11 +94,7 @@ class Rows(VecEnv):
             seed = self._seeds[0]
             self._reset_seeds()
             return self.begin(seed, np.zeros_like(self.episodes))
-        self._lengths[:] = 0
-        self._returns[:] = 0
-        observations, _ = self.environment.reset()
-        self._potentials = self._potential(observations)
-        return self._split(observations)
+        return self._begin_next()
 
     def step_async(self, actions: Array) -> None:
         """Keeps the actions for step_wait()."""
@@ -113,17 +108,14 @@ class Rows(VecEnv):
         ended = terminated | truncated
         self._lengths += 1
         self._returns += rewards
-        if self._approach > 0:
-            potentials = self._potential(observations)
-            reached = potentials.copy()
-            if ended.any():
-                reached[ended] = self._potential(np.stack(list(info["final_obs"][ended])))
-                # After the end of a task nothing follows, so the potential there is 0.
-                reached[terminated] = 0.0
-            rewards = rewards + (self._gamma * reached - self._potentials) / self._reward_scale
-            self._potentials = potentials
+        potentials = self._potential(observations)
+        reached = potentials.copy()
+        if self._approach > 0 and ended.any():
+            reached[ended] = self._potential(np.stack(list(info["final_obs"][ended])))
+        rewards = self._with_approach(rewards, self._potentials, reached, terminated)
+        self._potentials = potentials
         if self.rows > 1:
-            rewards = _of_step("finger_rewards", info, ended)
+            rewards = _of_step("finger_rewards", info, ended).ravel() * self._reward_scale
         achieved = self._split(self._shown(_of_step("achieved_goal", info, ended)))
         success = _of_step("is_success", info, ended)
         infos: list[dict[str, Any]] = [
@@ -144,32 +136,24 @@ class Rows(VecEnv):
         self._returns[ended] = 0
         return (
             self._split(observations),
-            (self._reward_scale * np.ravel(rewards)).astype(np.float32),
+            np.asarray(rewards, np.float32),
             np.repeat(ended, self.rows),
             infos,
         )
 
-    def judge(
-        self,
-        before: Array,
-        after: Array,
-        reward: Any,
-        achieved: Array,
-        desired: Array,
-        *,
-        terminated: bool,
-    ) -> tuple[Array, Array]:
+    def judge(self, before: Array, after: Array, *, terminated: bool) -> tuple[Array, Array]:
         """The reward of each row and what it achieved, of one transition of a single robot.
 
-        For transitions that step() did not make: `before` and `after` are observations, `reward` is
-        that of the task.
+        For transitions that step() did not make: `before` and `after` are records with an
+        "observation", the "reward" of the task, and the goals "achieved" and "desired".
         """
-        rewards = np.full(self.rows, float(reward))
+        rewards = np.full(self.rows, float(after["reward"]))
         if self.rows > 1:
-            offsets = (achieved - desired).reshape(self.rows, -1)
+            offsets = (after["achieved"] - after["desired"]).reshape(self.rows, -1)
             rewards = -np.linalg.norm(offsets, axis=1).astype(float)
-        rewards = self._with_approach(rewards, before[None], after[None], np.array([terminated]))
-        shown = self._shown(np.asarray(achieved)[None]).reshape(self.rows, -1)
+        old, new = (self._potential(one["observation"][None]) for one in (before, after))
+        rewards = self._with_approach(rewards, old, new, np.array([terminated]))
+        shown = self._shown(after["achieved"][None]).reshape(self.rows, -1)
         return rewards, shown
 
     def rewards(self, before: Array, after: Array, terminated: Array) -> Array:
@@ -178,17 +162,18 @@ class Rows(VecEnv):
         Only for tasks in which the position of an object is the goal.
         """
         seen = self.entries(after)
-        rewards = _one_of(self.environment)._compute_reward(seen["object_position"], seen["goal"])
-        return self._with_approach(rewards, before, after, terminated)
+        rewards = self.one._compute_reward(seen["object_position"], seen["goal"])
+        old, new = map(self._potential, (before, after))
+        return self._with_approach(rewards, old, new, terminated)
 
     def entries(self, observations: Array) -> dict[str, Array]:
         """The entries of flat observations in SI units."""
-        return _one_of(self.environment).entries(observations)
+        return self.one.entries(observations)
 
     @property
     def flat(self) -> Flat:
         """Where each entry is in a flat observation, and its bounds in SI units."""
-        return _one_of(self.environment)._flat
+        return self.one._flat
 
     def close(self) -> None:
         """Closes the environments."""
@@ -211,12 +196,21 @@ class Rows(VecEnv):
         """False for each row: nothing is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
+    # Begins episodes by a reset of all environments with these arguments.
+    def _begin_next(self, **arguments: Any) -> Array:
+        self._lengths[:] = 0
+        self._returns[:] = 0
+        observations, _ = self.environment.reset(**arguments)
+        self._potentials = self._potential(observations)
+        return self._split(observations)
+
+    # Rewards of the task in their scale, and what the potential has gained. After the end of a task
+    # nothing follows, so the potential there is 0.
     def _with_approach(
         self, rewards: Array, before: Array, after: Array, terminated: Array
     ) -> Array:
-        reached = np.where(terminated, 0.0, self._potential(after))
-        gained = self._gamma * reached - self._potential(before)
-        return (self._reward_scale * rewards + gained).astype(np.float32)
+        gained = self._gamma * np.where(terminated, 0.0, after) - before
+        return np.asarray(self._reward_scale * rewards + gained, np.float32)
 
     # The potential of `approach`. It rises as the nearest tip comes nearer to the place from which
     # it would push the object, and twice as much as the object comes nearer to its goal. The place
@@ -242,13 +236,6 @@ class Rows(VecEnv):
 
     def _split(self, whole: Array) -> Array:
         return whole.reshape(self.num_envs, -1)
-
-
-def _one_of(environment: Any) -> VectorEnvironment | Environment:
-    if isinstance(environment, VectorEnvironment):
-        return environment
-    first: Environment = environment.envs[0].unwrapped
-    return first
 
 
 def _of_step(name: str, info: dict[str, Any], ended: Array) -> Array:

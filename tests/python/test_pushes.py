@@ -9,11 +9,11 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import trifinger
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode
 from scipy.spatial.transform import Rotation
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from trifinger.arrays import Array
-from trifinger.environments import Environment, VectorEnvironment
+from trifinger.environments import VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.training import Plan
 from trifinger.training.algorithm import ClassModel
@@ -30,10 +30,7 @@ PLAN = Plan.of("push", "rlpd")
 
 def pushes(**settings: object) -> Pushes:
     plan = Plan.of("push", "rlpd", settings=settings)
-    environment = SyncVectorEnv(
-        [lambda: Environment(**plan.environment)], autoreset_mode=AutoresetMode.SAME_STEP
-    )
-    return Pushes(plan, rows_of(plan, environment))
+    return Pushes(plan, rows_of(plan, 1))
 
 
 @pytest.fixture(scope="module")

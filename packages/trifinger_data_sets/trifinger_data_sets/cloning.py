@@ -297,22 +297,16 @@ def _metadata(examples: Examples) -> dict[str, str]:
     if examples.environment:
         from trifinger._trifinger import robot_configuration
         from trifinger.environments import Options
-        from trifinger.environments.options import policy_metadata
 
+        # The overrides have all that the task needs. A task in Python is not imported, because an
+        # untrusted data set may name it.
         made = examples.environment
-        if ":" in made["task"]:  # An untrusted data set may name it, so it is not imported.
-            return {
-                "task": made["task"],
-                "options": Options.from_json(made["options"]).to_json(),
-                "robot": made["config"],
-                "configuration": robot_configuration(made["config"], made["config_overrides"]),
-            }
-        return policy_metadata(
-            made["task"],
-            Options.from_json(made["options"]),
-            made["config"],
-            made["config_overrides"],
-        )
+        return {
+            "task": made["task"],
+            "options": Options.from_json(made["options"]).to_json(),
+            "robot": made["config"],
+            "configuration": robot_configuration(made["config"], made["config_overrides"]),
+        }
     return {"inputs": "\n".join(examples.inputs), "outputs": "\n".join(examples.outputs)}
 
 

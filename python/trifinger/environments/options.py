@@ -27,7 +27,11 @@ class Options(OptionFields):
     @staticmethod
     def of(task: "AnyTask", **changes: Any) -> "Options":
         """The defaults of a task, with some changes. Raises InvalidArgument for unknown tasks."""
-        return default_options(task, **changes)
+        known = _known(task)
+        if isinstance(known, str):
+            text = _trifinger.default_environment_options(known)
+            return Options.from_json(text).changed(**changes)
+        return Options(**dataclasses.asdict(known.options)).changed(**changes)
 
     def changed(self, **changes: Any) -> Self:
         """A copy with some changes. Raises InvalidArgument for unknown names."""
@@ -194,7 +198,7 @@ def _require_numbers(name: str, value: Any) -> None:
 def options_of(task: AnyTask, options: Options | None, **changes: Any) -> Options:
     """The options of an environment: those that were given, or those of the task, with changes."""
     if options is None:
-        return default_options(task, **changes)
+        return Options.of(task, **changes)
     like = f"Options.of({task!r}, duration=1.0), or without `options`, duration=1.0"
     require(isinstance(options, Options), "options", options, f"Options: {like}")
     return options.changed(**changes)
@@ -220,14 +224,6 @@ def overrides_of(
     known = _known(task)
     named = known if isinstance(known, str) else dict(known.config_overrides)
     return _trifinger.environment_overrides(named, options.to_json(), config, own)
-
-
-def default_options(task: AnyTask, **changes: Any) -> Options:
-    """The options that a task has by default, with some changes."""
-    known = _known(task)
-    if isinstance(known, str):
-        return Options.from_json(_trifinger.default_environment_options(known)).changed(**changes)
-    return Options(**dataclasses.asdict(known.options)).changed(**changes)
 
 
 def policy_metadata(

@@ -2,7 +2,6 @@
 """A task on one robot, simulated or real."""
 
 import contextlib
-import dataclasses
 from collections.abc import Callable
 from typing import Any, Literal, get_args
 
@@ -33,7 +32,6 @@ from trifinger.environments.task_environment import (
 )
 from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped
 from trifinger.picture import View
-from trifinger.tasks import Task
 
 OnLate = Literal["hold", "repeat", "end", "nothing"]
 
@@ -51,11 +49,6 @@ _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
 def _code_of(stopped: RobotStopped) -> int:
     fault = stopped.fault
     return fault.detail if fault is not None and fault.code == "driver" else -1
-
-
-def _observed(state: Any) -> Observed:
-    observed: Observed = state.observation if isinstance(state, mappings.AugmentedState) else state
-    return observed
 
 
 class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
@@ -101,18 +94,13 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         require(not is_own or on_late == "hold", "on_late", on_late, "left out without connect")
         require(not (is_own and recovers), "recovers", recovers, "left out without connect")
 
-        def make_core(
-            known: str | Task, options: Options, config: str, overrides: dict[str, object]
-        ) -> _trifinger.Episodes:
-            observed = options
-            if connect is not None:
-                observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
-            return _trifinger.Episodes(known, observed.to_json(), config, overrides)
-
+        measured = {} if is_own else {"position_noise": 0.0, "velocity_noise": 0.0}
         super().__init__(
             task,
             1,
-            make_core,
+            lambda known, options, scene: _trifinger.Episodes(
+                known, options.changed(**measured).to_json(), *scene
+            ),
             options=options,
             config=config,
             config_overrides=config_overrides,
@@ -127,16 +115,15 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._recoveries = 1 if is_own else RECOVERIES * recovers
         self._object = self._core.object_name
         self._sees_objects = bool(self._object or self._core.bodies)
-        self._simulation = None
-        if connect is None:
-            self._simulation = Simulation(*self.scene)
-            connect = self._simulation.connect
+        self.simulation = Simulation(*self.scene) if connect is None else None
+        """The environment's own simulation; None for a connected robot."""
         # What knows where the object really is, if that decides about the outcome.
-        self._judge = self._simulation if self._core.judges_by_truth else None
+        self._judge = self.simulation if self._core.judges_by_truth else None
         self._poses: Frontend | None = None
-        self._process: mappings.DecisionProcess[Any] = _MAPPINGS[self.options.mapping](
-            connect, self.options.steps_per_action
+        self.process: mappings.DecisionProcess[Any] = _MAPPINGS[self.options.mapping](
+            self.simulation.connect if self.simulation else connect, self.options.steps_per_action
         )
+        """The mapping; `process.robot` is the front-end of the session."""
         self.observation_space = self._observation_space()
         self.action_space = self._action_space()
         self._cameras: Cameras | None = None
@@ -156,21 +143,11 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         return f"Environment('{self.task}', {self.options})"
 
     @property
-    def simulation(self) -> Simulation | None:
-        """The environment's own simulation; None for a connected robot."""
-        return self._simulation
-
-    @property
     def episode(self) -> tuple[int, int]:
         """The seed, and the number of the present episode among those of the seed."""
         if self._seed is None:
             raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
         return self._seed, self._episode - 1
-
-    @property
-    def process(self) -> mappings.DecisionProcess[Any]:
-        """The mapping; `process.robot` is the front-end of the session."""
-        return self._process
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -201,28 +178,27 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             self._core.begin(self._seed, self._episode)
         )
         self._episode += 1
-        simulation = self._simulation
-        if simulation is not None:
-            simulation.vary(variation)
-            simulation.reset(position, self._seed, stream, joints or None)
+        if self.simulation is not None:
+            self.simulation.vary(variation)
+            self.simulation.reset(position, self._seed, stream, joints or None)
             if self._object:
-                simulation.place_object(self._object, object_position, orientation)
-                simulation.set_object_velocity(self._object, velocity)
+                self.simulation.place_object(self._object, object_position, orientation)
+                self.simulation.set_object_velocity(self._object, velocity)
         for name, height, width in self._core.cameras:
             self._image[name] = np.zeros((height, width, 3), np.uint8)
             self._captured[name] = NEVER
         try:
             self._begin_session()
-            robot = self._process.robot
+            robot = self.process.robot
             if self._image:
                 self._cameras = Cameras(robot)
             self._poses = robot.companion(OBJECT) if self._sees_objects else None
-            seen = self._core.look(robot, self._process.time_index, self._poses, self._judge)
+            seen = self._core.look(robot, self.process.time_index, self._poses, self._judge)
             self._take(seen)
             self._acted_to = self._core.last_step
         except BaseException:
             # A robot that has begun to move must not stay without control.
-            self._process.close()
+            self.process.close()
             raise
         self._is_running = True
         self._has_acted = False
@@ -232,22 +208,20 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     # Begins a session, after a fault if that is allowed, and moves a connected robot to its start.
     def _begin_session(self) -> None:
-        recoveries = self._recoveries
-        while True:
+        for recoveries in range(self._recoveries, -1, -1):
             try:
-                state = self._process.reset()
-                if self._simulation is None:
+                state = self.process.reset()
+                if self.simulation is None:
                     # All actions before the first of the episode are places to be.
-                    self._process.robot.set_on_late("repeat")
+                    self.process.robot.set_on_late("repeat")
                     self._move_there(state)
                 return
             except RobotStopped as stopped:
                 if recoveries == 0:
                     raise
-                recoveries -= 1
                 try:
                     # Only the handle that has stopped is surely that of this robot.
-                    robot = self._process.robot
+                    robot = self.process.robot
                 except InvalidArgument:
                     raise stopped from None  # it had stopped before the first session
                 robot.recover()
@@ -270,14 +244,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             raise InvalidArgument(
                 f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
             )
-        robot = self._process.robot
+        robot = self.process.robot
         ends_if_late = self._on_late == "end" and self._has_acted
         try:
-            if self._simulation is None and not self._has_acted:
+            if self.simulation is None and not self._has_acted:
                 robot.set_on_late("hold" if self._on_late == "end" else self._on_late)
             elif ends_if_late and robot.is_late() and robot.fault() is None:
                 return self._end_late(robot)
-            before, self._late_steps = self._process.time_index, 0
+            before, self._late_steps = self.process.time_index, 0
             seen = self._core.step(robot, numbers, self._poses, self._judge)
             self._take(seen)
         except ControlHeld:
@@ -303,8 +277,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     # The next action comes too late: the robot is already held.
     def _end_late(self, robot: Frontend) -> tuple[Observation, float, bool, bool, Info]:
-        is_first = isinstance(self._process, mappings.StateAugmentation)  # of those of its action
-        due = self._process.time_index + (self.options.steps_per_action if is_first else 1)
+        is_first = isinstance(self.process, mappings.StateAugmentation)  # of those of its action
+        due = self.process.time_index + (self.options.steps_per_action if is_first else 1)
         self._late_steps = max(1, robot.current_time_index() + 1 - due)
         self._finish()
         return self._observation(), self._last_reward, False, True, self._info(is_success=False)
@@ -313,14 +287,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         self._is_running = False
         # Actions that have not acted yet may cause a fault; the episode has ended before it.
         with contextlib.suppress(RobotStopped):
-            self._process.finish()
+            self.process.finish()
 
     # The robot has moved, and nobody knows how the episode goes on.
     def _end_unjudged(self) -> None:
         self._is_running = False
-        self._process.stepped_to(self._core.last_step)
-        if self._simulation is None:
-            self._process.close()
+        self.process.stepped_to(self._core.last_step)
+        if self.simulation is None:
+            self.process.close()
 
     def render(self) -> Any:
         """Draws the scene: as an image, height x width x 3, or in a window with mode "human"."""
@@ -330,20 +304,20 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     def close(self) -> None:
         """Gives the robot back and closes the drawing."""
         self._is_running = False
-        self._process.close()
+        self.process.close()
         self._poses = None
         self._close_drawing()
 
     # Takes in what C++ has seen, and what the cameras have.
     def _take(self, seen: tuple[int, float, bool, bool, bool, int]) -> None:
         time_index, self._last_reward, *_, self._object_age_now = seen
-        self._process.stepped_to(time_index)
+        self.process.stepped_to(time_index)
         if self._cameras is not None:
             self._look_at_images(self._cameras)
 
     # Takes the good ones of the newest images. Of a camera without a good one, the last one stays.
     def _look_at_images(self, cameras: Cameras) -> None:
-        now = self._process.time_index
+        now = self.process.time_index
         images = cameras.get_latest_at(now)
         for name, last in self._image.items():
             if images is None or images.frame(name).state != "good":
@@ -374,23 +348,24 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         info: Info = {"is_success": False, "fault": 0} | self._measures()
         if info["distance"].ndim == 0:
             info["distance"] = float(info["distance"])
-        if self._simulation is None:
+        if self.simulation is None:
             info["late_steps"] = self._late_steps
         return info | more
 
     # Moves a connected robot to where the episode begins.
     def _move_there(self, state: Any) -> None:
-        self._core.check_robot(self._process.robot.documents().get("configuration.yml"))
+        self._core.check_robot(self.process.robot.documents().get("configuration.yml"))
         self._oldest_sure_age = self._core.oldest_sure_age
         if self._object:
-            self._process.robot.companion(OBJECT)  # raises if there is none
-        for point in self._core.approach(_observed(state).position):
-            self._process.step(self._process.robot.new_action(position=point))
+            self.process.robot.companion(OBJECT)  # raises if there is none
+        seen: Observed = state.observation if isinstance(state, mappings.AugmentedState) else state
+        for point in self._core.approach(seen.position):
+            self.process.step(self.process.robot.new_action(position=point))
 
     def _configuration(self) -> Array:
-        if self._simulation is not None:
-            return np.asarray(self._simulation.configuration())
-        robot = self._process.robot
+        if self.simulation is not None:
+            return np.asarray(self.simulation.configuration())
+        robot = self.process.robot
         parts = [np.asarray(robot.latest_observation().position)]
         if self._object:
             pose = robot.companion(OBJECT).latest_observation()[self._object]

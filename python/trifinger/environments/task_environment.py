@@ -30,8 +30,10 @@ Observation = Array | dict[str, Array]
 Info = dict[str, Any]
 Part = Literal["", "final_"]
 Mode = Literal["rgb_array", "human"]
-# Makes the part in C++ of a task, its options, and the configuration and overrides of the robot.
-MakeCore = Callable[[str | Task, Options, str, dict[str, object]], Any]
+# The configuration of a robot, and what differs from it for a task.
+Scene = tuple[str, dict[str, object]]
+# Makes the part in C++ of a task, its options and its scene.
+MakeCore = Callable[[str | Task, Options, Scene], Any]
 
 MODES: tuple[Mode, ...] = ("rgb_array", "human")
 
@@ -81,14 +83,14 @@ class TaskEnvironment:
         require(view is None or isinstance(view, View), "view", view, "a View: View(width=640)")
         self.options = options = options_of(task, options, **changes)
         config = robot_of(task, config)
-        overrides = overrides_of(task, options, config, config_overrides)
+        self.scene: Scene = (config, overrides_of(task, options, config, config_overrides))
+        """The configuration of the robot, and what differs from it for this task."""
         known, own = prepared(task, num_robots)
-        self._core = core = make_core(known, options, config, overrides)
+        self._core = core = make_core(known, options, self.scene)
         self.task = task if isinstance(task, str) else task.name
         self._own = own
         if own is not None:
             _ENVIRONMENTS[id(own)] = self
-        self._scene = (config, overrides)
         self.render_mode: str | None = render_mode
         self._view = view or View()
         self._drawing: Painter | Window | None = None
@@ -122,11 +124,6 @@ class TaskEnvironment:
         """What makes a copy: the class and its arguments."""
         arguments, named = self._arguments
         return _made, (type(self), arguments, named), {"spec": self.spec}
-
-    @property
-    def scene(self) -> tuple[str, dict[str, object]]:
-        """The configuration of the robot, and what differs from it for this task."""
-        return self._scene
 
     @property
     def episode_actions(self) -> int:
@@ -234,8 +231,7 @@ class TaskEnvironment:
     # Draws a robot in this configuration, and its goal.
     def _draw(self, configuration: Array, goal: Array) -> Any:
         if self._drawing is None:
-            config, overrides = self._scene
-            mjcf = _trifinger.export_mjcf(config, overrides)
+            mjcf = _trifinger.export_mjcf(*self.scene)
             if self.render_mode == "human":
                 instead = 'render_mode="rgb_array"'
                 self._drawing = Window(mjcf, self._view, 1 / self._frame_rate, instead)

@@ -31,7 +31,6 @@ from trifinger.environments.task_environment import (
 )
 from trifinger.errors import InvalidArgument
 from trifinger.picture import View
-from trifinger.tasks import Task
 
 
 class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, Any]):
@@ -73,17 +72,12 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
                 "AutoresetMode.SAME_STEP"
             ) from None
 
-        def make_core(
-            known: str | Task, options: Options, config: str, overrides: dict[str, object]
-        ) -> _trifinger.EnvironmentBatch:
-            return _trifinger.EnvironmentBatch(
-                known, options.to_json(), num_envs, num_threads, config, overrides
-            )
-
         super().__init__(
             task,
             num_envs,
-            make_core,
+            lambda known, options, scene: _trifinger.EnvironmentBatch(
+                known, options.to_json(), num_envs, num_threads, *scene
+            ),
             options=options,
             config=config,
             config_overrides=config_overrides,

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """DDPG without the overhead that small networks do not need."""
 
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, cast
 
 import torch
 from stable_baselines3 import DDPG
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.td3.policies import TD3Policy
+
+from trifinger.training.rlpd import descend
 
 
 class _SteadyPolicy(TD3Policy):
@@ -28,9 +30,8 @@ class QuickDDPG(DDPG):
 
     def _create_aliases(self) -> None:
         super()._create_aliases()
-        self._networks = _Networks(
-            *map(_Network, (self.actor, self.actor_target, self.critic, self.critic_target))
-        )
+        networks = (self.actor, self.actor_target, self.critic, self.critic_target)
+        self._networks = [_Network(one) for one in networks]
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "_networks"]
@@ -49,10 +50,10 @@ class QuickDDPG(DDPG):
                 value = data.rewards + (1 - data.dones) * self.gamma * value
             estimate = critic(torch.cat([data.observations, data.actions], 1))
             critic_loss = torch.nn.functional.mse_loss(estimate, value)
-            _descend(self.critic.optimizer, critic.parameters, critic_loss)
+            descend(self.critic.optimizer, critic.parameters, critic_loss)
             actions = actor(data.observations).tanh()
             actor_loss = -critic(torch.cat([data.observations, actions], 1)).mean()
-            _descend(self.actor.optimizer, actor.parameters, actor_loss)
+            descend(self.actor.optimizer, actor.parameters, actor_loss)
             with torch.no_grad():
                 torch._foreach_lerp_(
                     critic_target.parameters + actor_target.parameters,
@@ -74,18 +75,3 @@ class _Network:
         for weight, bias in self._layers[:-1]:
             values = linear(values, weight, bias).relu_()
         return linear(values, *self._layers[-1])
-
-
-class _Networks(NamedTuple):
-    actor: _Network
-    actor_target: _Network
-    critic: _Network
-    critic_target: _Network
-
-
-def _descend(
-    optimizer: torch.optim.Optimizer, parameters: list[torch.Tensor], loss: torch.Tensor
-) -> None:
-    for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
-        parameter.grad = gradient
-    optimizer.step()

@@ -38,13 +38,12 @@ def compact(elements: Array, process: int) -> Array:
     elements = elements[elements["process"] == process]
     if not len(elements):
         return np.zeros(0)
-    lengths = {name: int(elements[0][count]) for name, count in ARRAYS.items()}
-    facts = [(name, elements.dtype[name]) for name in FACTS]
-    packed = np.zeros(len(elements), [*facts, *((name, "f4", (n,)) for name, n in lengths.items())])
-    for name in FACTS:
-        packed[name] = elements[name]
-    for name, length in lengths.items():
-        packed[name] = elements[name][:, :length]
+    parts = {name: elements[name] for name in FACTS}
+    parts |= {name: elements[name][:, : elements[0][count]] for name, count in ARRAYS.items()}
+    kinds = [(name, part.dtype, part.shape[1:]) for name, part in parts.items()]
+    packed = np.zeros(len(elements), kinds)
+    for name, part in parts.items():
+        packed[name] = part
     return packed
 
 
@@ -76,12 +75,12 @@ class LiveExperience:
                     elements = np.asarray(companion.get_observations(first, end))
                 except HistoryLost:
                     continue  # it was long ago that the range was asked for
-                parts.append(compact(elements, self._process))
                 self._next = end
+                if len(part := compact(elements, self._process)):
+                    parts.append(part)
             if not has_ended:
                 break
             self._companion = None
-        parts = [part for part in parts if len(part)]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     # Looks for a session that was not read yet.

@@ -148,8 +148,7 @@ class ImageJudge:
 
     def store(self, path: Path) -> None:
         """Writes a file that load() reads."""
-        fields = (self.names, self.weights, self.threshold, self.words)
-        replace_file(path, checkpoint.dump(fields))
+        replace_file(path, checkpoint.dump(dataclasses.astuple(self)))
 
     @classmethod
     def load(cls, path: Path) -> ImageJudge:

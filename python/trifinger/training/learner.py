@@ -20,10 +20,9 @@ from trifinger.training.model import LibraryModel, rows_of
 # isort: split
 import numpy as np
 import torch
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from trifinger.arrays import Array
-from trifinger.environments import Environment, policy_metadata
+from trifinger.environments import policy_metadata
 from trifinger.errors import Error, InvalidArgument
 from trifinger.niceness import be_nice
 from trifinger.training import checkpoint
@@ -49,12 +48,8 @@ class Learner:
         self._prior, self._others = prior, prior  # elements, and how many of them are to come
         torch.set_num_threads(1)
         # Only its spaces and its geometry are used.
-        environment = SyncVectorEnv(
-            [lambda: Environment(**plan.environment)], autoreset_mode=AutoresetMode.SAME_STEP
-        )
-        self._rows = rows_of(plan, environment)
-        one: Environment = environment.envs[0].unwrapped  # type: ignore[assignment]
-        self.total = plan.episodes * one.episode_actions
+        self._rows = rows_of(plan, 1)
+        self.total = plan.episodes * self._rows.one.episode_actions
         """Number of actions until the rates and the noise are what they are at the end."""
         size = (self.total + prior) * self._rows.rows
         is_library = plan.recipe.algorithm in LIBRARY
@@ -144,16 +139,8 @@ class Learner:
         self.transitions = max(self.transitions, transitions)
 
     def _remember(self, transition: Transition) -> None:
-        before, after = transition.before, transition.after
-        rows = self._rows
-        reward, achieved = rows.judge(
-            before["observation"],
-            after["observation"],
-            after["reward"],
-            after["achieved"],
-            after["desired"],
-            terminated=transition.terminated,
-        )
+        rows, before, after = self._rows, transition.before, transition.after
+        reward, achieved = rows.judge(before, after, terminated=transition.terminated)
         infos = {
             "TimeLimit.truncated": transition.ended and not transition.terminated,
             "is_demonstration": bool(after["flags"] & INTERVENTION),
@@ -188,11 +175,9 @@ def serve(connection: Connection, algorithm: str | None = None) -> None:
         here = dataclasses.replace(plan, robot_config=str(file))
         learner = Learner(here, plan.robot_config, first["prior"])
     try:
-        is_all = False
-        while not is_all:
-            experience = _ask(connection, waits=False)["experience"]
+        while len(experience := _ask(connection, waits=False)["experience"]) == PART:
             learner.add(experience)
-            is_all = len(experience) < PART
+        learner.add(experience)
         if first["state"] is not None:
             learner.restore(first["state"])
         learner.published = max(learner.published, first["published"])

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The models of Stable-Baselines3 that learn by a plan."""
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
 # This import comes first because its error says what to install.
-from trifinger.stable_baselines import Rows, Vector
+from trifinger.stable_baselines import Flat, Rows, Vector
 
 # isort: split
 import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
@@ -19,11 +19,12 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecNormalize
 
 from trifinger import policy_file
+from trifinger._trifinger import num_processors
 from trifinger.arrays import Array
-from trifinger.environments import VectorEnvironment
+from trifinger.environments import Environment, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.training import checkpoint
 from trifinger.training.ddpg import QuickDDPG
@@ -33,9 +34,24 @@ from trifinger.training.replay import DemonstrationReplayBuffer, FingerReplayBuf
 MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
 
 
-def rows_of(plan: Plan, environment: Vector) -> Rows:
+def threads_for(num_envs: int) -> int:
+    """Number of threads that so many robots are worth."""
+    return 1 if num_envs == 1 else min(2, num_processors())
+
+
+def rows_of(plan: Plan, num_envs: int) -> Rows:
     """Environments in the form in which a plan learns from them."""
-    recipe = plan.recipe
+    recipe, mode = plan.recipe, AutoresetMode.SAME_STEP
+    environment: Vector
+    if num_envs == 1:
+        environment = SyncVectorEnv([lambda: Environment(**plan.environment)], autoreset_mode=mode)
+    else:
+        environment = VectorEnvironment(
+            num_envs=num_envs,
+            num_threads=threads_for(num_envs),
+            autoreset_mode=mode,
+            **plan.environment,
+        )
     return Rows(
         environment,
         is_per_finger=plan.options.per_finger,
@@ -46,7 +62,7 @@ def rows_of(plan: Plan, environment: Vector) -> Rows:
     )
 
 
-def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
+def make_model(plan: Plan, rows: Rows | VecNormalize, total: int) -> BaseAlgorithm:
     """The model that learns by a plan, with all its settings; `total` is its number of actions."""
     recipe = plan.recipe
     if recipe.algorithm not in MODELS:
@@ -65,18 +81,10 @@ def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
         "optimizer_kwargs": {"fused": True},  # saves a tenth of the time of a gradient step
     }
     if recipe.algorithm == "ppo":
-        network |= {"log_std_init": math.log(recipe.initial_noise)}
-        model: BaseAlgorithm = PPO(
-            "MlpPolicy",
-            rows,
-            n_steps=recipe.rollout,
-            n_epochs=recipe.epochs,
-            policy_kwargs=network,
-            **common,
-        )
+        network["log_std_init"] = math.log(recipe.initial_noise)
+        common |= {"n_steps": recipe.rollout, "n_epochs": recipe.epochs}
     else:
         common |= {
-            "policy_kwargs": network,
             "buffer_size": min(recipe.buffer_size, total),
             "learning_starts": recipe.random_actions * rows.num_envs,
             "train_freq": 1,
@@ -87,27 +95,24 @@ def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
         if recipe.relabelled > 0:
             common |= {
                 "replay_buffer_class": FingerReplayBuffer,
-                "replay_buffer_kwargs": relabelling_of(plan),
+                "replay_buffer_kwargs": relabelling_of(plan, rows.flat),
             }
         if recipe.algorithm in ("ddpg", "td3"):
             calls, (size,) = total // rows.num_envs, rows.action_space.shape or (0,)
             common["action_noise"] = FallingNoise(recipe.noise, recipe.final_noise, calls, size)
-        model = MODELS[recipe.algorithm]("MlpPolicy", rows, **common)
-    return model
+    return MODELS[recipe.algorithm]("MlpPolicy", rows, policy_kwargs=network, **common)
 
 
-def relabelling_of(plan: Plan) -> dict[str, Any]:
-    """The arguments of FingerReplayBuffer for a plan."""
+def relabelling_of(plan: Plan, flat: Flat) -> dict[str, Any]:
+    """The arguments of FingerReplayBuffer for a plan with observations that are `flat`."""
     if plan.task not in ("reach", "finger_reach") or not plan.options.per_finger:
         raise InvalidArgument("relabelled is for reaches, with per_finger=True")
-    shown = dataclasses.replace(plan.options, observation="dictionary")
-    seen = VectorEnvironment(**plan.environment | {"options": shown, "num_envs": 1})
-    space = seen.single_observation_space["goal"]  # type: ignore[index]
+    _, low, high = flat["goal"]
     return {
         "relabelled": plan.recipe.relabelled,
         "reward_scale": plan.recipe.reward_scale,
-        "goal_low": space.low[:3],
-        "goal_high": space.high[:3],
+        "goal_low": np.float32(low[:3]),
+        "goal_high": np.float32(high[:3]),
     }
 
 

@@ -111,6 +111,8 @@ class RobotTraining:
         InvalidArgument if the folder has a training by another plan, or if a log has no experience.
         """
         self.plan, self.folder, self.robot, self._say = plan, folder, robot, say
+        self.policy_path = folder / f"{plan.name}.policy"
+        """The file of the newest policy."""
         self._starts_learner = listen is None
         self._judged_episodes = 0 if is_judged else judged  # by the task
         if plan.recipe.algorithm == "ppo":
@@ -168,11 +170,6 @@ class RobotTraining:
         self._cared_at = 0  # number of episodes that had ended at the last care
         self._judged: list[dict[str, Any]] = []
         self._is_done = False
-
-    @property
-    def policy_path(self) -> Path:
-        """The file of the newest policy."""
-        return self.folder / f"{self.plan.name}.policy"
 
     def run(self) -> Tally:
         """Learns until the robot has done all episodes of the plan, and judges the last policy.

@@ -160,13 +160,12 @@ class Plan:
         recipe = Recipe.of(
             task, algorithm, is_shared=is_shared, has_fingers="frames" not in settings
         )
-        names = {field.name for field in dataclasses.fields(Recipe)}
-        known = names | {field.name for field in dataclasses.fields(Options)}
-        for name in sorted(settings.keys() - known):
-            raise InvalidArgument.of_name("setting", name, known)
-        changes = {name: settings.pop(name) for name in names & settings.keys()}
-        for name, value in changes.items():
-            _check_type(name, value, getattr(recipe, name))
+        usual = vars(recipe) | vars(Options.of(task))
+        for name in sorted(settings):
+            if name not in usual:
+                raise InvalidArgument.of_name("setting", name, usual)
+            _check_type(name, settings[name], usual[name])
+        changes = {name: settings.pop(name) for name in vars(recipe) if name in settings}
         recipe = dataclasses.replace(recipe, **changes)
         if recipe.is_shared or (recipe.relabelled > 0 and task != "push"):
             settings = {"per_finger": True} | settings
@@ -178,9 +177,6 @@ class Plan:
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
         if task.startswith("dclaw_") and algorithm == "ppo":
             more = {"episodes": 20_000, "evaluation_interval": 1000} | more
-        options = Options.of(task)
-        for name, value in settings.items():
-            _check_type(name, value, getattr(options, name, value))
         robot = more.get("robot_config")
         if robot is not None and Path(robot).is_file():
             more["robot_config"] = str(Path(robot).resolve())  # --resume may be said elsewhere
@@ -191,10 +187,9 @@ class Plan:
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
         if recipe.approach > 0 and task in ("reach", "finger_reach"):
             raise InvalidArgument("approach is for tasks with an object")
-        of_pushes = recipe.symmetry or recipe.offsets
-        if recipe.algorithm not in LIBRARY:
-            of_pushes = of_pushes or recipe.relabelled > 0
-        if of_pushes and (recipe.algorithm in LIBRARY or task != "push" or plan.options.frames):
+        is_library = recipe.algorithm in LIBRARY  # a setting may have changed it
+        of_pushes = recipe.symmetry or recipe.offsets or (recipe.relabelled > 0 and not is_library)
+        if of_pushes and (is_library or task != "push" or plan.options.frames):
             raise InvalidArgument(
                 "symmetry, offsets and, but for ddpg, td3 and sac, relabelled are for pushes of a "
                 "TriFinger by rlpd or an algorithm of your own"

@@ -149,9 +149,5 @@ class FingerReplayBuffer(EpisodeReplayBuffer):
         rewards = -self._reward_scale * np.linalg.norm(offset, axis=-1).mean(axis=1, keepdims=True)
         # Time or a fault truncates a reach, which never terminates: so no transition is the last.
         arrays = (seen, actions, next_seen, np.zeros_like(rewards), rewards)
-        return ReplayBufferSamples(
-            *(
-                torch.from_numpy(array.reshape(batch_size, -1).astype(np.float32))
-                for array in arrays
-            )
-        )
+        rows = (array.reshape(batch_size, -1).astype(np.float32) for array in arrays)
+        return ReplayBufferSamples(*map(torch.from_numpy, rows))

@@ -10,6 +10,7 @@ Observations are scaled by what was seen, because 2 cm are a fiftieth of the ran
 import copy
 import itertools
 import math
+from collections.abc import Iterable
 
 import torch
 
@@ -50,7 +51,7 @@ class Rlpd:
             value = self._target(after, then).amin(0)
             value = batch.rewards + self._gamma * (1 - batch.terminated) * value
         loss = (self._critics(before, batch.actions) - value).square().mean(1).sum()
-        descend(self._critics_optimizer, self._critics, loss)
+        descend(self._critics_optimizer, self._critics.parameters(), loss)
         self._steps += 1
         if self._steps % ACTOR_EVERY == 0:
             acts = self._actor(before)
@@ -76,7 +77,7 @@ class Rlpd:
         apart = apart / batch.demonstrated.sum().clamp(min=1)
         weight = self._imitation * (1 - batch.progress)
         loss = weight * apart - value.mean() / value.detach().abs().mean()
-        descend(self._actor_optimizer, self._actor, loss)
+        descend(self._actor_optimizer, self._actor.parameters(), loss)
         self._value = value.mean().item()
 
     def actor(self) -> torch.nn.Sequential:
@@ -90,12 +91,14 @@ class Rlpd:
         return actor
 
 
-def descend(adam: torch.optim.Adam, module: torch.nn.Module, loss: torch.Tensor) -> None:
-    """Takes a gradient step of the parameters of a module, and leaves all others as they are."""
-    parameters: list[torch.Tensor] = list(module.parameters())
-    for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
+def descend(
+    optimizer: torch.optim.Optimizer, parameters: Iterable[torch.Tensor], loss: torch.Tensor
+) -> None:
+    """Takes a gradient step of these parameters, and leaves all others as they are."""
+    own = list(parameters)
+    for parameter, gradient in zip(own, torch.autograd.grad(loss, own), strict=True):
         parameter.grad = gradient
-    adam.step()
+    optimizer.step()
 
 
 class Critics(torch.nn.Module):
@@ -103,16 +106,14 @@ class Critics(torch.nn.Module):
 
     def __init__(self, sizes: list[int]) -> None:
         super().__init__()
-        self.weights, self.biases, self.gains, self.shifts = (
-            torch.nn.ParameterList() for _ in range(4)
-        )
+        self.weights, self.biases = torch.nn.ParameterList(), torch.nn.ParameterList()
+        hidden = [(CRITICS, 1, size) for size in sizes[1:]]
+        self.gains = torch.nn.ParameterList(map(torch.ones, hidden))
+        self.shifts = torch.nn.ParameterList(map(torch.zeros, hidden))
         for inputs, outputs in itertools.pairwise([*sizes, 1]):
             bound = 1 / math.sqrt(inputs)
             self.weights.append(torch.empty(CRITICS, inputs, outputs).uniform_(-bound, bound))
             self.biases.append(torch.empty(CRITICS, 1, outputs).uniform_(-bound, bound))
-        for size in sizes[1:]:
-            self.gains.append(torch.ones(CRITICS, 1, size))
-            self.shifts.append(torch.zeros(CRITICS, 1, size))
 
     def forward(self, observations: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
         """The values of N observations and actions, CRITICS x N."""

@@ -11,21 +11,19 @@ from pathlib import Path
 from typing import Any, Self
 
 # This import comes first because its error says what to install.
-from trifinger.stable_baselines import Vector
+from trifinger.training.model import make_model, rows_of, threads_for
 
 # isort: split
 import numpy as np
 import torch
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecNormalize
 from torch.utils.tensorboard import SummaryWriter
 
 from trifinger import policy_file
-from trifinger._trifinger import num_processors
 from trifinger.arrays import Array
-from trifinger.environments import Environment, VectorEnvironment, policy_metadata
+from trifinger.environments import Environment, policy_metadata
 from trifinger.errors import InvalidArgument
 from trifinger.evaluation import (
     SHOWN_EPISODES,
@@ -37,8 +35,7 @@ from trifinger.evaluation import (
 )
 from trifinger.picture import View
 from trifinger.training import checkpoint
-from trifinger.training.model import make_model, rows_of
-from trifinger.training.plan import PLAN, TALLY, Plan, Recipe
+from trifinger.training.plan import PLAN, TALLY, Plan
 from trifinger.whole_file import replace_file
 
 CHECKPOINT = "checkpoint"
@@ -70,19 +67,25 @@ class Training:
             raise InvalidArgument(f"{folder} has a training on a robot: trifinger learn --resume")
         if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
             raise InvalidArgument(f"{folder} has a training by another plan")
+        self.policy_path = folder / f"{plan.name}.policy"
+        """The file of the policy; it exists after the training."""
         self.curve: list[tuple[int, Summary]] = []
         self._paths: dict[str, Array] = {}
         self._next_checkpoint = 0
         recipe = plan.recipe
         # A set number keeps sums the same. One thread is enough for the batches of a single robot.
-        torch.set_num_threads(_threads(recipe))
-        self._rows = rows_of(plan, _environments(plan))
+        torch.set_num_threads(threads_for(recipe.num_envs))
+        self._rows = rows_of(plan, recipe.num_envs)
         self._normalizer = (
             VecNormalize(self._rows, gamma=recipe.gamma) if recipe.algorithm == "ppo" else None
         )
         self._evaluator = Evaluator(**plan.environment)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = make_model(plan, self._normalizer or self._rows, self._total)
+        # What has arrays and numbers that learning changes beside those of the model.
+        means = [self._normalizer.obs_rms, self._normalizer.ret_rms] if self._normalizer else []
+        buffer = getattr(self._model, "replay_buffer", None)
+        self._holders = means if buffer is None else [buffer]
         # Each robot begins with episode 0 of its seed.
         self._begin(np.zeros(recipe.num_envs, np.int64))
         folder.mkdir(parents=True, exist_ok=True)
@@ -137,11 +140,6 @@ class Training:
             save_paths(self._paths, self.folder / PATH_FIGURES[task])
         scene = Environment(**self.plan.environment, render_mode="rgb_array", view=view)
         save_policy_film(self.act, scene, self.folder / "film.mp4", self._rows.rows)
-
-    @property
-    def policy_path(self) -> Path:
-        """The file of the policy; it exists after the training."""
-        return self.folder / f"{self.plan.name}.policy"
 
     @property
     def episodes(self) -> int:
@@ -210,11 +208,10 @@ class Training:
 
     def _save(self) -> None:
         model = self._model
-        buffer = getattr(model, "replay_buffer", None)
         state = {
             "model": checkpoint.state_of(model),
-            "buffer": None if buffer is None else checkpoint.arrays_of(buffer),
-            "normalizer": None if self._normalizer is None else _means_of(self._normalizer),
+            "holders": [checkpoint.arrays_of(one) for one in self._holders],
+            "returns": getattr(self._normalizer, "returns", None),
             "episodes": self._rows.episodes,
             "curve": [(episode, dataclasses.asdict(one)) for episode, one in self.curve],
             "ways": self._paths,
@@ -243,10 +240,10 @@ class Training:
     def _take(self, state: dict[str, Any]) -> None:
         model = self._model
         checkpoint.restore(model, state["model"])
-        if state["buffer"] is not None:
-            checkpoint.set_arrays(getattr(model, "replay_buffer"), state["buffer"])  # noqa: B009
+        for holder, arrays in zip(self._holders, state["holders"], strict=True):
+            checkpoint.set_arrays(holder, arrays)
         if self._normalizer is not None:
-            _set_means(self._normalizer, state["normalizer"])
+            self._normalizer.returns = state["returns"]
         self._begin(state["episodes"])
         self.curve = [(episode, Summary(**one)) for episode, one in state["curve"]]
         self._paths = state["ways"]
@@ -256,21 +253,6 @@ class Training:
         np.random.set_state(numpy)  # noqa: NPY002
         torch.set_rng_state(pytorch)
         model.action_space.np_random.bit_generator.state = state["random_actions"]
-
-
-def _means_of(normalizer: VecNormalize) -> dict[str, Any]:
-    means = {name: vars(getattr(normalizer, name)) for name in ("obs_rms", "ret_rms")}
-    return {"means": means, "returns": normalizer.returns}
-
-
-def _set_means(normalizer: VecNormalize, state: dict[str, Any]) -> None:
-    for name, numbers in state["means"].items():
-        own = vars(getattr(normalizer, name))
-        for key, value in numbers.items():
-            if np.shape(own[key]) != np.shape(value):
-                raise ValueError(f"{name}.{key} has the shape {np.shape(value)}")
-            own[key] = value
-    normalizer.returns = state["returns"]
 
 
 class _BetweenRollouts(BaseCallback):
@@ -290,22 +272,6 @@ class _Board(TensorBoardOutputFormat):
     def __init__(self, folder: Path, first_step: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=first_step)
         self._is_closed = False
-
-
-def _environments(plan: Plan) -> Vector:
-    mode = AutoresetMode.SAME_STEP
-    if plan.recipe.num_envs == 1:
-        return SyncVectorEnv([lambda: Environment(**plan.environment)], autoreset_mode=mode)
-    return VectorEnvironment(
-        num_envs=plan.recipe.num_envs,
-        num_threads=_threads(plan.recipe),
-        autoreset_mode=mode,
-        **plan.environment,
-    )
-
-
-def _threads(recipe: Recipe) -> int:
-    return 1 if recipe.num_envs == 1 else min(2, num_processors())
 
 
 def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:
