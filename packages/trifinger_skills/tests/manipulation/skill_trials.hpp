@@ -9,8 +9,10 @@
 #include <string_view>
 
 #include "evaluation/contact.hpp"
+#include "evaluation/skill_rows.hpp"
 #include "evaluation/skill_trial.hpp"
 #include "meddled_skill.hpp"
+#include "sim/condition.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
@@ -27,6 +29,17 @@ inline SkillContext context_of(const evaluation::SkillTrial& trial) {
 
 inline MeddledSkill skill_of(const evaluation::SkillTrial& trial) {
   return MeddledSkill(make_skill(trial.skill, context_of(trial), {}, trial.settings));
+}
+
+// The skill does what it should, on a robot in any condition in which it can be expected to.
+inline void expect_success(const evaluation::SkillRow& row) {
+  for (const Condition condition : {Condition::kAsDocumented, Condition::kAsBuilt}) {
+    evaluation::SkillTrial trial = row.trial;
+    row.vary(trial, 31);
+    trial.condition = condition;
+    const auto judgement = row.judge(trial, evaluation::run_skill_trial(trial));
+    EXPECT_TRUE(judgement.succeeds) << name_of(condition) << ": " << judgement.why;
+  }
 }
 
 inline SkillTrace run(const Simulation& simulation, MeddledSkill& skill,

@@ -38,6 +38,7 @@ struct BalanceConfig {
   double tilt_weight;
   double place_weight;
   double speed_weight;
+  double speed_gain;
   double height_stiffness;
   double height_damping;
   TiltObserverConfig observer;
@@ -48,24 +49,26 @@ BalanceConfig read_balance(const config::Node& root) {
   const Range weight{.min = 0, .max = 1e6};
   const config::Node control = root.section("control");
   const config::Node observer = root.section("observer");
-  return {.object = root.required<std::string>("object"),
-          .duration = read_time(root, "duration", time),
-          .largest_tilt = root.required<double>("largest_tilt", above_zero("rad", 1)),
-          .farthest = root.required<double>("farthest", above_zero("m", 0.3)),
-          .longest_blind = read_time(root, "longest_blind", time),
-          .tilt_weight = control.required<double>("tilt_weight", weight),
-          .place_weight = control.required<double>("place_weight", above_zero("", 1e6)),
-          .speed_weight = control.required<double>("speed_weight", weight),
-          .height_stiffness =
-              control.required<double>("height_stiffness", {.unit = "1/s^2", .min = 0, .max = 1e5}),
-          .height_damping =
-              control.required<double>("height_damping", {.unit = "1/s", .min = 0, .max = 1e3}),
-          .observer = {
-              .position_noise = observer.required<double>("position_noise", above_zero("m", 0.1)),
-              .tilt_noise = observer.required<double>("tilt_noise", above_zero("rad", 1)),
-              .disturbance =
-                  observer.required<double>("disturbance", {.unit = "rad/s", .min = 0, .max = 100}),
-              .drift = observer.required<double>("drift", {.unit = "m", .min = 0, .max = 1})}};
+  return {
+      .object = root.required<std::string>("object"),
+      .duration = read_time(root, "duration", time),
+      .largest_tilt = root.required<double>("largest_tilt", above_zero("rad", 1)),
+      .farthest = root.required<double>("farthest", above_zero("m", 0.3)),
+      .longest_blind = read_time(root, "longest_blind", time),
+      .tilt_weight = control.required<double>("tilt_weight", weight),
+      .place_weight = control.required<double>("place_weight", above_zero("", 1e6)),
+      .speed_weight = control.required<double>("speed_weight", weight),
+      .speed_gain = control.required<double>("speed_gain", {.unit = "1/s", .min = 0, .max = 1e3}),
+      .height_stiffness =
+          control.required<double>("height_stiffness", {.unit = "1/s^2", .min = 0, .max = 1e5}),
+      .height_damping =
+          control.required<double>("height_damping", {.unit = "1/s", .min = 0, .max = 1e3}),
+      .observer = {
+          .position_noise = observer.required<double>("position_noise", above_zero("m", 0.1)),
+          .tilt_noise = observer.required<double>("tilt_noise", above_zero("rad", 1)),
+          .disturbance =
+              observer.required<double>("disturbance", {.unit = "rad/s", .min = 0, .max = 100}),
+          .drift = observer.required<double>("drift", {.unit = "m", .min = 0, .max = 1})}};
 }
 
 // The gains of the acceleration of the tip on tilt, its rate, place and speed that minimise the
@@ -187,6 +190,7 @@ class Balance final : public Skill {
   Vector3d start_{Vector3d::Zero()};                       // Of the tip.
   TipInput input_;
   TiltEstimate estimate_;
+  Vector2d speed_{Vector2d::Zero()};  // That the tip should have [m/s].
   double share_{0.0};
 };
 
@@ -225,6 +229,7 @@ void Balance::find_finger() noexcept {
   }
   start_ = servo_.tip(finger_);
   input_ = {};
+  speed_.setZero();
   input_.place = start_.head<2>();
   // The tip has rested since the first pose was captured.
   observer_.reset(first_->step);
@@ -283,8 +288,12 @@ void Balance::balance() noexcept {
   } else {
     wanted = -config_.height_stiffness * place - config_.height_damping * input_.rate;
   }
+  // The friction of joints must not take away what is wanted.
+  constexpr double kForget = 5.0;  // [1/s]
+  speed_ += clock_.period().count() * (wanted - kForget * (speed_ - input_.rate));
+  const Vector2d pushed = wanted + config_.speed_gain * (speed_ - input_.rate);
   const Vector3d& tip = servo_.tip(finger_);
-  const Vector3d acceleration(wanted.x(), wanted.y(),
+  const Vector3d acceleration(pushed.x(), pushed.y(),
                               config_.height_stiffness * (start_.z() - tip.z()) -
                                   config_.height_damping * servo_.velocity(finger_).z());
   // The box presses on the tip: its weight, and what its centre's acceleration takes.

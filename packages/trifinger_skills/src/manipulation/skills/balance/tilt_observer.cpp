@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kFirstTilt = 0.2;      // Standard deviations before the first pose [rad], ...
 constexpr double kFirstRate = 0.5;      // ... [rad/s], ...
-constexpr double kFirstOffset = 0.005;  // ... [m].
+constexpr double kFirstOffset = 0.005;  // ... [m], ...
+constexpr double kFirstError = 0.003;   // ... of the place of the tip [m].
 
 double squared(double value) noexcept { return value * value; }
 
@@ -18,9 +19,10 @@ double squared(double value) noexcept { return value * value; }
 TiltObserver::TiltObserver(const TippingBox& box, const TiltObserverConfig& config,
                            control::Seconds period)
     : box_(box), config_(config), period_(period.count()) {
-  transition_ << 1.0, period_, 0.0,                                                  //
-      period_ * box_.fall(), 1.0, -period_ * TippingBox::kGravity / box_.inertia(),  //
-      0.0, 0.0, 1.0;
+  transition_.setIdentity();
+  transition_(0, 1) = period_;
+  transition_(1, 0) = period_ * box_.fall();
+  transition_(1, 2) = -period_ * TippingBox::kGravity / box_.inertia();
   reset(0);
 }
 
@@ -31,8 +33,9 @@ void TiltObserver::reset(TimeIndex step) noexcept {
   has_seen_ = false;
   at_pose_.setZero();
   now_.setZero();
-  covariance_ =
-      Eigen::Vector3d(squared(kFirstTilt), squared(kFirstRate), squared(kFirstOffset)).asDiagonal();
+  covariance_ = Eigen::Vector4d(squared(kFirstTilt), squared(kFirstRate), squared(kFirstOffset),
+                                squared(kFirstError))
+                    .asDiagonal();
 }
 
 TiltObserver::State TiltObserver::after(const State& state, const TipInput& input) const noexcept {
@@ -65,19 +68,20 @@ bool TiltObserver::see(TimeIndex captured, const Eigen::Vector2d& tilt,
     covariance_ = transition_ * covariance_ * transition_.transpose();
     covariance_(1, 1) += squared(config_.disturbance) * period_;
     covariance_(2, 2) += squared(config_.drift) * period_;
+    covariance_(3, 3) += squared(config_.drift) * period_;
   }
-  Eigen::Matrix<double, 2, 3> seen;
-  seen << 1.0, 0.0, 0.0, box_.half_height, 0.0, -1.0;
+  Eigen::Matrix<double, 2, 4> seen;
+  seen << 1.0, 0.0, 0.0, 0.0, box_.half_height, 0.0, -1.0, -1.0;
   const Eigen::Matrix2d noise =
       Eigen::Vector2d(squared(config_.tilt_noise), squared(config_.position_noise)).asDiagonal();
   const Eigen::Matrix2d innovation = seen * covariance_ * seen.transpose() + noise;
-  const Eigen::Matrix<double, 3, 2> gain = covariance_ * seen.transpose() * innovation.inverse();
+  const Eigen::Matrix<double, 4, 2> gain = covariance_ * seen.transpose() * innovation.inverse();
   Eigen::Matrix2d measured;
   measured.row(0) = tilt.transpose();
   measured.row(1) = (centre - input_at(captured).place).transpose();
   at_pose_ += gain * (measured - seen * at_pose_);
   // Joseph's form keeps it symmetric and positive.
-  const Eigen::Matrix3d rest = Eigen::Matrix3d::Identity() - gain * seen;
+  const Eigen::Matrix4d rest = Eigen::Matrix4d::Identity() - gain * seen;
   covariance_ = rest * covariance_ * rest.transpose() + gain * noise * gain.transpose();
   pose_step_ = captured;
   has_seen_ = true;

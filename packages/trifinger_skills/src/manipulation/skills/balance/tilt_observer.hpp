@@ -54,7 +54,7 @@ struct TiltObserverConfig {
   double position_noise;  // Standard deviations of measured poses [m], [rad].
   double tilt_noise;
   double disturbance;  // Of the rate of the tilt, in a second [rad/s].
-  double drift;        // Of s, in a second [m].
+  double drift;        // Of s, and of the error of w, in a second [m].
 };
 
 // Estimates how the box stands from poses that are late: a Kalman filter at the time of the newest
@@ -77,8 +77,9 @@ class TiltObserver {
   [[nodiscard]] bool has_seen() const noexcept { return has_seen_; }
 
  private:
-  // Rows: tilt; its rate plus lever w'; s. Columns: the two directions.
-  using State = Eigen::Matrix<double, 3, 2>;
+  // Rows: tilt; its rate plus lever w'; s; error of w, as of joints that are homed badly. Columns:
+  // the two directions.
+  using State = Eigen::Matrix<double, 4, 2>;
   static constexpr TimeIndex kMemory = 256;
 
   [[nodiscard]] const TipInput& input_at(TimeIndex step) const noexcept {
@@ -89,7 +90,7 @@ class TiltObserver {
   TippingBox box_;
   TiltObserverConfig config_;
   double period_;
-  Eigen::Matrix3d transition_;
+  Eigen::Matrix4d transition_;
   std::array<TipInput, static_cast<std::size_t>(kMemory)> inputs_{};
   TimeIndex first_{0};  // The oldest step in memory.
   TimeIndex newest_{-1};
@@ -97,7 +98,7 @@ class TiltObserver {
   bool has_seen_{false};
   State at_pose_{State::Zero()};
   State now_{State::Zero()};
-  Eigen::Matrix3d covariance_{Eigen::Matrix3d::Identity()};
+  Eigen::Matrix4d covariance_{Eigen::Matrix4d::Identity()};
 };
 
 }  // namespace trifinger::manipulation
