@@ -437,6 +437,18 @@ def serve_for(monkeypatch: pytest.MonkeyPatch, plan: Plan, said: str | None) -> 
     return told
 
 
+@pytest.mark.parametrize("last", [0.0, 60.0])
+def test_a_learner_that_is_behind_does_not_let_the_robot_wait(
+    last: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trifinger.training.learner.LAST", last)
+    told = serve_for(monkeypatch, plan_of("ddpg", gradient_steps=5), None)
+    assert told[-1]["kind"] == "done"
+    newest = [one for one in told if one["kind"] == "policy"][-1]
+    due = 5 * (newest["transitions"] - SETTINGS["random_actions"])
+    assert (newest["updates"] == due) == (last > 0)
+
+
 @pytest.mark.usefixtures("own")
 def test_an_algorithm_that_only_a_file_names_is_not_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -33,6 +33,7 @@ from trifinger.training.plan import LIBRARY, Plan
 PUBLISH = 1.0  # s between two policies
 CHECKPOINT = 20.0  # s between two checkpoints
 MOST_STEPS = 50  # gradient steps between two looks for experience
+LAST = 60.0  # s for the steps that are still due when the robot has done all episodes
 
 
 class Learner:
@@ -197,12 +198,13 @@ def _go_on(learner: Learner, connection: Connection) -> None:
 
     send("policy", **_policy(learner))
     published = saved = time.monotonic()
-    updates, is_whole = learner.updates, False
-    while not is_whole or learner.steps_due:
+    updates, is_whole, last = learner.updates, False, time.monotonic()
+    while not is_whole or (learner.steps_due and time.monotonic() - last < LAST):
         # What has happened comes first: a slow learner falls behind in learning only.
         message = _ask(connection, waits=not learner.steps_due)
         learner.add(message["experience"])
-        is_whole = message["is_whole"]
+        if not is_whole:
+            is_whole, last = message["is_whole"], time.monotonic()
         if steps := min(learner.steps_due, MOST_STEPS):
             learner.update(steps)
         now = time.monotonic()
