@@ -40,5 +40,18 @@ TEST(Condition, IsFoundByItsName) {
   EXPECT_THROW((void)condition_from_name("new"), InvalidArgument);
 }
 
+TEST(Condition, ANumberIsSetByItsName) {
+  Variation robot;
+  set_value(robot, "backlash", 0.004);
+  set_value(robot, "torque_delay", 2.0);
+  Variation expected;
+  expected.backlash = 0.004;
+  expected.torque_delay = 2;
+  EXPECT_EQ(robot, expected);
+  for (const char* name : {"play", "pair_friction", ""}) {
+    EXPECT_THROW(set_value(robot, name, 1.0), InvalidArgument) << name;
+  }
+}
+
 }  // namespace
 }  // namespace trifinger
