@@ -23,6 +23,7 @@ from trifinger_simulation.trifinger_platform import (
 
 from trifinger_compat import camera_files, camera_hdf5, camera_series
 from trifinger_compat.camera_info import TriCameraInfo, info_of
+from trifinger_compat.keeper import Keeper
 from trifinger_compat.robot_data import BaseData
 from trifinger_compat.types import wxyz
 
@@ -238,31 +239,19 @@ class CameraBackend:
         self._thread.join()
 
 
-class CameraLogger:
+class CameraLogger(Keeper):
     """Keeps images from start() on, up to a number of them, in memory."""
 
     has_object = False
 
     def __init__(self, camera_data: Any, buffer_limit: int) -> None:
+        super().__init__()
         self._data, self._limit = camera_data, buffer_limit
-        self._error: Exception | None = None
         self._elements: list[tuple[float, Any]] = []
-        self._is_ending = threading.Event()
-        self._thread: threading.Thread | None = None
 
     def start(self) -> None:
         """Begins to keep images."""
-        if self._thread is None:
-            self._is_ending.clear()
-            self._error = None
-            self._thread = threading.Thread(target=self._run, daemon=True)
-            self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            self._keep()
-        except Exception as error:  # stop_and_save() raises it
-            self._error = error
+        self._begin()
 
     def _keep(self) -> None:
         t = max(0, self._data.range()[1] - 1)
@@ -277,10 +266,7 @@ class CameraLogger:
 
     def stop(self) -> None:
         """Keeps no more."""
-        if self._thread is not None:
-            self._is_ending.set()
-            self._thread.join()
-            self._thread = None
+        self._end()
 
     def reset(self) -> None:
         """Forgets all images and keeps no more."""

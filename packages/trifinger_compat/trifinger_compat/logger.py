@@ -3,7 +3,6 @@
 
 import enum
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from trifinger.log.original import (
 )
 
 from trifinger_compat.clock import SINCE_1970
+from trifinger_compat.keeper import Keeper
 from trifinger_compat.robot_data import BaseData
 
 BLOCK = 500  # steps that are read at once
@@ -39,7 +39,7 @@ class Format(enum.Enum):
 _Format = Format
 
 
-class BaseLogger:
+class BaseLogger(Keeper):
     """Keeps the steps of a robot from start() on, up to a number of them, in memory.
 
     `trifinger record` writes to a file while the robot runs, and can keep any number of steps.
@@ -49,33 +49,24 @@ class BaseLogger:
 
     def __init__(self, robot_data: BaseData, buffer_limit: int = 0) -> None:
         """`buffer_limit` is the number of steps that are kept at most; 0: any number."""
+        super().__init__()
         self._data = robot_data
         self._limit = buffer_limit
         self._rows: list[NDArray[np.void]] = []
         self._lost = 0  # steps that were overwritten before they were read
-        self._error: Exception | None = None
-        self._thread: threading.Thread | None = None
-        self._is_ending = threading.Event()
         self._filename: str | Path | None = None
         data = robot_data
         self._row_type = row_type(data.action_class.JOINTS, data.observation_class.TIPS)
 
     def start(self, filename: str | Path | None = None) -> None:
         """Begins to keep steps. Programs of 2020 give the file for stop() here."""
-        if self._thread is not None:
-            return
-        self._filename = filename
-        self._is_ending.clear()
-        self._error = None
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        if self._thread is None:
+            self._filename = filename
+            self._begin()
 
     def stop(self) -> None:
         """Keeps the steps until now, and no more."""
-        if self._thread is not None:
-            self._is_ending.set()
-            self._thread.join()
-            self._thread = None
+        self._end()
         if self._filename is not None:
             self.stop_and_save(self._filename, Format.CSV)
 
@@ -140,12 +131,6 @@ class BaseLogger:
         if not self._rows:
             return np.zeros(0, dtype=self._row_type)
         return np.concatenate(self._rows)
-
-    def _run(self) -> None:
-        try:
-            self._keep()
-        except Exception as error:  # stop_and_save() raises it
-            self._error = error
 
     def _keep(self) -> None:
         next_step = self._range()[1]
