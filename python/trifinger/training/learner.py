@@ -33,7 +33,7 @@ from trifinger.training.plan import LIBRARY, Plan
 PUBLISH = 1.0  # s between two policies
 CHECKPOINT = 20.0  # s between two checkpoints
 MOST_STEPS = 50  # gradient steps between two looks for experience
-LAST = 60.0  # s for the steps that are still due when the robot has done all episodes
+LAST = 20.0  # s for the steps that are still due when the robot has done all episodes
 
 
 class Learner:
