@@ -14,12 +14,12 @@ constexpr control::Seconds kPeriod{1e-3};
 constexpr control::TipGains kGains{.stiffness = 300, .damping = 3};
 constexpr double kSpeed = 0.07;
 constexpr double kForce = 0.7;
-constexpr double kWidth = 0.084;  // Of what the tips close on, from centre to centre.
+constexpr double kWidth = 0.084;  // The distance of the tips that have closed [m].
 
 // Two tips of a mass and with dry friction, and something that they cannot press together.
 struct Tips {
   double friction;         // [N]
-  double rattle{0.0};      // Of the distance that is measured [m].
+  double rattle{0.0};      // What play adds to the measured distance, up to this [m].
   double distance{0.154};  // [m]
   double rate{0.0};
   double pressed{0.0};  // The largest force on what they have met [N].

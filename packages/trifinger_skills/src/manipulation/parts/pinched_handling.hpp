@@ -29,7 +29,7 @@ struct PinchedHandlingConfig {
   double clearance;     // Of tips from faces before they pinch [m].
   double pinch_height;  // Of the pinching tips above the table [m].
   double closing_force;
-  double closing_speed;  // Of the distance of the tips [m/s].
+  double closing_speed;  // By which the tips come nearer to each other [m/s].
   double pinch_force;
   double loose_force;  // While the box settles on the table [N].
   control::TipGains tips;

@@ -19,10 +19,11 @@ double squared(double value) noexcept { return value * value; }
 TiltObserver::TiltObserver(const TippingBox& box, const TiltObserverConfig& config,
                            control::Seconds period)
     : box_(box), config_(config), period_(period.count()) {
-  transition_.setIdentity();
-  transition_(0, 1) = period_;
-  transition_(1, 0) = period_ * box_.fall();
-  transition_(1, 2) = -period_ * TippingBox::kGravity / box_.inertia();
+  Eigen::Matrix4d change = Eigen::Matrix4d::Zero();  // In a period, to the first order.
+  change(0, 1) = period_;
+  change(1, 0) = period_ * box_.fall();
+  change(1, 2) = -period_ * TippingBox::kGravity / box_.inertia();
+  transition_ = Eigen::Matrix4d::Identity() + change + change * change / 2;
   reset(0);
 }
 

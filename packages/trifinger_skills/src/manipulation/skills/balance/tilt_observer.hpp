@@ -16,10 +16,11 @@ namespace trifinger::manipulation {
 // small tilts,
 //
 //     (k^2 + h^2) a'' = g ((h - r) a + e - s) - h w''        (moments about the contact)
-//     c = w + h a - s                                        (place of the box's centre)
+//     c = w - d + h a - s                                    (place of the box's centre)
 //
 // h: half the height of the box; k: its radius of gyration; r: radius of the tip; s: how far the
-// box stood off its middle at the beginning. Neither mass nor friction count.
+// box stood off its middle at the beginning; d: how far joints that are homed badly put w from
+// where it is. Neither mass nor friction count.
 struct TippingBox {
   double half_height{0.04};   // h [m]
   double gyration{0.0238};    // k [m]
@@ -54,7 +55,7 @@ struct TiltObserverConfig {
   double position_noise;  // Standard deviations of measured poses [m], [rad].
   double tilt_noise;
   double disturbance;  // Of the rate of the tilt, in a second [rad/s].
-  double drift;        // Of s, and of the error of w, in a second [m].
+  double drift;        // By which s and d may change in a second [m].
 };
 
 // Estimates how the box stands from poses that are late: a Kalman filter at the time of the newest
@@ -77,8 +78,7 @@ class TiltObserver {
   [[nodiscard]] bool has_seen() const noexcept { return has_seen_; }
 
  private:
-  // Rows: tilt; its rate plus lever w'; s; error of w, as of joints that are homed badly. Columns:
-  // the two directions.
+  // Rows: tilt; its rate plus lever w'; s; d. Columns: the two directions.
   using State = Eigen::Matrix<double, 4, 2>;
   static constexpr TimeIndex kMemory = 256;
 
