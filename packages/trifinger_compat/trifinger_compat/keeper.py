@@ -2,9 +2,10 @@
 """What loggers have in common: a thread that keeps a series."""
 
 import threading
+from abc import ABC, abstractmethod
 
 
-class Keeper:
+class Keeper(ABC):
     """Keeps what comes, in a thread of its own, from its begin to its end."""
 
     def __init__(self) -> None:
@@ -31,6 +32,6 @@ class Keeper:
         except Exception as error:  # who ends it raises it
             self._error = error
 
+    @abstractmethod
     def _keep(self) -> None:
         """Keeps until `_is_ending`."""
-        raise NotImplementedError
