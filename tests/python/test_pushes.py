@@ -161,6 +161,13 @@ def test_only_pushes_by_classes_are_turned(task, algorithm, settings) -> None:
         Plan.of(task, algorithm, settings=settings)
 
 
+def test_a_setting_changes_the_algorithm_as_its_argument_does() -> None:
+    by_setting = Plan.of("push", "ddpg", settings={"algorithm": "rlpd"})
+    assert by_setting == Plan.of("push", "rlpd")
+    with pytest.raises(InvalidArgument, match="no algorithm 'rldp'"):
+        Plan.of("push", "ddpg", settings={"algorithm": "rldp"})
+
+
 def test_an_observation_with_the_last_action_is_turned_whole() -> None:
     make = pushes(mapping="state_augmentation")
     whole = sum(len(places) for places, _, _ in make._flat.values())

@@ -157,6 +157,7 @@ class Plan:
         `more` are fields of the plan itself, as in `episodes=100`.
         """
         settings = dict(settings or {})
+        algorithm = str(settings.pop("algorithm", algorithm))
         recipe = Recipe.of(
             task, algorithm, is_shared=is_shared, has_fingers="frames" not in settings
         )
@@ -185,9 +186,9 @@ class Plan:
         more.setdefault("evaluation_interval", max(50, episodes // 100))
         more.setdefault("checkpoint_interval", max(25, episodes // 100))
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
-        if recipe.approach > 0 and task in ("reach", "finger_reach"):
+        if recipe.approach > 0 and (recipe.is_shared or task in ("reach", "finger_reach")):
             raise InvalidArgument("approach is for tasks with an object")
-        is_library = recipe.algorithm in LIBRARY  # a setting may have changed it
+        is_library = algorithm in LIBRARY
         of_pushes = recipe.symmetry or recipe.offsets or (recipe.relabelled > 0 and not is_library)
         if of_pushes and (is_library or task != "push" or plan.options.frames):
             raise InvalidArgument(
