@@ -29,12 +29,6 @@ constexpr double kHighest = 0.1;           // [m]
 constexpr std::string_view kPosition = "goal.position=";
 constexpr std::string_view kOrientation = "goal.orientation=";
 
-Vector3d in_disc(TrialRandom& random, double z) {
-  const double distance = kMaxDistance * std::sqrt(random.between(0, 1));
-  const double azimuth = random.between(-kPi, kPi);
-  return {distance * std::cos(azimuth), distance * std::sin(azimuth), z};
-}
-
 // Any rotation is as likely as any other (K. Shoemake: Uniform random rotations, 1992).
 Quaterniond any_rotation(TrialRandom& random) {
   const double share = random.between(0, 1);
@@ -46,6 +40,12 @@ Quaterniond any_rotation(TrialRandom& random) {
 }
 
 }  // namespace
+
+Vector3d in_disc(TrialRandom& random, double z) {
+  const double distance = kMaxDistance * std::sqrt(random.between(0, 1));
+  const double azimuth = random.between(-kPi, kPi);
+  return {distance * std::cos(azimuth), distance * std::sin(azimuth), z};
+}
 
 void vary_start(SkillTrial& trial, TrialRandom& random) {
   ObjectDescription& object = trial.simulation.description.objects.front();

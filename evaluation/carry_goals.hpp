@@ -12,6 +12,9 @@ namespace trifinger::evaluation {
 // angle.
 void vary_start(SkillTrial& trial, TrialRandom& random);
 
+// A place within 138.7 mm of the axis, as likely as any other, at height `z` [m].
+[[nodiscard]] Eigen::Vector3d in_disc(TrialRandom& random, double z);
+
 // A goal of difficulty 4: anywhere within 138.7 mm of the axis and 56.3 to 100 mm high, in any
 // orientation.
 [[nodiscard]] control::Pose draw_goal(TrialRandom& random);

@@ -9,8 +9,9 @@ namespace trifinger::evaluation {
 inline constexpr double kFloorDepth = 1.0;
 
 // Where a ball lands that is at `position` with `velocity` now and that nothing touches any more:
-// its distance from the platform's axis when its surface meets the floor [m]. Without air.
+// its distance from the platform's axis when its surface meets a floor so far below the feet of the
+// platform [m]. Without air.
 [[nodiscard]] double landing(const Eigen::Vector3d& position, const Eigen::Vector3d& velocity,
-                             double radius) noexcept;
+                             double radius, double depth = kFloorDepth) noexcept;
 
 }  // namespace trifinger::evaluation

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "evaluation/skill_trial.hpp"
@@ -21,8 +22,13 @@ namespace trifinger::evaluation {
 [[nodiscard]] std::vector<SkillRow> throw_rows();
 [[nodiscard]] std::vector<SkillRow> turn_rows();
 
-// The table of `./run evaluate skills`: all but those of lift and slide, which are in the table of
-// `./run evaluate control`.
-[[nodiscard]] std::vector<SkillRow> all_skill_rows();
+// A page of docs/results and its rows.
+struct Table {
+  std::string name;
+  std::vector<SkillRow> rows;
+};
+// `skills` has all skills but lift and slide. These are in `control`, on motor boards as well, and
+// in `vision`, with a cube that only cameras see.
+[[nodiscard]] std::vector<Table> all_tables();
 
 }  // namespace trifinger::evaluation

@@ -79,11 +79,45 @@ class TruthObserver {
   std::optional<ObjectDescription> object_;
 };
 
-// A robot and an observer of each of its steps, in the thread of the back-end.
+// Notes what a trial demands of robot and object.
+class StrainObserver {
+ public:
+  explicit StrainObserver(const SkillTrial& trial)
+      : limits_(manipulation::safety_limits_of(trial.simulation)) {}
+
+  void look(const TriFinger::Observation& seen, const TriFinger::AppliedAction& applied,
+            double contact_depth = 0.0) noexcept {
+    bool is_at_limit = false;
+    for (std::size_t i = 0; i < applied.torque.size(); ++i) {
+      is_at_limit |= std::abs(applied.torque[i]) >= limits_.max_torque[i] - kTiny;
+      strain_.speed = std::max(strain_.speed, std::abs(seen.velocity[i]));
+      strain_.thermal_margin = std::min(strain_.thermal_margin, applied.thermal_margin[i]);
+    }
+    strain_.contact_depth = std::max(strain_.contact_depth, contact_depth);
+    ++steps_;
+    if (is_at_limit) ++at_limit_;
+  }
+  [[nodiscard]] Strain strain() const noexcept {
+    Strain strain = strain_;
+    strain.torque_limit = steps_ > 0 ? at_limit_ / steps_ : 0.0;
+    return strain;
+  }
+
+ private:
+  static constexpr double kTiny = 1e-9;  // [Nm]
+
+  control::SafetyLimits limits_;
+  Strain strain_;
+  double steps_{0.0};
+  double at_limit_{0.0};
+};
+
+// A robot and observers of each of its steps, in the thread of the back-end.
 class ObservedRobot final : public Driver<TriFinger> {
  public:
-  ObservedRobot(SimulatedRobot& robot, TruthObserver& observer, std::size_t most_steps)
-      : robot_(robot), observer_(observer) {
+  ObservedRobot(SimulatedRobot& robot, TruthObserver& observer, StrainObserver& strain,
+                std::size_t most_steps)
+      : robot_(robot), observer_(observer), strain_(strain) {
     truth_.reserve(most_steps);
   }
   // What was true at each step. Call it when the back-end has ended.
@@ -101,11 +135,14 @@ class ObservedRobot final : public Driver<TriFinger> {
     return robot_.prepare(step);
   }
   [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
-    return robot_.get_latest_observation(&observation);
+    const DriverReport report = robot_.get_latest_observation(&observation);
+    seen_ = observation;
+    return report;
   }
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           AppliedAction& applied) noexcept override {
     const DriverReport report = robot_.apply_action(&desired, &applied);
+    strain_.look(seen_, applied, robot_.contact_depth());
     if (truth_.size() < truth_.capacity())
       truth_.push_back(observer_.look(static_cast<TimeIndex>(truth_.size()) - 1));
     steps_.store(truth_.size(), std::memory_order_relaxed);
@@ -133,6 +170,8 @@ class ObservedRobot final : public Driver<TriFinger> {
  private:
   SimulatedRobot& robot_;
   TruthObserver& observer_;
+  StrainObserver& strain_;
+  Observation seen_;
   std::vector<TrueStep> truth_;
   std::atomic<std::size_t> steps_{0};
 };
@@ -171,12 +210,15 @@ SkillTrialResult run_on_boards(const SkillTrial& trial) {
   Frontend<TriFinger> robot(backend, {.strict = true});
   const auto skill = make(trial);
   const std::string object(skill->object());
+  StrainObserver strain(trial);
   SkillTrialResult result;
   result.trace = manipulation::run_skill(
       robot, *skill, {.on_step = [&](TimeIndex t) {
+        strain.look(robot.get_observation(t), robot.get_applied_action(t));
         result.truth.push_back(
             {.step = t + 1, .object = pose_of(world.plant().object_pose(object))});
       }});
+  result.strain = strain.strain();
   result.end = result.truth.size();
   result.figures = figures_of(*skill, result);
   return result;
@@ -200,7 +242,8 @@ SkillTrialResult run_in_real_time(const SkillTrial& trial) {
   constexpr control::Seconds kSpare{5.0};
   const auto most = static_cast<std::size_t>((skill->max_duration() + trial.after + kSpare) /
                                              trial.simulation.period);
-  ObservedRobot robot(simulation, observer, most);
+  StrainObserver strain(trial);
+  ObservedRobot robot(simulation, observer, strain, most);
   SessionHost host =
       SessionHost::anonymous({.documents = model_documents(trial.simulation)}, "skill-trial");
   Backend backend(robot, host, *trial.real_time);
@@ -230,6 +273,7 @@ SkillTrialResult run_in_real_time(const SkillTrial& trial) {
     thread.stop();
   }
   result.truth = std::move(robot.truth());
+  result.strain = strain.strain();
   result.end = std::min(result.end, result.truth.size());
   result.figures = figures_of(*skill, result);
   return result;
@@ -261,7 +305,7 @@ void vary_place(SkillTrial& trial, TrialRandom& random, double radius) {
   ObjectDescription& object = trial.simulation.description.objects.front();
   const double distance = radius * std::sqrt(random.between(0, 1));
   const double azimuth = random.between(-std::numbers::pi, std::numbers::pi);
-  Triple position = object.position.value_or(Triple{});
+  Triple position = object.position.value_or(Triple{0, 0, object.size[2] / 2});
   position[0] += distance * std::cos(azimuth);
   position[1] += distance * std::sin(azimuth);
   object.position = position;
@@ -311,12 +355,6 @@ double Report::at(std::string_view name) const {
   return found == figures.end() ? 0.0 : found->value;
 }
 
-double together(std::span<const Report> reports, std::string_view figure) {
-  double sum = 0.0;
-  for (const Report& report : reports) sum += report.at(figure) * report.at(figure);
-  return std::sqrt(sum / static_cast<double>(reports.size()));
-}
-
 SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   if (trial.real_time) return run_in_real_time(trial);
   if (trial.boards) return run_on_boards(trial);
@@ -325,19 +363,22 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   simulation.robot().reset();
   const auto skill = make(trial);
   TruthObserver observer(trial, simulation.robot(), std::string(skill->object()));
+  StrainObserver strain(trial);
   SkillTrialResult result;
   const auto after = static_cast<TimeIndex>(trial.after / trial.simulation.period);
   {
     auto robot = simulation.connect();
     result.trace =
         manipulation::run_skill(robot, *skill, {.on_step = [&](TimeIndex t) {
-                                  (void)robot.get_observation(t);
+                                  strain.look(robot.get_observation(t), robot.get_applied_action(t),
+                                              simulation.robot().contact_depth());
                                   result.truth.push_back(observer.look(t));
                                   if (trial.interfere)
                                     trial.interfere(simulation.robot(), t, skill->state());
                                 }});
   }
   result.end = result.truth.size();
+  result.strain = strain.strain();
   result.figures = figures_of(*skill, result);
   if (after == 0) return result;
   // The world goes on from where the session has left it.

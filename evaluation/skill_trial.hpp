@@ -96,8 +96,17 @@ struct TrueStep {
   }
 };
 
+// What a trial demands of robot and object, at its worst step.
+struct Strain {
+  double contact_depth{0.0};  // Of any two surfaces in each other [m].
+  double torque_limit{0.0};  // Share of the steps in which a motor gave all that its limit lets it.
+  double speed{0.0};         // Of a joint [rad/s].
+  double thermal_margin{1.0};  // Of a motor, at its least.
+};
+
 struct SkillTrialResult {
   manipulation::SkillTrace trace;
+  Strain strain;
   std::vector<TrueStep> truth;                // Of all steps, those after the skill's end included.
   std::size_t end{0};                         // Index in `truth` of the skill's end.
   std::vector<manipulation::Figure> figures;  // From the true poses.
@@ -112,8 +121,8 @@ struct SkillTrialResult {
 // Whether a trial has reached what it should, by what was true.
 struct Judgement {
   bool succeeds{false};
-  double figure{0.0};  // The row's figure, in SI units.
-  std::string why;     // In words, if it does not.
+  double figure{0.0};  // The row's figure, in SI units; of a success only.
+  std::string why{};   // In words, if it does not.
   std::string note{};  // What else is to be reported, such as the lateness of the loop.
 };
 using Judge = std::function<Judgement(const SkillTrial& trial, const SkillTrialResult& result)>;
@@ -126,11 +135,10 @@ struct Report {
   // Zero if there is no such figure.
   [[nodiscard]] double at(std::string_view name) const;
 };
-// The root mean square of a figure that is one itself, of all trials.
-[[nodiscard]] double together(std::span<const Report> reports, std::string_view figure);
 
 // A row of a table in docs/results.
 struct SkillRow {
+  std::string name;  // In commands: "catch-thrown". The first row of a skill has its name.
   std::string what;
   std::string reach;   // In words, as asked.
   double needed{1.0};  // Share of the trials that must succeed.
@@ -141,8 +149,8 @@ struct SkillRow {
   std::string figure;     // What the figure is: "distance".
   std::string unit{"m"};  // Unit in which the table shows it.
   double scale{1.0};      // Figure in SI units times this is the figure in the table.
-  // What must hold for all trials together; may be empty.
-  std::function<bool(std::span<const Report> reports)> together{};
+  // A row whose rms of all trials together this one's may exceed by a fifth.
+  std::string like{};
 };
 
 }  // namespace trifinger::evaluation

@@ -341,6 +341,12 @@ ObjectVelocity SimulatedRobot::object_velocity(const std::string& name) const {
   return simulator_.object_velocity(model().object(name), *data_);
 }
 
+double SimulatedRobot::contact_depth() const noexcept {
+  double depth = 0.0;
+  for (int i = 0; i < data_->ncon; ++i) depth = std::max(depth, -data_->contact[i].dist);
+  return depth;
+}
+
 SimulationState SimulatedRobot::save() const {
   SimulationState state(state_size());
   write_state(state);

@@ -27,6 +27,7 @@ def check() -> int:
             ("documentation site", lambda count: test_site(count, machine)),
             ("SocketCAN on a real-time kernel", machine.test),
             ("every fault has its test", test_every_fault),
+            ("results of skills are of their judges", test_results),
         ]
     )
 
@@ -150,3 +151,10 @@ def test_every_fault(count: Count) -> bool:  # noqa: ARG001
         if line.startswith("not run"):
             print(f"    {line}")
     return step.succeeded
+
+
+def test_results(count: Count) -> bool:  # noqa: ARG001
+    """Asks whether the pages of skills are older than what judges them."""
+    build("release", "run_trial")
+    pages = [PYTHON, "evaluation/skills.py", "check"]
+    return Steps("results").check("pages of skills", pages).succeeded

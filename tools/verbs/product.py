@@ -54,23 +54,28 @@ def bench(*measures: str) -> NoReturn:
 
 EVALUATIONS = {
     "algorithms": "evaluation/compare_algorithms.py",
-    "control": "build/release/evaluation/evaluate_control",
+    "cliffs": "evaluation/cliffs.py",
+    "control": "evaluation/skills.py",
     "environments": "evaluation/evaluate_environments.py",
     "learn-on-robot": "evaluation/learn_on_robot.py",
     "learning": "evaluation/learning.py",
     "push": "evaluation/push.py",
     "robots": "evaluation/compare_robots.py",
-    "skills": "build/release/evaluation/evaluate_skills",
+    "skills": "evaluation/skills.py",
     "teach": "build/release/evaluation/evaluate_teach",
     "tracking": "evaluation/tracking.py",
-    "vision": "build/release/evaluation/evaluate_vision",
+    "vision": "evaluation/skills.py",
 }
+JUDGED = ("evaluation/cliffs.py", "evaluation/skills.py")  # of the trials of run_trial
 
 
 def evaluate(experiment: str, *arguments: str) -> NoReturn:
     """Repeats the experiment whose results are in docs/results."""
     setup()
     program = EVALUATIONS[experiment]
+    if program in JUDGED:
+        build("release", "run_trial")
+        become(PYTHON, program, experiment, *arguments)
     if program.endswith(".py"):
         build("release", "bindings/all")
         become(PYTHON, program, *arguments, **uses("release"))

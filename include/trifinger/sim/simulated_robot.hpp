@@ -145,6 +145,9 @@ class SimulatedRobot final : public UntypedDriver {
   /// velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
+  /// How deep surfaces are in each other in the last step, at the deepest contact [m]. A simulation
+  /// lets contacts give way; 0 if nothing does.
+  [[nodiscard]] double contact_depth() const noexcept;
 
   /// Saves the state: physics, safety chain, delays, random numbers.
   [[nodiscard]] SimulationState save() const;

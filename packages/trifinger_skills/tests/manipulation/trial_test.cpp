@@ -4,10 +4,12 @@
 
 #include <cstdint>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "evaluation/cube_trial.hpp"
-#include "evaluation/skill_rows.hpp"
+#include "manipulation/parts/task.hpp"
+#include "manipulation/skills/lift/lift.hpp"
 
 namespace trifinger::evaluation {
 namespace {
@@ -25,40 +27,44 @@ Report expect_success(const SkillRow& row, std::uint64_t seed) {
   return report;
 }
 
-// The first row of the skill, in less time, with another robot.
-SkillRow shorter(SkillRow row, const std::string& robot = "sim") {
-  const bool lifts = row.trial.skill == "lift";
-  row.trial = make_skill_trial(
-      robot, row.trial.skill,
-      lifts ? std::vector<std::string>{"fingers.height=0.3"} : std::vector<std::string>{},
-      {lifts ? "lift.hold_time=3" : "slide.turns=1"});
-  return row;
+const std::vector<std::string> kRaised{"fingers.height=0.3"};
+const Limits kLimits{.position_rms = 1.5e-3, .orientation_rms = 2.5 * kDegree, .hold_drift = 1e-3};
+const Lift kShort{.height = 0.2, .hold = control::Seconds(3)};
+
+// A lift and a slide that take less time than those of the table.
+SkillRow lift_of(const std::string& robot = "sim", const Limits& limits = kLimits) {
+  return lift_row("", "", "", 1.0, make_skill_trial(robot, "lift", kRaised, {"lift.hold_time=3"}),
+                  limits, kShort);
+}
+SkillRow slide_of(const std::string& robot = "sim", double turns = 1) {
+  return slide_row("", "", "", 1.0, make_skill_trial(robot, "slide", {}, {"slide.turns=1"}),
+                   kLimits, {.turns = turns});
 }
 
 TEST(Trial, LiftsTwentyCentimetres) {
-  const SkillRow row = shorter(lift_rows().front());
+  const SkillRow row = lift_of();
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed)
     EXPECT_NEAR(expect_success(row, seed).at("height"), 0.2, 3e-3);
 }
 
 TEST(Trial, SlidesOnACircle) {
-  const SkillRow row = shorter(slide_rows().front());
-  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) expect_success(row, seed);
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) expect_success(slide_of(), seed);
 }
 
 TEST(Trial, LiftsAndSlidesOverEmulatedMotorBoards) {
   const std::string boards = "trifinger_edu_emulated";
-  const SkillRow lift = shorter(lift_rows().front(), boards);
-  const Report lifted = expect_success(lift, 1);
+  const Report lifted = expect_success(lift_of(boards), 1);
   EXPECT_NEAR(lifted.at("height"), 0.2, 3e-3);
   // Its seed decides all of it.
-  EXPECT_EQ(expect_success(lift, 1).at("position_rms"), lifted.at("position_rms"));
-  expect_success(shorter(slide_rows().front(), boards), 1);
+  EXPECT_EQ(expect_success(lift_of(boards), 1).at("position_rms"), lifted.at("position_rms"));
+  expect_success(slide_of(boards), 1);
 }
 
 TEST(Trial, HoldsAgainstAPush) {
-  const SkillRow row = shorter(lift_rows().front());
-  SkillRow pushed = shorter(cube_row("", "", 1.0, row.trial));
+  SkillRow pushed = lift_of("sim", {});
+  pushed.judge = [](const SkillTrial& trial, const SkillTrialResult& result) {
+    return judge_lift(trial, result, {.height = 0.2, .hold = control::Seconds(1.5)}, {});
+  };
   pushed.vary = [](SkillTrial& trial, std::uint64_t seed) {
     trial = varied(trial, seed);
     push_from_any_side(trial, seed, 1.0, control::Seconds(1));
@@ -66,24 +72,78 @@ TEST(Trial, HoldsAgainstAPush) {
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const Report report = expect_success(pushed, seed);
     // The push had an effect.
-    EXPECT_NE(report.at("position_rms"), expect_success(row, seed).at("position_rms"));
+    EXPECT_NE(report.at("position_rms"), expect_success(lift_of(), seed).at("position_rms"));
   }
 }
 
-TEST(Trial, IsGraspedOnceAndStaysWithinItsLimits) {
-  const SkillRow row = cube_row("", "", 1.0, make_skill_trial("sim", "lift"),
-                                {.position_rms = 1e-3, .hold_drift = 2e-3});
+// What became of a cube that was at these heights [m], for a step each.
+Judgement judged(const std::vector<double>& heights, const Limits& limits = {}) {
+  const SkillTrial trial = make_skill_trial("sim", "lift");
   SkillTrialResult result;
-  result.figures = {
-      {"grasps", 1, "", ""}, {"position_rms", 1e-3, "m", ""}, {"hold_drift", 2e-3, "m", ""}};
-  const auto judgement = [&] { return row.judge(row.trial, result); };
-  EXPECT_TRUE(judgement().succeeds);
-  result.figures[1].value = 1.1e-3;
-  EXPECT_EQ(judgement().why, "beyond the reach");
-  result.figures[0].value = 2;
-  EXPECT_EQ(judgement().why, "it was grasped again");
-  result.trace.failure = "the object got lost";
-  EXPECT_EQ(judgement().why, "the object got lost");
+  result.figures = {{"position_rms", 1e-3, "m", ""}};
+  for (const double height : heights) {
+    result.truth.push_back({.step = static_cast<TimeIndex>(result.truth.size()),
+                            .object = {.position = {0, 0, 0.0325 + height}},
+                            .tip_distances = {0.1, 0.1, 0.1}});
+  }
+  result.end = result.truth.size();
+  result.truth.resize(result.end + 1000, result.truth.back());
+  return judge_lift(trial, result, {.height = 0.2, .hold = control::Seconds(1)}, limits);
+}
+
+// Up for half a second, there for `hold` steps, down in as much time.
+std::vector<double> lift_for(int hold) {
+  std::vector<double> heights;
+  for (int i = 0; i <= 1500; ++i) heights.push_back(0.2 * i / 1500);
+  heights.insert(heights.end(), static_cast<std::size_t>(hold), 0.2);
+  for (int i = 1500; i >= 0; --i) heights.push_back(0.2 * i / 1500);
+  return heights;
+}
+
+TEST(Trial, IsJudgedByWhatTheCubeDid) {
+  EXPECT_TRUE(judged(lift_for(1000)).succeeds) << judged(lift_for(1000)).why;
+  EXPECT_EQ(judged(lift_for(1000), {.position_rms = 0.9e-3}).why, "1.00 mm rms from its way");
+  EXPECT_EQ(judged(lift_for(900)).why, "it was at its height for 0.96 s");
+
+  std::vector<double> again = lift_for(1000);
+  const std::vector<double> once = again;
+  again.insert(again.end(), once.begin(), once.end());
+  EXPECT_EQ(judged(again).why, "it was lifted again");
+
+  std::vector<double> dropped = lift_for(1000);
+  dropped.resize(2500);
+  for (int t = 0; 4.905e-6 * t * t < 0.2; ++t) dropped.push_back(0.2 - 4.905e-6 * t * t);
+  dropped.push_back(0.0);
+  EXPECT_EQ(judged(dropped).why, "it was dropped");
+
+  std::vector<double> drifting = lift_for(1000);
+  for (std::size_t i = 1500; i < drifting.size(); ++i)
+    drifting[i] += 3e-3 * (i < 2500 ? static_cast<double>(i - 1500) / 1000
+                                    : static_cast<double>(4001 - i) / 1501);
+  EXPECT_EQ(judged(drifting, {.hold_drift = 1e-3}).why.substr(0, 10), "it drifted");
+  EXPECT_TRUE(judged(drifting, {.hold_drift = 3.5e-3}).succeeds);
+
+  std::vector<double> held = lift_for(1000);
+  held.resize(2600);
+  EXPECT_EQ(judged(held).why, "it was not put down");
+}
+
+TEST(Trial, ASlideThatGoesRoundOnceIsNotTwo) {
+  const SkillRow row = slide_of("sim", 2.0);
+  SkillTrial trial = row.trial;
+  row.vary(trial, 1);
+  const std::string why = row.judge(trial, run_skill_trial(trial)).why;
+  EXPECT_TRUE(why.starts_with("it went round 1.") || why.starts_with("it went round 0.9")) << why;
+}
+
+// config/skills/lift_pro.yml asks for no more than that robot reaches.
+TEST(Trial, TheProLiftsAsHighAsItReaches) {
+  const SkillTrial trial =
+      make_skill_trial("trifinger_pro", "lift", {"objects=[{name: cube, type: cube}]"});
+  const manipulation::ManipulationConfig config = manipulation::load_lift(
+      {.description = trial.believed, .limits = manipulation::safety_limits_of(trial.simulation)});
+  EXPECT_GE(manipulation::reachable_height(trial.believed, config),
+            std::get<manipulation::LiftTask>(config.task).height);
 }
 
 TEST(Trial, IsDecidedByItsSeed) {

@@ -47,6 +47,7 @@ Manipulation::Manipulation(const RobotDescription& description, const GraspingCo
       controller_(description, control::rigid_body(object_of(description, config.object)),
                   config.controller),
       estimator_(config.pose_bandwidth),
+      error_gain_(config.error_gain),
       last_seen_(std::numeric_limits<TimeIndex>::min()),
       memory_(kMemory) {
   if (!(period > Seconds(0))) throw InvalidArgument("the period of a step is not above zero");
@@ -151,6 +152,8 @@ void Manipulation::begin(const std::optional<Plan>& plan) noexcept {
     return;
   }
   plan_ = plan;
+  shift_.setZero();
+  turn_.setZero();
   ++grasps_;
   controller_.grasp(plan_->touches, plan_->start);
   enter(Phase::kGrasp);
@@ -231,7 +234,22 @@ const JointValues& Manipulation::update(TimeIndex step,
   take_pose();
   feel();
   object_ = estimator_.predict(clock_.now(), desired_);
-  return controller_.update(elapsed, joints, object_, desired_);
+  Motion corrected = desired_;
+  if (holds()) {
+    constexpr double kFarthest = 0.01;   // [m]
+    constexpr double kMostTurned = 0.2;  // [rad]
+    const double share = error_gain_ * elapsed.count();
+    const auto add = [share](Eigen::Vector3d& sum, const Eigen::Vector3d& error, double most) {
+      sum += share * error;
+      sum *= most / std::max(sum.norm(), most);
+    };
+    add(shift_, desired_.pose.position - object_.pose.position, kFarthest);
+    add(turn_, control::rotation_error(desired_.pose.orientation, object_.pose.orientation),
+        kMostTurned);
+    corrected.pose.position += shift_;
+    corrected.pose.orientation = control::rotation_from_vector(turn_) * corrected.pose.orientation;
+  }
+  return controller_.update(elapsed, joints, object_, corrected);
 }
 
 }  // namespace trifinger::manipulation

@@ -136,6 +136,10 @@ class Manipulation : public Phased<Manipulation, Phase, NoSkill> {
   Eigen::Vector3d half_size_;  // Half of the object's edges [m].
   control::GraspController controller_;
   control::PoseEstimator estimator_;
+  double error_gain_;  // [1/s]
+  // Of the desired pose, against the object's error.
+  Eigen::Vector3d shift_{Eigen::Vector3d::Zero()};  // [m]
+  Eigen::Vector3d turn_{Eigen::Vector3d::Zero()};   // [rad]
 
   std::string_view failure_;
   std::string_view next_failure_;  // The failure to report after the release.

@@ -59,6 +59,7 @@ struct GraspingConfig {
   std::string object;  // A box.
   Seconds look_time;
   double pose_bandwidth;
+  double error_gain;  // Of the integral of the object's error [1/s].
   int max_grasps;
   Seconds max_duration;
   control::GraspPlannerConfig planner;

@@ -69,10 +69,12 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
   return judgement;
 }
 
-SkillRow row(std::string what, std::string reach, double needed, TimeIndex delay) {
+SkillRow row(std::string name, std::string what, std::string reach, double needed,
+             TimeIndex delay) {
   SkillTrial trial = make_skill_trial("sim_balance", "balance");
   trial.after = control::Seconds(0);
-  return {.what = std::move(what),
+  return {.name = std::move(name),
+          .what = std::move(what),
           .reach = std::move(reach),
           .needed = needed,
           .trial = std::move(trial),
@@ -93,9 +95,9 @@ SkillRow row(std::string what, std::string reach, double needed, TimeIndex delay
 std::vector<SkillRow> balance_rows() {
   constexpr TimeIndex kDelay = 10;
   constexpr TimeIndex kLongDelay = 20;
-  return {row("balance a cuboid upright on one fingertip, poses 10 ms late", "18 of 20, for 10 s",
-              0.9, kDelay),
-          row("the same, poses 20 ms late", "", 0.0, kLongDelay)};
+  return {row("balance", "balance a cuboid upright on one fingertip, poses 10 ms late",
+              "18 of 20, for 10 s", 0.9, kDelay),
+          row("balance-late", "the same, poses 20 ms late", "stated", 0.0, kLongDelay)};
 }
 
 }  // namespace trifinger::evaluation

@@ -87,7 +87,8 @@ void toss(SkillTrial& trial, std::uint64_t seed) {
 
 std::vector<SkillRow> catch_rows() {
   const SkillTrial trial = make_skill_trial("catch", "catch");
-  return {{.what = "catch a ball dropped from 0.5 m, up to 15 mm off each way",
+  return {{.name = "catch",
+           .what = "catch a ball dropped from 0.5 m, up to 15 mm off each way",
            .reach = "19 of 20",
            .needed = 0.95,
            .trial = trial,
@@ -96,9 +97,10 @@ std::vector<SkillRow> catch_rows() {
            .figure = "motion of the held ball",
            .unit = "mm",
            .scale = 1e3},
-          {.what = "catch a ball thrown in an arc from 0.5 m away",
-           .reach = "14 of 20",
-           .needed = 0.7,
+          {.name = "catch-thrown",
+           .what = "catch a ball thrown in an arc from 0.5 m away",
+           .reach = "16 of 20",
+           .needed = 0.8,
            .trial = trial,
            .vary = toss,
            .judge = judge,

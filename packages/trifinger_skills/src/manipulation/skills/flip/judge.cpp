@@ -54,7 +54,8 @@ void vary_flip(SkillTrial& trial, std::uint64_t seed) {
 
 std::vector<SkillRow> flip_rows() {
   constexpr double kFlip = 30.0;
-  return {{.what = "flip: a cube so that a given side face looks up, within 30 s",
+  return {{.name = "flip",
+           .what = "flip: a cube so that a given side face looks up, within 30 s",
            .reach = "18 of 20",
            .needed = 0.9,
            .trial = make_skill_trial("pushing", "flip", {}, {"max_duration=28"}),

@@ -36,7 +36,8 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
 }  // namespace
 
 std::vector<SkillRow> stand_rows() {
-  return {{.what = "stand a flat cuboid up that lies on its side, and leave it standing",
+  return {{.name = "stand",
+           .what = "stand a flat cuboid up that lies on its side, and leave it standing",
            .reach = "19 of 20",
            .needed = 0.95,
            .trial = make_skill_trial("sim_cuboid", "stand"),

@@ -40,6 +40,8 @@ struct ThrowConfig {
   double rest_speed;       // [m/s]
   double feedback;         // [1/s]
   double least_distance;   // [m]
+  double distance;         // How far the ball should land after practice [m].
+  bool practises;
   Stroke stroke;
   Eigen::Vector3d ball;  // Where the ball lies when the stroke begins [m].
 };
@@ -58,6 +60,8 @@ ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
       .rest_speed = root.required<double>("rest_speed", above_zero("m/s", 1)),
       .feedback = root.required<double>("feedback", {.unit = "1/s", .min = 0, .max = 20}),
       .least_distance = root.required<double>("least_distance", {.unit = "m", .min = 0, .max = 10}),
+      .distance = root.required<double>("distance", above_zero("m", 10)),
+      .practises = root.required<bool>("practice"),
       .stroke = {},
       .ball = {}};
   // All strokes are read, so that a mistake in any of them is found.
@@ -126,8 +130,9 @@ class Throw final : public Phased<Throw, ThrowPhase> {
 
   [[nodiscard]] std::string_view object() const noexcept override { return config_.object; }
   [[nodiscard]] Seconds max_duration() const noexcept override {
-    return kMaxApproach + 2 * config_.wait_time + config_.centre_time + config_.stroke.duration() +
-           config_.watch_time + Seconds(1);
+    const Seconds one = kMaxApproach + 2 * config_.wait_time + config_.centre_time +
+                        config_.stroke.duration() + config_.watch_time + Seconds(1);
+    return config_.practises ? 2 * one : one;
   }
 
   void see(TimeIndex captured, const Pose& pose) noexcept override {
@@ -169,8 +174,13 @@ class Throw final : public Phased<Throw, ThrowPhase> {
 
   [[nodiscard]] std::vector<Figure> figures(const SkillTrace& trace,
                                             std::span<const SeenPose> poses) const override {
-    const auto watch =
-        std::ranges::find(trace.steps, row_of(Phase::kWatch).name, &SkillStep::phase);
+    // The last throw.
+    const auto is_watch = [](const SkillStep& step) {
+      return step.phase == row_of(Phase::kWatch).name;
+    };
+    auto watch = std::ranges::find_if(trace.steps, is_watch);
+    for (auto step = watch; step != trace.steps.end(); ++step)
+      if (is_watch(*step) && step != watch && !is_watch(*std::prev(step))) watch = step;
     control::BallisticEstimator flight(kFlightTolerance);
     if (watch != trace.steps.end()) {
       const TimeIndex first = watch->step + static_cast<TimeIndex>(kReleaseTime / trace.period);
@@ -190,6 +200,10 @@ class Throw final : public Phased<Throw, ThrowPhase> {
                          "of its way at the stroke's end"});
       figures.push_back({"azimuth", std::atan2(release.velocity.y(), release.velocity.x()), "rad",
                          "of its way, from x towards y"});
+    }
+    if (announced_) {
+      figures.push_back({"announced", *announced_, "m",
+                         "where it should land, as the throw before told for this robot"});
     }
     figures.push_back({"num_poses", static_cast<double>(flight.count()), "", "seen in its flight"});
     return figures;
@@ -212,8 +226,9 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   static constexpr double kAtStart = 0.03;           // Joints so near need no approach [rad].
   static constexpr double kBrakeStiffness = 3.0;     // [Nm/rad]
   static constexpr double kBrakeDamping = 0.15;      // [Nms/rad]
-  static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
-  static constexpr double kMaxCorrection = 0.01;     // [m]
+  static constexpr double kBrakeMargin = 0.2;     // From the soft limits [rad].
+  static constexpr double kMaxCorrection = 0.01;  // [m]
+  static constexpr int kBisections = 20;
 
   void end(std::string_view failure) noexcept {
     failure_ = failure;
@@ -222,6 +237,11 @@ class Throw final : public Phased<Throw, ThrowPhase> {
 
   void begin_at(const control::JointState& joints) noexcept {
     has_begun_ = true;
+    is_seen_ = has_left_ = is_down_ = is_braking_ = false;
+    flight_.reset();
+    distance_.reset();
+    velocity_.setZero();
+    correction_.setZero();
     begin_ = joints.position;
     const double displacement = (begin_ - config_.stroke.targets.front()).cwiseAbs().maxCoeff();
     approach_time_ = std::min(Seconds(displacement / config_.approach_speed), kMaxApproach);
@@ -273,7 +293,9 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   void note_flight() noexcept {
     if (flight_.count() == 0) return;
     is_down_ = is_down_ || measured_.position.z() < kLowest;
-    if (!is_down_) distance_ = distance_of(flight_);
+    if (is_down_) return;
+    distance_ = distance_of(flight_);
+    release_ = flight_.at(clock_.now() - clock_.in_phase());
   }
 
   void finish() noexcept {
@@ -283,9 +305,34 @@ class Throw final : public Phased<Throw, ThrowPhase> {
       end("the ball was not seen in its flight");
     } else if (*distance_ < config_.least_distance) {
       end("the ball was not thrown");
+    } else if (config_.practises && !announced_) {
+      announce(*distance_);
+      has_begun_ = false;
     } else {
       end({});
     }
+  }
+
+  // This robot has thrown the ball so far. One that throws farther than it should throws slower.
+  void announce(double thrown) noexcept {
+    announced_ = std::min(thrown, config_.distance);
+    double low = 0.0;
+    double high = 1.0;
+    for (int i = 0; i < kBisections; ++i) {
+      const double share = (low + high) / 2;
+      (landing_of(share) < *announced_ ? low : high) = share;
+    }
+    config_.stroke.spacing /= high;
+  }
+
+  // Where the ball would have landed with this share of its velocity [m].
+  [[nodiscard]] double landing_of(double share) const noexcept {
+    const Eigen::Vector3d velocity = share * release_.velocity;
+    const double g = -control::gravity().z();
+    const double drop = release_.position.z() - ball_.size[0] / 2 + kFloorDepth;
+    const double time =
+        (velocity.z() + std::sqrt(std::max(velocity.z() * velocity.z() + 2 * g * drop, 0.0))) / g;
+    return (release_.position + time * velocity).head<2>().norm();
   }
 
   // Where a ball lands that is seen in its flight.
@@ -397,6 +444,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   std::string_view failure_;
   bool has_begun_{false};
   bool is_stopped_{false};
+  std::optional<double> announced_;  // [m]
   Seconds approach_time_{0};
   Seconds rest_begin_{0};
 
@@ -411,6 +459,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   Eigen::Vector3d velocity_{Eigen::Vector3d::Zero()};
   control::BallisticEstimator flight_{kFlightTolerance};
   std::optional<double> distance_;
+  control::PointMotion release_{};  // At the end of the stroke.
 
   Eigen::Vector3d correction_;
   JointValues last_targets_;

@@ -78,7 +78,8 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
 }  // namespace
 
 std::vector<SkillRow> turn_rows() {
-  return {{.what = "turn a cube by 90° with one finger while the others hold it",
+  return {{.name = "turn",
+           .what = "turn a cube by 90° with one finger while the others hold it",
            .reach = "18 of 20, within 20 s",
            .needed = 0.9,
            .trial = make_skill_trial("sim", "turn"),
