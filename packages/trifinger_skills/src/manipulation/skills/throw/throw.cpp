@@ -41,7 +41,7 @@ struct ThrowConfig {
   double feedback;         // [1/s]
   double least_distance;   // [m]
   double distance;         // How far the ball should land after practice [m].
-  bool practises;
+  int practice;            // Throws before the one that counts.
   Stroke stroke;
   Eigen::Vector3d ball;  // Where the ball lies when the stroke begins [m].
 };
@@ -61,7 +61,7 @@ ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
       .feedback = root.required<double>("feedback", {.unit = "1/s", .min = 0, .max = 20}),
       .least_distance = root.required<double>("least_distance", {.unit = "m", .min = 0, .max = 10}),
       .distance = root.required<double>("distance", above_zero("m", 10)),
-      .practises = root.required<bool>("practice"),
+      .practice = root.required<int>("practice", {.min = 0, .max = 10}),
       .stroke = {},
       .ball = {}};
   // All strokes are read, so that a mistake in any of them is found.
@@ -132,7 +132,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   [[nodiscard]] Seconds max_duration() const noexcept override {
     const Seconds one = kMaxApproach + 2 * config_.wait_time + config_.centre_time +
                         config_.stroke.duration() + config_.watch_time + Seconds(1);
-    return config_.practises ? 2 * one : one;
+    return (1 + config_.practice) * one;
   }
 
   void see(TimeIndex captured, const Pose& pose) noexcept override {
@@ -226,8 +226,8 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   static constexpr double kAtStart = 0.03;           // Joints so near need no approach [rad].
   static constexpr double kBrakeStiffness = 3.0;     // [Nm/rad]
   static constexpr double kBrakeDamping = 0.15;      // [Nms/rad]
-  static constexpr double kBrakeMargin = 0.2;     // From the soft limits [rad].
-  static constexpr double kMaxCorrection = 0.01;  // [m]
+  static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
+  static constexpr double kMaxCorrection = 0.01;     // [m]
   static constexpr int kBisections = 20;
 
   void end(std::string_view failure) noexcept {
@@ -305,7 +305,8 @@ class Throw final : public Phased<Throw, ThrowPhase> {
       end("the ball was not seen in its flight");
     } else if (*distance_ < config_.least_distance) {
       end("the ball was not thrown");
-    } else if (config_.practises && !announced_) {
+    } else if (practised_ < config_.practice) {
+      ++practised_;
       announce(*distance_);
       has_begun_ = false;
     } else {
@@ -444,6 +445,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   std::string_view failure_;
   bool has_begun_{false};
   bool is_stopped_{false};
+  int practised_{0};
   std::optional<double> announced_;  // [m]
   Seconds approach_time_{0};
   Seconds rest_begin_{0};
