@@ -54,6 +54,7 @@ def bench(*measures: str) -> NoReturn:
 
 EVALUATIONS = {
     "algorithms": "evaluation/compare_algorithms.py",
+    "challenge": "evaluation/challenge.py",
     "control": "build/release/evaluation/evaluate_control",
     "environments": "evaluation/evaluate_environments.py",
     "learn-on-robot": "evaluation/learn_on_robot.py",
