@@ -41,23 +41,6 @@ NEAR_PLACE, NEAR_ANGLE = 4e-3, 0.08  # errors with which the object is released 
 LONGEST_CORRECTION = 1.0  # before it is released [s]
 RETRY = 5.0  # time until another plan is made if there was none [s]
 
-# The tasks of the challenge have a friction of 0.5 at the tips.
-NEAR = control.GraspPlannerConfig(
-    heights=[0.02, 0.01, 0.0, -0.01, -0.02], friction=0.4, friction_sides=8, largest_torque=0.9
-)
-# For what lies at the edge of the arena.
-FAR = control.GraspPlannerConfig(
-    heights=[0.03, 0.025, 0.02, 0.01, 0.0, -0.01, -0.02],
-    offsets=[0.0, 0.009, 0.018, 0.026],
-    friction=0.43,
-    friction_sides=8,
-    limit_margin=0.005,
-    clearance=1e-5,
-)
-# For an object that falls over: it is held below its centre, which then helps.
-FALLING = control.GraspPlannerConfig(
-    heights=[-0.01, -0.015, -0.02], offsets=FAR.offsets, friction=0.4, friction_sides=8
-)
 HOLDING = control.GraspControllerConfig(
     friction=0.42, friction_sides=8, slip_friction=0.47, approach_speed=0.5, closing_speed=0.1,
     closing_time=1.0, engage_time=0.2,
@@ -110,6 +93,34 @@ def yaw(end: Pose, start: Pose) -> float:
     return float(control.rotation_error(end.orientation, start.orientation)[2])
 
 
+def candidates(task: Task) -> tuple[control.GraspPlannerConfig, ...]:
+    """Returns the grasps that are tried: usual ones, ones at the edge of the arena, and for a fall.
+
+    An object that falls over is held below its centre, which then helps. Tips have a friction of
+    0.5 in the challenge's tasks.
+    """
+    flat = [0.005, 0.002] if min(task.size) < 0.03 else []
+    offsets = [0.0, 0.009, 0.018, 0.026]
+    near = control.GraspPlannerConfig(
+        heights=[*flat, 0.02, 0.01, 0.0, -0.01, -0.02],
+        friction=0.4,
+        friction_sides=8,
+        largest_torque=0.9,
+    )
+    far = control.GraspPlannerConfig(
+        heights=[*flat, 0.03, 0.025, 0.02, 0.01, 0.0, -0.01, -0.02],
+        offsets=offsets,
+        friction=0.43,
+        friction_sides=8,
+        limit_margin=0.005,
+        clearance=1e-5,
+    )
+    falling = control.GraspPlannerConfig(
+        heights=[*flat, -0.01, -0.015, -0.02], offsets=offsets, friction=0.4, friction_sides=8
+    )
+    return near, far, falling
+
+
 class Planner:
     """Finds grasps for ways of a box."""
 
@@ -119,8 +130,7 @@ class Planner:
             "objects": [{"name": "box", "type": "cuboid", "size": task.size, "mass": task.mass}]
         }
         near, far, falling = (
-            control.GraspPlanner(CONFIG, scene, "box", settings)
-            for settings in (NEAR, FAR, FALLING)
+            control.GraspPlanner(CONFIG, scene, "box", settings) for settings in candidates(task)
         )
         self._reaching = (near, far)
         self._falling = falling
