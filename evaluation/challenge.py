@@ -51,12 +51,12 @@ without a log has failed, and costs what an object costs that stays where it is.
 |---|---|---|---|---|---|---|---|---|---|
 {rows}
 
-What ours does worst: goals of level 4 at the edge with a large tilt, where the cube is lost several
-times before a nearer pose is chosen (seed 1003: nine times), and the cuboid. It is not laid down for
-a low goal if it stands on its end, and is too light to be felt well: the reference does better.
+What ours does worst: goals of level 4 where the cube gets lost again and again before another pose
+is chosen (seed 1003: nine times), and the cuboid, with which the reference does better. One that
+stands on its end is not laid down for a low goal.
 
 A cube on the table lies a millimetre above the goals of level 1, because meshes touch from there:
-0.0047 is the least cost of a step.
+a step costs about 0.0046 at least.
 
 A program of your own is called like the challenge's `evaluate_policy.py`: with
 `LEVEL INITIAL_POSE GOAL LOG`, or `TRAJECTORY LOG`. For cuboids the word `cuboid` comes before, and
