@@ -79,15 +79,15 @@ def pose_of(observation: Observation) -> Pose:
     return Pose(observation["object_position"], observation["object_orientation"])
 
 
-def on_table(pose: Pose) -> Pose:
-    """Returns the pose in which a slightly tilted cube comes to rest."""
-    rotation = _rotation(pose)
-    axis = np.argmax(np.abs(rotation[2]))
-    upward = np.sign(rotation[2, axis]) * rotation[:, axis]
+def on_table(pose: Pose, size: Sequence[float] = (SIZE, SIZE, SIZE)) -> Pose:
+    """Returns the pose in which a slightly tilted cube, or another box, comes to rest."""
+    axes = rotation(pose)
+    axis = int(np.argmax(np.abs(axes[2])))
+    upward = np.sign(axes[2, axis]) * axes[:, axis]
     tilt = np.cross(upward, (0.0, 0.0, 1.0))
     sine = float(np.linalg.norm(tilt))
     back = tilt * (np.arcsin(min(sine, 1.0)) / sine) if sine > 0 else tilt
-    return Pose((*pose.position[:2], SIZE / 2), _rotated(pose, back).orientation)
+    return Pose((*pose.position[:2], size[axis] / 2), rotated(pose, back).orientation)
 
 
 class RoutePlanner:
@@ -115,7 +115,7 @@ class RoutePlanner:
     def _routes_with_regrasp(self, start: Pose, goal: Array) -> Iterator[list[Leg]]:
         a, b = start.position[:2], goal[:2]
         for place, turn in itertools.product(((a + b) / 2, a / 2, b / 2, 0 * a), VIA_TURNS):
-            via = _turned(Pose((*place, SIZE / 2), start.orientation), turn)
+            via = turned(Pose((*place, SIZE / 2), start.orientation), turn)
             first = self._leg(start, via)
             if first is None:
                 continue
@@ -126,7 +126,7 @@ class RoutePlanner:
     def _best_leg(self, start: Pose, goal: Array) -> Leg | None:
         legs = []
         for turn in TURNS:
-            leg = self._leg(start, _turned(Pose(goal, start.orientation), turn))
+            leg = self._leg(start, turned(Pose(goal, start.orientation), turn))
             if leg is not None:
                 legs.append(leg._replace(cost=leg.cost + TURN_COST * abs(turn)))
         return min(legs, key=lambda leg: leg.cost, default=None)
@@ -279,17 +279,20 @@ def _simulation_of(environment: Environment) -> Simulation:
     return environment.simulation
 
 
-def _rotation(pose: Pose) -> Array:
+def rotation(pose: Pose) -> Array:
+    """Returns the axes of a body in the world, as columns."""
     body = Motion(Pose(orientation=pose.orientation))
     return np.column_stack([control.point_of_body(body, axis).position for axis in np.eye(3)])
 
 
-def _rotated(pose: Pose, vector: npt.ArrayLike) -> Pose:
+def rotated(pose: Pose, vector: npt.ArrayLike) -> Pose:
+    """Returns the pose turned about its place by a rotation vector in the world [rad]."""
     return control.moved(pose, control.Twist(angular=vector), 1.0)
 
 
-def _turned(pose: Pose, angle: float) -> Pose:
-    return _rotated(pose, (0.0, 0.0, angle))
+def turned(pose: Pose, angle: float) -> Pose:
+    """Returns the pose turned about the vertical [rad]."""
+    return rotated(pose, (0.0, 0.0, angle))
 
 
 def _relieved(motion: Motion, table_share: float) -> Motion:

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 
@@ -39,7 +40,9 @@ struct Face {
   Eigen::Vector3d outward;
   Eigen::Vector3d along;
   Eigen::Vector3d up;
-  double distance;  // Distance from the centre.
+  double distance;     // Distance from the centre.
+  double half_length;  // Half of its edges along `along` and `up`.
+  double half_height;
 };
 
 std::array<Face, 4> side_faces(const Eigen::Quaterniond& orientation, const Triple& size) {
@@ -50,9 +53,11 @@ std::array<Face, 4> side_faces(const Eigen::Quaterniond& orientation, const Trip
       (rotation(2, upright) > 0.0 ? 1.0 : -1.0) * Eigen::Vector3d::Unit(upright);
   std::array<Face, 4> faces;
   for (std::size_t i = 0; i < faces.size(); ++i) {
+    const auto half = [&](Eigen::Index k) { return size[static_cast<std::size_t>(k % 3)] / 2; };
     const auto axis = (upright + 1 + static_cast<Eigen::Index>(i / 2)) % 3;
     const Eigen::Vector3d outward = (i % 2 == 0 ? 1.0 : -1.0) * Eigen::Vector3d::Unit(axis);
-    faces[i] = {outward, up.cross(outward), up, size[static_cast<std::size_t>(axis)] / 2};
+    const double length = half(upright + 2 - static_cast<Eigen::Index>(i / 2));
+    faces[i] = {outward, up.cross(outward), up, half(axis), length, half(upright)};
   }
   return faces;
 }
@@ -329,6 +334,9 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> trajector
       for (std::size_t face = 0; face < faces.size(); ++face) {
         for (const double offset : offsets) {
           const Face& at = faces[face];
+          if (std::abs(offset) > at.half_length ||
+              std::abs(s.config.heights[level]) > at.half_height)
+            continue;
           const Touch touch{
               at.distance * at.outward + offset * at.along + s.config.heights[level] * at.up,
               -at.outward};

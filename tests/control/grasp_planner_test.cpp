@@ -207,6 +207,26 @@ TEST(GraspPlanner, StaysWithinTheSoftLimitsThatItIsGiven) {
   EXPECT_FALSE(GraspPlanner(raised(), "cube", config).plan(trajectory));
 }
 
+TEST(GraspPlanner, TouchesABoxOnlyWhereItHasFaces) {
+  const RobotDescription robot{.variant = Variant::kPro, .objects = {cuboid()}};
+  const Triple& size = robot.objects.front().size;
+  // Most of these places are beside the faces of a box that is so small.
+  const GraspPlannerConfig config{.offsets = {0.0, 0.009, 0.018, 0.03}, .heights = {0.03, 0.005}};
+  GraspPlanner planner(robot, "cuboid", config);
+  int num_grasps = 0;
+  for (double yaw = 0.0; yaw < 3.0; yaw += 0.25) {
+    Pose start = on_table(0.0, 0.0, yaw);
+    start.position.z() = size[2] / 2;
+    const auto grasp = planner.plan(upwards(start, 0.03));
+    if (!grasp) continue;
+    ++num_grasps;
+    for (const Touch& touch : grasp->touches)
+      for (Eigen::Index k = 0; k < 3; ++k)
+        EXPECT_LE(std::abs(touch.point[k]), size[static_cast<std::size_t>(k)] / 2 + 1e-9);
+  }
+  EXPECT_GT(num_grasps, 0);
+}
+
 TEST(GraspPlanner, NeedsThreeFingersAndABox) {
   EXPECT_THROW(GraspPlanner({.arrangement = Arrangement::kSingleFinger}), InvalidArgument);
   EXPECT_THROW(GraspPlanner({.objects = {ball()}}, "ball"), InvalidArgument);

@@ -1,0 +1,487 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Solves the tasks of the Real Robot Challenge with the parts of `trifinger.control`.
+
+A program like the challenge's own evaluate_policy.py, for `./run evaluate challenge`:
+
+    python challenge_policy.py LEVEL INITIAL_POSE GOAL LOG
+    python challenge_policy.py TRAJECTORY LOG
+
+Three tips grasp the object where it lies, carry it to its goal and hold it there. If another face
+must be up, the object is put down so tilted that it falls over. It is turned in several grasps.
+"""
+
+import itertools
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from challenge_task import Task
+from solvers import Array, on_table, rotated, rotation, turned
+from trifinger import control
+from trifinger.control import GraspPhase, Motion, Pose, PoseTrajectory
+
+CONFIG = "trifinger_pro"
+PERIOD = 1e-3  # [s]
+MEMORY = 1000  # age at which a pose says nothing any more [steps]
+
+SPEED, TURN_SPEED, SHORTEST = 0.15, 1.2, 0.3  # mean speeds of the object [m/s], [rad/s]; [s]
+SLOWER = 0.6  # by which speeds are multiplied after each loss
+CLEARANCE = 0.004  # height above the table on the way to a low goal [m]
+SHARES = np.linspace(0.0, 1.0, 7)  # points of a trajectory that the planner checks
+TURNS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)  # in one grasp [rad]
+TURN_COST = 0.1  # of 1 rad, in shares of the motors' torque
+
+STILL = 2e-4  # distance of two poses in a row of an object that rests [m]
+SETTLE = 50  # steps after which a pose says where a released object is
+# Share of the object's error at the end of a way that changes what is desired, and how often.
+CORRECTION, CORRECTION_STEPS = 0.03, 10
+NEAR_PLACE, NEAR_ANGLE = 4e-3, 0.08  # errors with which the object is released [m], [rad]
+LONGEST_CORRECTION = 1.0  # before it is released [s]
+RETRY = 5.0  # time until another plan is made if there was none [s]
+
+HOLDING = control.GraspControllerConfig(
+    friction=0.42, friction_sides=8, slip_friction=0.47, approach_speed=0.5, closing_speed=0.1,
+    closing_time=1.0, engage_time=0.2,
+)  # fmt: skip
+
+
+class Stop(NamedTuple):
+    """A pose on the way of the object, in the middle of whose approach is `time` or later [s]."""
+
+    time: float
+    pose: Pose
+
+
+class Leg(NamedTuple):
+    """A way of the object in one grasp."""
+
+    touches: Sequence[control.Touch]
+    start: Pose
+    stops: Sequence[Stop]
+    is_released: bool
+    """At the last stop, or else held there to the end."""
+
+
+# The next leg of an object that rests at a pose, at a time [s].
+NextLeg = Callable[[Pose, float], Leg | None]
+
+
+def trajectory(start: Pose, end: Pose, slower: float = 1.0) -> PoseTrajectory:
+    """Returns a way from rest to rest."""
+    length = float(np.linalg.norm(end.position - start.position))
+    angle = float(np.linalg.norm(control.rotation_error(end.orientation, start.orientation)))
+    duration = max(length / SPEED / slower, angle / TURN_SPEED / slower, SHORTEST)
+    return PoseTrajectory(start, end, duration)
+
+
+def moved_to(pose: Pose, position: Iterable[float]) -> Pose:
+    """Returns the pose at another place."""
+    return Pose(tuple(position), pose.orientation)
+
+
+def face_up(pose: Pose) -> tuple[int, float]:
+    """Returns the axis of the body that is most upright, and its sign."""
+    row = rotation(pose)[2]
+    axis = int(np.argmax(np.abs(row)))
+    return axis, float(np.sign(row[axis]))
+
+
+def yaw(end: Pose, start: Pose) -> float:
+    """Returns the turn about the vertical between two poses [rad]."""
+    return float(control.rotation_error(end.orientation, start.orientation)[2])
+
+
+def candidates(task: Task) -> tuple[control.GraspPlannerConfig, ...]:
+    """Returns the grasps that are tried: usual ones, ones at the edge of the arena, and for a fall.
+
+    An object that falls over is held below its centre, which then helps. Tips have a friction of
+    0.5 in the challenge's tasks.
+    """
+    flat = [0.005, 0.002] if min(task.size) < 0.03 else []
+    offsets = [0.0, 0.009, 0.018, 0.026]
+    near = control.GraspPlannerConfig(
+        heights=[*flat, 0.02, 0.01, 0.0, -0.01, -0.02],
+        friction=0.4,
+        friction_sides=8,
+        largest_torque=0.9,
+    )
+    far = control.GraspPlannerConfig(
+        heights=[*flat, 0.03, 0.025, 0.02, 0.01, 0.0, -0.01, -0.02],
+        offsets=offsets,
+        friction=0.43,
+        friction_sides=8,
+        limit_margin=0.005,
+        clearance=1e-5,
+    )
+    falling = control.GraspPlannerConfig(
+        heights=[*flat, -0.01, -0.015, -0.02], offsets=offsets, friction=0.4, friction_sides=8
+    )
+    return near, far, falling
+
+
+class Planner:
+    """Finds grasps for ways of a box."""
+
+    def __init__(self, task: Task) -> None:
+        self.size = task.size
+        scene: dict[str, object] = {
+            "objects": [{"name": "box", "type": "cuboid", "size": task.size, "mass": task.mass}]
+        }
+        near, far, falling = (
+            control.GraspPlanner(CONFIG, scene, "box", settings) for settings in candidates(task)
+        )
+        self._reaching = (near, far)
+        self._falling = falling
+
+    def plan(
+        self,
+        rest: Pose,
+        ways: Iterable[tuple[float, Sequence[Stop]]],
+        *,
+        is_released: bool,
+        falls: bool = False,
+    ) -> Leg | None:
+        """Returns the best grasp and its way; each way comes with what it costs beside torque."""
+        ways = list(ways)
+        for planner in (self._falling,) if falls else self._reaching:
+            best: tuple[float, Leg] | None = None
+            for cost, stops in ways:
+                if best is not None and cost >= best[0]:
+                    continue
+                poses = [rest, *(stop.pose for stop in stops)]
+                parts = [trajectory(a, b) for a, b in itertools.pairwise(poses)]
+                grasp = planner.plan([p.at(share * p.duration) for p in parts for share in SHARES])
+                if grasp is not None and (best is None or cost + grasp.torque_share < best[0]):
+                    leg = Leg(grasp.touches, rest, stops, is_released)
+                    best = cost + grasp.torque_share, leg
+            if best is not None:
+                return best[1]
+        return None
+
+    def resting(self, pose: Pose) -> Pose:
+        """Returns where a box comes to rest that is put down."""
+        return on_table(pose, self.size)
+
+    def route(self, start: Pose, goal: Pose, time: float = 0.0) -> list[Stop]:
+        """Returns a way on which the box does not touch the table."""
+        lowest = self.resting(goal).position[2] + CLEARANCE
+        is_level = abs(rotation(goal)[2, face_up(goal)[0]]) > 0.999
+        if is_level and goal.position[2] > lowest:
+            return [Stop(time, goal)]
+        height = max(start.position[2], goal.position[2], lowest)
+        up, over = (moved_to(pose, (*pose.position[:2], height)) for pose in (start, goal))
+        return [Stop(time, up), Stop(time, over), Stop(time, goal)]
+
+    def put_down(self, rest: Pose, places: Iterable[Array], turns: Iterable[float]) -> Leg | None:
+        """Returns a leg to the first place on the table, with the first turn, that is reached."""
+        for place in places:
+            for turn in turns:
+                end = turned(moved_to(rest, (*place, rest.position[2])), turn)
+                leg = self.plan(rest, [(0.0, self.route(rest, end))], is_released=True)
+                if leg is not None:
+                    return leg
+        return None
+
+
+class ToPositions:
+    """Brings the object to positions, one after the other, with any orientation."""
+
+    def __init__(self, planner: Planner, goals: Sequence[tuple[float, Array]]) -> None:
+        """`goals` have the times from which they count [s]."""
+        self._planner = planner
+        self._goals = goals
+
+    def next_leg(self, rest: Pose, now: float) -> Leg | None:
+        """A leg to as many goals as one grasp reaches."""
+        times = [time for time, _ in self._goals[1:]] + [np.inf]
+        goals = [goal for goal, end in zip(self._goals, times, strict=True) if now < end]
+        for count in range(len(goals), 0, -1):
+            # The end of the last one: it is put down when the next goal needs another grasp.
+            ends = [(time, position) for time, position in goals[:count]]
+            if count < len(goals):
+                below = (*goals[count - 1][1][:2], rest.position[2])
+                ends.append((goals[count][0], np.array(below)))
+            ways = self._ways(rest, ends)
+            leg = self._planner.plan(rest, ways, is_released=count < len(goals))
+            if leg is not None:
+                return leg
+        return self._planner.put_down(rest, [0.6 * rest.position[:2], np.zeros(2)], TURNS)
+
+    def _ways(
+        self, rest: Pose, goals: Sequence[tuple[float, Array]]
+    ) -> Iterator[tuple[float, list[Stop]]]:
+        for turn in TURNS:
+            stops: list[Stop] = []
+            for time, position in goals:
+                # What lies on the table is higher than its goal by what touches from afar.
+                low = max(position[2], rest.position[2])
+                end = turned(moved_to(rest, (*position[:2], low)), turn)
+                stops += self._planner.route(stops[-1].pose if stops else rest, end, time)
+            yield TURN_COST * abs(turn), stops
+
+
+class ToPose:
+    """Brings the object to a pose; to the one of least cost that can be reached, if it cannot."""
+
+    TILTS = (1.0, 0.85, 0.7, 0.5, 0.25, 0.0)  # shares of the goal's tilt
+    NEARER = (1.0, 0.85, 0.7)  # shares of its distance from the middle
+    PLACES = (1.0, 0.5, 0.0)  # where the last grasp may begin, likewise
+    FARTHEST = 0.09  # from the middle, where it may begin [m]
+    TRIES = 3  # until another pose is tried
+    RESTS = 3  # poses in which the last grasp may begin that are looked for
+    LARGEST_TURN = 1.2  # in one grasp [rad]
+    STEPS = (0.9, 0.6, 0.3)  # turns of a larger one [rad]
+    FALLS = (1.0, 0.9)  # tilts in which the object falls over [rad]
+    FALL_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)  # on the way to it [rad]
+    CENTRE = 0.04  # distance from the middle at which it falls over [m]
+    RAISED = 0.058  # height of the centre on the way to it [m]
+    DROP = 0.003  # height above the table of an edge on which it would stand [m]
+
+    def __init__(self, planner: Planner, goal: Pose, cost: Callable[[Pose], float]) -> None:
+        self._planner = planner
+        level = planner.resting(goal)
+        tilt = control.rotation_error(goal.orientation, level.orientation)
+        ends = [
+            moved_to(rotated(level, share * tilt), goal.position * (nearer, nearer, 1.0))
+            for share in self.TILTS
+            for nearer in self.NEARER
+        ]
+        self._ends = iter(sorted(ends, key=cost))
+        self._choose_end()
+
+    def _choose_end(self) -> None:
+        """Takes the pose of the least cost of those that are left and can be reached."""
+        self._tries = 0
+        for end in self._ends:
+            self._end, self._rests = end, self._find_rests(end)
+            if self._rests:
+                return
+
+    def _find_rests(self, end: Pose) -> list[Pose]:
+        """Poses on the table from which a grasp reaches the end."""
+        rests: list[Pose] = []
+        for place in self.PLACES:
+            xy = place * end.position[:2]
+            xy *= min(1.0, self.FARTHEST / max(float(np.linalg.norm(xy)), 1e-9))
+            for turn in TURNS:
+                level = self._planner.resting(end)
+                rest = turned(moved_to(level, (*xy, level.position[2])), turn)
+                if self._hold(rest, end) is not None:
+                    rests.append(rest)
+                if len(rests) == self.RESTS:
+                    return rests
+        return rests
+
+    def next_leg(self, rest: Pose, _now: float) -> Leg | None:
+        """A leg to the end, or towards it."""
+        if self._tries == self.TRIES:  # It was lost there each time.
+            self._choose_end()
+        if face_up(rest) != face_up(self._end):
+            leg = self._fall_over(rest)
+        else:
+            leg = self._last_leg(rest) or self._turn(rest)
+        return leg or self._planner.put_down(rest, [0.4 * rest.position[:2]], TURNS[1:])
+
+    def _last_leg(self, rest: Pose) -> Leg | None:
+        if abs(yaw(self._planner.resting(self._end), rest)) > self.LARGEST_TURN:
+            return None
+        leg = self._hold(rest, self._end)
+        self._tries += leg is not None
+        return leg
+
+    def _hold(self, rest: Pose, end: Pose) -> Leg | None:
+        route = self._planner.route(rest, end)
+        return self._planner.plan(rest, [(0.0, route)], is_released=False)
+
+    def _turn(self, rest: Pose) -> Leg | None:
+        """A leg to where the last grasp begins, or part of the way."""
+
+        def effort(pose: Pose) -> float:
+            return 10 * float(np.linalg.norm(pose.position - rest.position)) + abs(yaw(pose, rest))
+
+        for pose in sorted(self._rests, key=effort):
+            turn = yaw(pose, rest)
+            turns = [step * np.sign(turn) for step in self.STEPS if step < abs(turn)]
+            if abs(turn) < self.LARGEST_TURN:
+                turns.insert(0, turn)
+            leg = self._planner.put_down(rest, [pose.position[:2]], turns)
+            if leg is not None:
+                return leg
+        return None
+
+    def _fall_over(self, rest: Pose) -> Leg | None:
+        """A leg after which the right face is up, or will be after another one."""
+        for tilt in self.FALLS:
+            falls = self._falls(rest, tilt)
+            leg = self._planner.plan(rest, falls, is_released=True, falls=True)
+            if leg is not None:
+                return leg
+        return None
+
+    def _falls(self, rest: Pose, tilt: float) -> Iterator[tuple[float, list[Stop]]]:
+        up, (wanted, sign) = face_up(rest)[0], face_up(self._end)
+        distance = max(float(np.linalg.norm(rest.position[:2])), 1e-9)
+        xy = rest.position[:2] * min(0.5, self.CENTRE / distance)
+        for turn in self.FALL_TURNS:
+            over = turned(moved_to(rest, (*xy, self.RAISED)), turn)
+            axes = rotation(over)
+            for k, side in itertools.product({0, 1, 2} - {up}, (1, -1)):
+                axis = side * axes[:, k]
+                fallen = face_up(rotated(over, np.pi / 2 * axis))
+                if up != wanted and fallen != (wanted, sign):
+                    continue
+                # On its edge it is as high as half of the diagonal.
+                half = float(np.linalg.norm(np.delete(self._planner.size, k))) / 2
+                end = moved_to(rotated(over, tilt * axis), (*xy, half + self.DROP))
+                yield TURN_COST * abs(turn), [Stop(0.0, over), Stop(0.0, end)]
+
+
+class Controller:
+    """Carries out legs: a grasp, the way, and the release or holding.
+
+    It knows poses of the object that are seldom and late. In between, tips that roll on its faces
+    feel how it moves.
+    """
+
+    def __init__(self, task: Task, next_leg: NextLeg, start: Pose | None) -> None:
+        body = control.rigid_body("box", task.size, mass=task.mass)
+        self._task, self._next_leg = task, next_leg
+        self._controller = control.GraspController(body, CONFIG, {}, HOLDING)
+        self._step, self._seen, self._newest = 0, -1, None
+        self._idle_since, self._try_at, self._losses = 0, 0.0, 0
+        self._phase = GraspPhase.IDLE
+        self._rest = start
+        self._felt, self._memory = Pose(), deque[Pose](maxlen=MEMORY)
+        self._desired = Motion(start or Pose())
+        self._leg: Leg | None = None
+        self._way: list[tuple[float, PoseTrajectory]] = []
+        self._begin()
+
+    def act(self, robot: Any, cameras: Any) -> Array:
+        """Returns the torques of the next step."""
+        now = self._step * PERIOD
+        self._follow_phases(now)
+        if cameras is not self._newest:
+            self._newest = cameras
+            self._see(cameras)
+        self._desired = self._desired_motion(now)
+        joints = control.JointState(robot.position, robot.velocity, robot.torque)
+        torque = self._controller.update(PERIOD, joints, self._object(), self._desired)
+        self._felt = control.moved(self._felt, self._controller.state.felt, PERIOD)
+        self._memory.append(self._felt)
+        self._step += 1
+        return torque
+
+    def _begin(self) -> None:
+        self._way, self._phase = [], GraspPhase.IDLE
+        self._felt, self._memory = Pose(), deque([Pose()], maxlen=MEMORY)
+        self._shift, self._turn = np.zeros(3), np.zeros(3)
+        now = self._step * PERIOD
+        self._leg = None
+        if self._rest is None or now < self._try_at:
+            return
+        self._leg = self._next_leg(self._rest, now)
+        if self._leg is None:
+            self._try_at = now + RETRY
+            return
+        self._known = self._leg.start, self._felt
+        self._desired = Motion(self._leg.start)
+        self._controller.grasp(self._leg.touches, self._leg.start)
+
+    def _follow_phases(self, now: float) -> None:
+        phase = self._controller.state.phase
+        if phase is GraspPhase.IDLE and self._phase is not GraspPhase.IDLE:
+            self._idle_since, self._rest = self._step, None
+        self._phase = phase
+        if phase is GraspPhase.LOST:
+            self._losses += 1
+            self._controller.release()
+        elif phase is GraspPhase.HOLD and self._leg is not None:
+            if not self._way:
+                self._plan_way(self._leg, now)
+            elif now > self._end and self._step % CORRECTION_STEPS == 0:
+                self._correct(self._leg, now)
+
+    def _plan_way(self, leg: Leg, now: float) -> None:
+        previous, self._end = leg.start, now
+        for time, pose in leg.stops:
+            part = trajectory(previous, pose, SLOWER ** min(self._losses, 3))
+            begin = max(self._end, time - part.duration / 2)
+            self._way.append((begin, part))
+            self._end, previous = begin + part.duration, pose
+
+    def _desired_motion(self, now: float) -> Motion:
+        if self._phase is not GraspPhase.HOLD or not self._way:
+            return Motion(self._desired.pose)
+        while len(self._way) > 1 and now >= self._way[1][0]:
+            self._way.pop(0)
+        begin, part = self._way[0]
+        motion = part.at(now - begin) if now > begin else part.at(0.0)
+        pose = moved_to(motion.pose, motion.pose.position + self._shift)
+        return Motion(rotated(pose, self._turn), motion.twist, motion.acceleration)
+
+    def _object(self) -> Motion:
+        if self._phase is not GraspPhase.HOLD:
+            return self._desired
+        # Where it was when it was seen, and how the tips have felt it move since.
+        pose, felt = self._known
+        turn = control.rotation_error(self._felt.orientation, felt.orientation)
+        place = pose.position + self._felt.position - felt.position
+        return Motion(rotated(moved_to(pose, place), turn), self._controller.state.felt)
+
+    def _see(self, cameras: Any) -> None:
+        captured = round(cameras.cameras[0].timestamp / PERIOD)
+        age = self._step - captured
+        if captured <= self._seen or age >= MEMORY:
+            return
+        self._seen = captured
+        pose = pose_of(cameras.filtered_object_pose)
+        if self._phase is GraspPhase.IDLE:
+            self._look(pose, captured)
+        elif self._phase is GraspPhase.HOLD and age < len(self._memory):
+            self._known = pose, self._memory[-1 - age]
+
+    def _look(self, pose: Pose, captured: int) -> None:
+        if captured < self._idle_since + SETTLE:
+            return
+        before, self._rest = self._rest, pose
+        if before is not None and np.linalg.norm(pose.position - before.position) < STILL:
+            height = pose.position[2]
+            level = on_table(pose, self._task.size)
+            self._rest = moved_to(level, (*level.position[:2], height))
+            self._begin()
+
+    def _correct(self, leg: Leg, now: float) -> None:
+        """Moves what is desired until the object is where it should be; then releases it."""
+        goal, pose = leg.stops[-1].pose, self._object().pose
+        shift = goal.position - pose.position
+        turn = control.rotation_error(goal.orientation, pose.orientation)
+        self._shift = np.clip(self._shift + CORRECTION * shift, -0.02, 0.02)
+        self._turn = np.clip(self._turn + CORRECTION * turn, -0.5, 0.5)
+        is_there = np.linalg.norm(shift) < NEAR_PLACE and np.linalg.norm(turn) < NEAR_ANGLE
+        if leg.is_released and (is_there or now > self._end + LONGEST_CORRECTION):
+            self._controller.release()
+
+
+def pose_of(pose: Any) -> Pose:
+    """Returns a pose of the challenge, whose quaternions are x, y, z, w."""
+    x, y, z, w = pose.orientation
+    return Pose(pose.position, (w, x, y, z))
+
+
+def solve(task: Task) -> float:
+    """Solves a task; returns the mean cost per step."""
+    planner = Planner(task)
+    if task.level == 4:
+        next_leg: NextLeg = ToPose(planner, pose_of(task.goal), task.cost_of).next_leg
+    else:
+        next_leg = ToPositions(planner, task.positions).next_leg
+    start = pose_of(task.initial_pose)
+    is_resting = abs(planner.resting(start).position[2] - start.position[2]) < CLEARANCE
+    return task.run(Controller(task, next_leg, start if is_resting else None).act)
+
+
+if __name__ == "__main__":
+    print(solve(Task(sys.argv[1:])))
