@@ -18,7 +18,7 @@ namespace trifinger::apps {
 using Action = std::function<int()>;
 
 // Adds the command `name` to `parent` and returns it with its options, which belong to it. Its
-// action is `work`.
+// action is `work`, unless a command of its own is given.
 template <class Options>
 [[nodiscard]] std::pair<CLI::App&, Options&> add_command(CLI::App& parent, Action& action,
                                                          const std::string& name,
@@ -26,8 +26,10 @@ template <class Options>
                                                          int (*work)(const Options&)) {
   const auto options = std::make_shared<Options>();
   CLI::App* const command = parent.add_subcommand(name, description);
-  command->callback(
-      [&action, options, work] { action = [options, work] { return work(*options); }; });
+  command->callback([&action, command, options, work] {
+    if (!command->get_subcommands().empty()) return;  // that one does the work
+    action = [options, work] { return work(*options); };
+  });
   return {*command, *options};
 }
 

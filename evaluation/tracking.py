@@ -20,10 +20,13 @@ import trifinger
 from traced_scenes import Studio
 from tracking_scenes import VARIANTS, Scene, Scenes, angle, config_of
 from trifinger.tracking import Tracker, tracked_object
+from trifinger_camera_calibration import images as image_files
+from wrong_pictures import KINDS, RIGHT, Answer, Judge, counts
 
 SEED = 90210  # scenes that were not looked at while the tracker was written
 WRONG_ANGLE = 20.0  # [degrees]: a pose this far off shows other faces
 WRONG_DISTANCE = 0.02  # [m]
+PER_TRACED = 5  # rendered scenes with wrong pictures for each traced one
 AGAIN = 10  # images of each repeated scene
 REPEATED = 10  # one of this many scenes is repeated
 QUALITY: dict[str, Any] = {"detail": 1.0, "multisampling": 4, "shadows": True}
@@ -69,6 +72,20 @@ The tracker was sure of {sure} of {scenes} scenes. All others it called unsure o
 of them with a pose within 3 mm and 2.5 degrees. With a guess a few millimetres off, an estimate
 takes {guessed:.1f} ms (median). The error of a sure estimate is within twice its standard
 deviations in {within:.0f} % of the scenes.
+"""
+
+WRONG_TEXT = """
+## Faulty pictures
+
+Written by `./run evaluate tracking --wrong {scenes}{first}{photographs}`: pictures of {scenes}
+rendered scenes and {traced} traced ones{said}, and what becomes of them if cameras or the
+configuration are wrong (evaluation/wrong_pictures.py). Each number says of how many pictures the
+tracker was sure. It must be sure of no faulty one, even where its pose is right.
+
+| pictures | {names} |
+|---|{lines}
+{rows}
+| all faulty ones | {sums} |
 """
 
 
@@ -122,12 +139,16 @@ class TracedExperiment:
     def __init__(self, config: str) -> None:
         self.scenes = Scenes(config)
         self.studio = Studio(config)
-        self.tracker = Tracker(self.studio.calibration, tracked_object(config))
+        self.calibration = self.studio.calibration
+        self.tracker = Tracker(self.calibration, tracked_object(config))
+
+    def images(self, number: int) -> list[Any]:
+        """Photographs of a scene."""
+        return self.studio.take(self.scenes.draw(SEED, number), SEED, number)
 
     def run(self, number: int) -> Trial:
         """Takes photographs of a scene and tracks it."""
-        scene = self.scenes.draw(SEED, number)
-        return judged(self.tracker, scene, number, self.studio.take(scene, SEED, number))
+        return judged(self.tracker, self.scenes.draw(SEED, number), number, self.images(number))
 
 
 def judged(tracker: Tracker, scene: Scene, number: int, images: Sequence[Any]) -> Trial:
@@ -165,15 +186,20 @@ class Experiment:
     def __init__(self, config: str) -> None:
         self.scenes = Scenes(config)
         self.renderer = trifinger.CameraRenderer(config, **QUALITY)
-        self.tracker = Tracker(self.renderer.calibration, tracked_object(config))
+        self.calibration = self.renderer.calibration
+        self.tracker = Tracker(self.calibration, tracked_object(config))
+
+    def images(self, number: int) -> list[Any]:
+        """Pictures of a scene."""
+        self.renderer.vary(SEED, number)
+        self.renderer.set_options(**QUALITY)
+        images = self.renderer.render(self.scenes.draw(SEED, number).configuration, 0)
+        return [np.array(each) for each in images]
 
     def run(self, number: int) -> Trial:
         """Draws a scene and tracks it."""
         scene = self.scenes.draw(SEED, number)
-        self.renderer.vary(SEED, number)
-        self.renderer.set_options(**QUALITY)
-        images = self.renderer.render(scene.configuration, 0)
-        trial = judged(self.tracker, scene, number, images)
+        trial = judged(self.tracker, scene, number, self.images(number))
         if number % REPEATED or not trial.is_sure:
             return trial
         return trial._replace(spread=self._repeat(scene))
@@ -277,6 +303,68 @@ def run(
     return trials
 
 
+def wrong_answers(
+    kind: type[Experiment] | type[TracedExperiment], scenes: int, first: int
+) -> list[Answer]:
+    """The answers to right and wrong pictures of so many scenes."""
+    answers = []
+    with tempfile.TemporaryDirectory() as folder:
+        experiments = [kind(config_of(variant, Path(folder))) for variant in VARIANTS]
+        judges = [Judge(experiment.calibration) for experiment in experiments]
+        for number in range(first, first + scenes):
+            which = number % len(VARIANTS)
+            images = experiments[which].images(number)
+            answers += judges[which].judge(images, (SEED, number))
+    return answers
+
+
+def photographs_in(folder: Path) -> list[Answer]:
+    """The answers to photographs, and to wrong ones that are made of them."""
+    judge = Judge((folder / "cameras.yml").read_text())
+    files = image_files.ImageSet.of_folder(folder)
+    answers = []
+    for number, name in enumerate(files.names):
+        images = [image_files.read(files.paths[camera][name]) for camera in files.cameras]
+        answers += judge.judge(images, (SEED, number))
+    return answers
+
+
+def wrong_report(found: dict[str, list[Answer]], scenes: int, first: int, folder: str) -> str:
+    """The section of docs/results/tracking.md about wrong pictures."""
+
+    def row(kind: str) -> str:
+        cells = ("{} of {}".format(*counts(answers, kind)) for answers in found.values())
+        return f"| {kind} | {' | '.join(cells)} |"
+
+    faulty = [[each for each in answers if each.kind != RIGHT] for answers in found.values()]
+    return WRONG_TEXT.format(
+        scenes=scenes,
+        first=f" --first-scene {first}" if first else "",
+        photographs=f" --photographs {folder}" if folder else "",
+        traced=scenes // PER_TRACED,
+        said=", and photographs" if folder else "",
+        names=" | ".join(found),
+        lines="---|" * len(found),
+        rows="\n".join(row(kind) for kind in KINDS),
+        sums=" | ".join(f"{sum(a.is_sure for a in each)} of {len(each)}" for each in faulty),
+    )
+
+
+def report_wrong(scenes: int, first: int, folder: Path | None, output: Path) -> bool:
+    """Writes the section about wrong pictures; true if none was called sure."""
+    found = {
+        "rendered": wrong_answers(Experiment, scenes, first),
+        "traced": wrong_answers(TracedExperiment, scenes // PER_TRACED, first),
+    }
+    if folder is not None:
+        found["photographs"] = photographs_in(folder)
+    section = wrong_report(found, scenes, first, folder.name if folder else "")
+    document = output.read_text() if output.exists() else TITLE
+    output.write_text(with_section(document, section))
+    print(section)
+    return not any(a.is_sure for each in found.values() for a in each if a.kind != RIGHT)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Returns 0 if every row of the tables holds, otherwise 1."""
     parser = argparse.ArgumentParser(prog="./run evaluate tracking", description=__doc__)
@@ -284,18 +372,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--traced", type=int, default=0, help="number of ray-traced scenes, 5 s each (default 0)"
     )
+    parser.add_argument(
+        "--wrong", type=int, default=0, help="rendered scenes of which wrong pictures are made"
+    )
+    parser.add_argument(
+        "--photographs",
+        type=Path,
+        help="with --wrong: a folder with cameras.yml and images of 'trifinger look --raw'",
+    )
     parser.add_argument("--output", type=Path, default=RESULTS, help="the document that is written")
     parser.add_argument(
         "--first-scene", type=int, default=0, help="number of the first scene (default 0)"
     )
     options = parser.parse_args(arguments)
-    scenes = options.scenes if options.scenes is not None else 0 if options.traced else 600
-    if min(scenes, options.traced, options.first_scene) < 0 or scenes + options.traced == 0:
+    others = options.traced + options.wrong
+    scenes = options.scenes if options.scenes is not None else 0 if others else 600
+    if min(scenes, options.traced, options.wrong, options.first_scene) < 0 or scenes + others == 0:
         parser.error(
-            "--scenes and --traced are numbers of scenes; one must be at least 1. "
+            "--scenes, --traced and --wrong are numbers of scenes; one must be at least 1. "
             "--first-scene is 0 or more"
         )
-    holds = True
+    holds = options.wrong == 0 or report_wrong(
+        options.wrong, options.first_scene, options.photographs, options.output
+    )
     for kind, count, text in (
         (Experiment, scenes, TEXT),
         (TracedExperiment, options.traced, TRACED_TEXT),

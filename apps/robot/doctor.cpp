@@ -18,6 +18,7 @@
 
 #include "commands.hpp"
 #include "realtime/limit_remedy.hpp"
+#include "robot/doctor_cameras.hpp"
 #include "robot/doctor_can.hpp"
 #include "robot/finding.hpp"
 #include "shared/json.hpp"
@@ -344,9 +345,8 @@ int print_findings(const std::vector<Finding>& findings) {
   return is_ready ? kDone : kFailed;
 }
 
-int doctor(const DoctorOptions& options) {
-  const std::vector<Finding> findings = examine(options);
-  if (options.json) return print_findings(findings);
+// Returns how many fail.
+std::size_t print_table(const std::vector<Finding>& findings) {
   const Terminal terminal;
   const std::size_t width = terminal.width();
   constexpr std::size_t kIndent = 29;
@@ -365,6 +365,13 @@ int doctor(const DoctorOptions& options) {
       fmt::print("{}\n", line);
     }
   }
+  return failing;
+}
+
+int doctor(const DoctorOptions& options) {
+  const std::vector<Finding> findings = examine(options);
+  if (options.json) return print_findings(findings);
+  const std::size_t failing = print_table(findings);
   const std::string purpose = options.robot ? *options.robot : "real time";
   if (failing == 0) {
     print_safely("\nThis machine has what {} needs.\n", purpose);
@@ -373,6 +380,32 @@ int doctor(const DoctorOptions& options) {
   print_safely("\nThis machine fails {} of {} checks for {}; simulation works without.\n", failing,
                findings.size(), purpose);
   return kFailed;
+}
+
+struct DoctorCamerasOptions {
+  std::string robot;
+  bool json{false};
+};
+
+int doctor_cameras(const DoctorCamerasOptions& options) {
+  const std::vector<Finding> findings = examine_cameras(options.robot);
+  if (options.json) return print_findings(findings);
+  return print_table(findings) == 0 ? kDone : kFailed;
+}
+
+void add_doctor_cameras(CLI::App& parent, Action& action) {
+  const auto& [command, options] = add_command(
+      parent, action, "cameras",
+      "Check by a robot's objects whether the images of its cameras fit together", doctor_cameras);
+  add_robot(command, options.robot, "Name of a running robot that has cameras and objects");
+  add_json(command, options.json);
+  command.footer(
+      "Lay the object where all cameras see it, away from the fingers. Says which cameras are\n"
+      "exchanged, whether images are mirrored, upside down, old or have red and blue exchanged,\n"
+      "and whether the object has another size or other colours than its configuration says.\n"
+      "Exit code 0 if nothing is wrong, 1 otherwise.\n"
+      "Example:\n"
+      "  trifinger doctor cameras trifinger-pro-3");
 }
 
 }  // namespace
@@ -402,7 +435,9 @@ void add_doctor(CLI::App& program, Action& action) {
       "Exit code 0 if no check fails, 1 otherwise. Notes do not count.\n"
       "Example:\n"
       "  trifinger doctor\n"
-      "  trifinger doctor trifinger_edu_can");
+      "  trifinger doctor trifinger_edu_can\n"
+      "  trifinger doctor cameras trifinger-pro-3");
+  add_doctor_cameras(command, action);
 }
 
 }  // namespace trifinger::apps

@@ -118,6 +118,7 @@ EdgeFit::EdgeFit(const std::vector<View>& views, const Shape& shape, const Colou
   most_spots_ = std::clamp(kMaxLines / static_cast<int>(edges), kFewSpots, kMaxSpots);
   const std::size_t most_lines = edges * static_cast<std::size_t>(most_spots_);
   lines_.reserve(most_lines);
+  sides_.resize(shape.faces.size());
   sorted_.reserve(most_lines);
 }
 
@@ -126,7 +127,8 @@ template <class Measure>
 void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometry3d& pose,
                             Measure measure) noexcept {
   lines_.clear();
-  looked_ = 0;
+  images_.fill({});
+  std::ranges::fill(sides_, Shown{});
   for (std::size_t c = 0; c < views.size(); ++c) {
     const View& view = views[c];
     if (!view.image.exists()) continue;
@@ -155,10 +157,12 @@ void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometr
           const Spot spot{&view, face.label, at.pixel, normal};
           if (!view.image.contains(at.pixel, 3)) continue;
           double offset = 0;
-          ++looked_;
+          ++images_[c].looked;
+          ++sides_[face.sides[i]].looked;
           if (!measure(spot, offset)) continue;
           const Eigen::Vector3d arm = point - pose.translation();
-          EdgeLine line{.camera = c, .normal = normal, .slope = {}, .offset = offset};
+          EdgeLine line{
+              .camera = c, .side = face.sides[i], .normal = normal, .slope = {}, .offset = offset};
           const Eigen::RowVector3d across = normal.transpose() * at.slope;
           line.slope.head<3>() = across;
           // across * (w x arm) = w * (arm x across)
@@ -258,7 +262,7 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
 
 Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) noexcept {
   Fit fit;
-  fit.looked = looked_;
+  for (const Shown& image : images_) fit.looked += image.looked;
   fit.lines = static_cast<int>(lines_.size());
   const auto size = static_cast<Eigen::Index>(7 + 2 * cameras);
   Unknowns unknowns = Unknowns::Zero(size);
@@ -273,12 +277,16 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     Normals sum = Normals::Zero(size, size);
     Unknowns right = Unknowns::Zero(size);
     fit.used = 0;
-    fit.agreeing = 0;
+    for (Shown& image : images_) image.agreeing = 0;
+    for (Shown& side : sides_) side.agreeing = 0;
     double squares = 0;
     for (const EdgeLine& line : lines_) {
       const double error = unexplained(line, unknowns);
       const double relative = error / (3 * spread);
-      if (std::abs(error) < std::max(kAgreeing, 3 * spread)) ++fit.agreeing;
+      if (std::abs(error) < std::max(kAgreeing, 3 * spread)) {
+        ++images_[line.camera].agreeing;
+        ++sides_[line.side].agreeing;
+      }
       if (std::abs(relative) >= 1) continue;
       ++fit.used;
       squares += error * error;
@@ -303,9 +311,33 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     std::nth_element(sorted_.begin(), middle, sorted_.end());
     spread = std::clamp(1.5 * *middle, 0.2 * scale, scale);
   }
+  for (const Shown& image : images_) fit.agreeing += image.agreeing;
   fit.covariance = inverse.topLeftCorner<6, 6>();
   move_pose(unknowns, pose);
   return fit;
+}
+
+// Whether the colour of the face goes on beyond its edge.
+bool EdgeFit::goes_on(const Spot& spot) noexcept {
+  return std::ranges::all_of(std::array{-4.0, 5.0, 8.0}, [&](double distance) {
+    const Eigen::Vector2d pixel = spot.pixel + distance * spot.normal;
+    return spot.view->image.labels_at(pixel).first == spot.label;
+  });
+}
+
+void EdgeFit::weigh_images(Fit& fit) const noexcept {
+  constexpr int kMinLooked = 20;  // fewer places say nothing
+  const auto share = [](const Shown& shown, int of) {
+    return shown.looked < kMinLooked ? 1.0 : static_cast<double>(shown.agreeing) / of;
+  };
+  for (const Shown& image : images_) {
+    fit.image_confirmed = std::min(fit.image_confirmed, share(image, image.looked));
+    const int ends = std::max(1, image.agreeing + image.beyond);
+    fit.ending = std::min(fit.ending, share(image, ends));
+  }
+  for (const Shown& side : sides_) {
+    fit.side_confirmed = std::min(fit.side_confirmed, share(side, side.looked));
+  }
 }
 
 void EdgeFit::approach(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept {
@@ -319,12 +351,19 @@ void EdgeFit::approach(const std::vector<View>& views, Eigen::Isometry3d& pose) 
 
 Fit EdgeFit::refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept {
   Fit fit;
-  for (const double reach : {6.0, 4.0, 3.0, 3.0}) {
-    measure_edges(views, pose, [this, reach](const Spot& spot, double& offset) noexcept {
+  constexpr std::array kReaches{6.0, 4.0, 3.0, 3.0};
+  for (std::size_t round = 0; round < kReaches.size(); ++round) {
+    const double reach = kReaches[round];
+    const bool is_last = round + 1 == kReaches.size();
+    measure_edges(views, pose, [&](const Spot& spot, double& offset) noexcept {
+      if (is_last && goes_on(spot)) {
+        ++images_[static_cast<std::size_t>(spot.view - views.data())].beyond;
+      }
       return find_step(spot, reach, offset);
     });
     fit = solve(views.size(), reach / 4, pose);
   }
+  weigh_images(fit);
   return fit;
 }
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -19,11 +20,21 @@ struct Fit {
   int looked{0};       // places on edges that were looked at
   int used{0};         // measured places that determine the pose
   int agreeing{0};     // measured places within about a pixel of the expected edge
+  // Shares of places where an edge agrees, of the image that confirms the pose least and of the
+  // side of the object that is confirmed least: an object of another size ends before some of its
+  // sides.
+  double image_confirmed{1};
+  double side_confirmed{1};
+  // Of the image that speaks most against the pose: the share of these places among them and those
+  // where the colour of a face goes on beyond its edge. Something may hide an edge, but nothing
+  // paints a face where there is none.
+  double ending{1};
 };
 
 // A measured place on an edge.
 struct EdgeLine {
   std::size_t camera;
+  std::size_t side;                   // of the object, where the face ends
   Eigen::Vector2d normal;             // out of the face
   Eigen::Matrix<double, 1, 6> slope;  // of the edge along the normal [pixel per m, rad]
   double offset;                      // of the measured edge from the expected one [pixel]
@@ -66,7 +77,17 @@ class EdgeFit {
   const ColourTable* table_;
   double calibration_error_;
   int most_spots_{0};  // on an edge
-  int looked_{0};
+  // What an image shows at the edges, or what all images show at a side of the object.
+  struct Shown {
+    int looked{0};
+    int agreeing{0};
+    int beyond{0};  // places where the colour of the face goes on beyond its edge
+  };
+  [[nodiscard]] static bool goes_on(const Spot& spot) noexcept;
+  void weigh_images(Fit& fit) const noexcept;
+
+  std::array<Shown, kMaxCameras> images_{};
+  std::vector<Shown> sides_;
   std::vector<EdgeLine> lines_;
   std::vector<double> sorted_;
 };

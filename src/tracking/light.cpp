@@ -32,6 +32,7 @@ LightFit::LightFit(const Shape& shape, const ColourTable& table) : shape_(&shape
   samples_.reserve(samples);
   shown_.reserve(shape.faces.size());
   evidence_.resize(kLights * shape.faces.size() * table.num_colours());
+  seen_.resize(shape.faces.size() * table.num_colours());
   scores_.resize(shape.turns.size() + 1);
   for (auto& lights : best_lights_) lights.resize(scores_.size());
 }
@@ -82,12 +83,27 @@ double LightFit::score(std::size_t light, std::size_t turn) const noexcept {
   return weight * sum - costs_[light];
 }
 
+// Of the face for whose samples another colour is the likeliest by most.
+template <class Number>
+double LightFit::contradiction(const Number* evidence) const noexcept {
+  double worst = 0;
+  const std::size_t colours = table_->num_colours();
+  for (std::size_t i = 0; i < shape_->faces.size(); ++i) {
+    const Number* const own = evidence + i * colours;
+    const double over =
+        static_cast<double>(*std::max_element(own, own + colours) - own[shape_->faces[i].label]);
+    worst = std::max(worst, kIndependent * over);
+  }
+  return worst;
+}
+
 LightFit::Answer LightFit::fit(const std::vector<View>& views,
                                const Eigen::Isometry3d& pose) noexcept {
   Answer answer;
   answer.lights.fill(Eigen::Vector3d::Ones());
   answer.lights_as_it_is.fill(Eigen::Vector3d::Ones());
   std::ranges::fill(scores_, 0.0);
+  std::ranges::fill(seen_, 0.0);
   std::array<bool, kMaxCameras> is_read{};
   for (std::size_t c = 0; c < views.size(); ++c) {
     const View& view = views[c];
@@ -105,7 +121,11 @@ LightFit::Answer LightFit::fit(const std::vector<View>& views,
       }
       scores_[t] += best;
     }
+    const float* const evidence = evidence_.data() + best_lights_[c][0] * seen_.size();
+    answer.image_contradiction = std::max(answer.image_contradiction, contradiction(evidence));
+    for (std::size_t i = 0; i < seen_.size(); ++i) seen_[i] += static_cast<double>(evidence[i]);
   }
+  answer.contradiction = contradiction(seen_.data());
   const auto best = std::ranges::max_element(scores_);
   const auto place = static_cast<std::size_t>(best - scores_.begin());
   if (place > 0) answer.turn = &shape_->turns[place - 1];

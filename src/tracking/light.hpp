@@ -29,6 +29,10 @@ class LightFit {
     const Turn* turn{nullptr};
     // How much likelier it is than the next best one: difference of the logs of likelihoods.
     double margin{0};
+    // How much likelier a face of the object as it is has another colour, of the face that speaks
+    // most against it: difference of the logs of likelihoods, of all images together and of one.
+    double contradiction{0};
+    double image_contradiction{0};
     Lights lights{};           // of the best turn
     Lights lights_as_it_is{};  // of the object as it is
 
@@ -48,6 +52,8 @@ class LightFit {
   [[nodiscard]] double score(std::size_t light, std::size_t turn) const noexcept;
   void read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept;
   void weigh_faces(const View& view) noexcept;
+  template <class Number>
+  [[nodiscard]] double contradiction(const Number* evidence) const noexcept;
 
   const Shape* shape_;
   const ColourTable* table_;
@@ -56,6 +62,7 @@ class LightFit {
   std::vector<Sample> samples_;
   std::vector<std::size_t> shown_;  // the faces of the samples
   std::vector<float> evidence_;     // for each light, face, and label
+  std::vector<double> seen_;        // for each face and label, the evidence as the object is
   // Of each turn; the first one leaves the object as it is.
   std::vector<double> scores_;
   std::array<std::vector<std::size_t>, kMaxCameras> best_lights_;

@@ -94,6 +94,7 @@ Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colour
         .label = static_cast<Label>(std::ranges::find(colours, given.colour) - colours.begin()),
         .corners = given.corners,
         .same_beyond = std::vector<int>(given.corners.size(), -1),
+        .sides = std::vector<std::size_t>(given.corners.size(), 0),
         .normal = Eigen::Vector3d::Zero(),
         .centre = Eigen::Vector3d::Zero(),
         .area = 0,
@@ -124,6 +125,10 @@ Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colour
     for (std::size_t i = 0; i < faces[a].corners.size(); ++i) {
       const Eigen::Vector3d& from = faces[a].corners[i];
       const Eigen::Vector3d& to = faces[a].corners[(i + 1) % faces[a].corners.size()];
+      const Eigen::Vector3d outwards = (to - from).cross(faces[a].normal);
+      const auto beyond = std::ranges::max_element(
+          faces, {}, [&](const Face& face) { return face.normal.dot(outwards); });
+      faces[a].sides[i] = static_cast<std::size_t>(beyond - faces.begin());
       for (std::size_t b = 0; b < faces.size(); ++b) {
         const auto has = [&](const Eigen::Vector3d& point) {
           return std::ranges::any_of(faces[b].corners, [&](const Eigen::Vector3d& corner) {

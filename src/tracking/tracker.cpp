@@ -2,6 +2,7 @@
 #include "trifinger/tracking/tracker.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -126,6 +127,7 @@ struct Tracker::Parts {
         colours(colours_of(object, model)),
         shape(object, colours),
         has_look_alikes(look_alikes(object) > 0),
+        table_height(options.search_bottom),
         views(views_of(cameras, shape, colours.size())),
         table(model, colours),
         search(views, shape, colours.size(), options),
@@ -143,14 +145,16 @@ struct Tracker::Parts {
   [[nodiscard]] Estimate searched() noexcept;
   [[nodiscard]] Estimate in_its_light(const Candidate& candidate, const Rival& rival) noexcept;
   [[nodiscard]] bool can_be_sure() const noexcept;
-  [[nodiscard]] static Estimate estimate(const Candidate& candidate, double rival,
-                                         const Faces& faces) noexcept;
+  [[nodiscard]] Estimate estimate(const Candidate& candidate, double rival,
+                                  const Faces& faces) const noexcept;
+  [[nodiscard]] double height_above_table(const Eigen::Isometry3d& pose) const noexcept;
 
   std::vector<camera::Camera> cameras;
   TrackedObject object;
   std::vector<std::string> colours;
   detail::Shape shape;
   bool has_look_alikes;
+  double table_height;  // [m]
   std::vector<detail::View> views;
   detail::ColourTable table;
   detail::Search search;
@@ -159,10 +163,20 @@ struct Tracker::Parts {
   detail::LightFit light;
 };
 
+// Of the lowest corner [m].
+double Tracker::Parts::height_above_table(const Eigen::Isometry3d& pose) const noexcept {
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const detail::Face& face : shape.faces) {
+    for (const Eigen::Vector3d& corner : face.corners)
+      lowest = std::min(lowest, (pose * corner).z());
+  }
+  return lowest - table_height;
+}
+
 // Judges a candidate. `rival` is the score of the best other pose, relative to that of the
 // candidate.
 Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
-                                  const Faces& faces) noexcept {
+                                  const Faces& faces) const noexcept {
   const Verdict& verdict = candidate.verdict;
   const Fit& fit = candidate.fit;
   Estimate estimate;
@@ -186,12 +200,20 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
   double confidence = 1;
   for (const double each : {
            at_least(verdict.purity(), 0.50, 0.80),
-           at_most(verdict.contradicted / verdict.matched, 0.08, 0.0),
+           at_most(verdict.contradicted / verdict.matched, 0.05, 0.02),
+           at_most(faces.contradiction, 0.6, 0.4),
+           at_most(faces.image_contradiction, 2.4, 1.8),
            at_least(verdict.completeness(), 0.25, 0.6),
            at_least(faces.as_it_is(), kClearFaces, 5),
            // One camera alone may be another one than it is said to be.
            at_least(verdict.cameras, 1.5, 2),
            at_least(shown, 0.18, 0.4),
+           // Every image and every side must confirm the pose, and no image may contradict it.
+           at_least(fit.image_confirmed, 0.05, 0.1),
+           at_least(fit.side_confirmed, 0.12, 0.2),
+           at_least(fit.ending, 0.80, 0.9),
+           // Calibrations of the original lie 6 mm and 2 degrees beside their tables.
+           at_least(height_above_table(candidate.pose), -0.012, -0.009),
            at_least(agreeing, 0.80, 0.92),
            at_least(fit.used, 24, 80),
            at_least(verdict.matched, 80, 300),

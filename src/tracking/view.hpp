@@ -58,6 +58,8 @@ struct Face {
   // For each edge, from its corner on: the face beyond it that has the same colour, so that no
   // image shows the edge between them. Negative if there is none.
   std::vector<int> same_beyond;
+  // For each edge, the face that lies where it looks to: the side of the object that is there.
+  std::vector<std::size_t> sides;
   Eigen::Vector3d normal;
   Eigen::Vector3d centre;
   double area;

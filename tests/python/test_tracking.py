@@ -105,6 +105,30 @@ def test_the_program_writes_the_poses_of_a_running_robot(start_program: StartPro
     assert "images gave poses" in output
 
 
+def test_the_doctor_says_which_cameras_are_exchanged(
+    renderer: trifinger.CameraRenderer,
+    images: list,
+    start_program: StartProgram,
+    tmp_path: Path,
+) -> None:
+    for name, image in zip(renderer.names, images, strict=True):
+        PIL.Image.fromarray(image).save(tmp_path / f"{name}_0.png")
+    values = ["source=folder", f"folder={tmp_path}", "pixels=bayer_rggb8", "rate=10"]
+    words = [word for value in values for word in ("--set", f"cameras.{value}")]
+    start_program("run", "sim_cameras", "--no-sensors", *words).wait_for("holds")
+    cameras = start_program("cameras", "sim")
+    cameras.wait_for("deliver images")
+    assert "3 cameras fit together" in output_of(PROGRAM, "doctor", "cameras", "sim")
+    assert cameras.end(signal.SIGINT)[0] == 0
+
+    (tmp_path / "camera180_0.png").rename(tmp_path / "other")
+    (tmp_path / "camera300_0.png").rename(tmp_path / "camera180_0.png")
+    (tmp_path / "other").rename(tmp_path / "camera300_0.png")
+    start_program("cameras", "sim").wait_for("deliver images")
+    said = output_of(PROGRAM, "doctor", "cameras", "sim", succeeds=False)
+    assert "camera180 and camera300 are exchanged" in said
+
+
 def saved_images(renderer: trifinger.CameraRenderer, parent: Path) -> list[str]:
     """Folders of images that show each face of the cube."""
     folders = []

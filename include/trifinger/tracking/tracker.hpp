@@ -19,7 +19,7 @@ struct TrackerOptions {
   double calibration_error{0.5};
   /// Where the object's centre is searched: this far from the world's z axis [m]...
   double search_radius{0.22};
-  double search_bottom{0.0};  ///< ...and between these heights [m].
+  double search_bottom{0.0};  ///< ...and between these heights [m]. The lower one is the table's.
   double search_top{0.22};
 };
 
