@@ -58,11 +58,10 @@ stands on its end is not laid down for a low goal.
 A cube on the table lies a millimetre above the goals of level 1, because meshes touch from there:
 a step costs about 0.0046 at least.
 
-A program of your own is called like the challenge's `evaluate_policy.py`: with
+`./run evaluate challenge my_policy.py` runs a program of your own. It is called like the
+challenge's `evaluate_policy.py`: with
 `LEVEL INITIAL_POSE GOAL LOG`, or `TRAJECTORY LOG`. For cuboids the word `cuboid` comes before, and
 the platform is `CuboidPlatform` of [challenge_task.py](../../evaluation/challenge_task.py).
-
-    ./run evaluate challenge my_policy.py
 """
 EXPERTS = """\
 The experts of the published data sets (TriFinger RL data sets, 2023) are not in the table. Neither

@@ -117,8 +117,8 @@ def successes(text: str) -> Iterator[Success]:
         if not columns:
             columns = cells
             continue
-        column = next((name for name in ("succeed", "solved") if name in columns), None)
-        count = COUNT.fullmatch(cells[columns.index(column)]) if column else None
+        column = next((name for name in ("as built", "succeed", "solved") if name in columns), None)
+        count = COUNT.match(cells[columns.index(column)]) if column else None
         if count:
             yield Success(cells[0].replace("`", ""), int(count[1]), int(count[2]))
 

@@ -48,21 +48,20 @@ control::GraspControllerConfig read_controller(const Node& section,
 GraspingConfig read_grasping(const SkillContext& context, const Node& root, double friction) {
   const control::GraspControllerConfig controller =
       read_controller(root.section("grasp"), context.limits);
-  return {
-      .object = root.required<std::string>("object"),
-      .look_time = read_time(root, "look_time"),
-      .pose_bandwidth = root.required<double>("pose_bandwidth", above_zero("Hz", 100)),
-      .error_gain = root.required<double>("error_gain", {.unit = "1/s", .min = 0, .max = 10}),
-      .max_grasps = root.required<int>("max_grasps", {.min = 1, .max = 100}),
-      .max_duration = read_time(root, "max_duration"),
-      .planner = {.offsets = root.required<std::vector<double>>("offsets", kLength),
-                  .heights = root.required<std::vector<double>>("heights", kHeight),
-                  .friction = friction,
-                  .friction_sides = controller.friction_sides,
-                  .min_normal_force = controller.min_normal_force,
-                  .largest_torque = root.required<double>("largest_torque", above_zero("", 1)),
-                  .limits = context.limits},
-      .controller = controller};
+  return {.object = root.required<std::string>("object"),
+          .look_time = read_time(root, "look_time"),
+          .pose_bandwidth = root.required<double>("pose_bandwidth", above_zero("Hz", 100)),
+          .error_gain = root.required<double>("error_gain", {.unit = "1/s", .min = 0, .max = 10}),
+          .max_grasps = root.required<int>("max_grasps", {.min = 1, .max = 100}),
+          .max_duration = read_time(root, "max_duration"),
+          .planner = {.offsets = root.required<std::vector<double>>("offsets", kLength),
+                      .heights = root.required<std::vector<double>>("heights", kHeight),
+                      .friction = friction,
+                      .friction_sides = controller.friction_sides,
+                      .min_normal_force = controller.min_normal_force,
+                      .largest_torque = root.required<double>("largest_torque", above_zero("", 1)),
+                      .limits = context.limits},
+          .controller = controller};
 }
 
 double read_friction(const Node& section) {
