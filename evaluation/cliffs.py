@@ -51,6 +51,7 @@ DISTURBANCES = (
 )
 FIRST_SEED = 9000
 HALF = 0.5
+DARK = 3  # levels beyond as built, from which on a cell is dark
 PAGE = """\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
 # Cliffs: how much each skill stands
@@ -75,6 +76,14 @@ def share(
     """The share of trials that succeed; None if there are not yet enough."""
     trials = results.of(row, "as documented", f"{disturbance.name}={level:g}")
     return len(successes(trials.values())) / len(trials) if len(trials) >= enough else None
+
+
+def has_trials(results: Results, row: Row) -> bool:
+    """Whether there is any trial of a row."""
+    return any(
+        share(results, row, disturbance, disturbance.levels[0], 1) is not None
+        for disturbance in DISTURBANCES
+    )
 
 
 class Cliff(NamedTuple):
@@ -131,7 +140,9 @@ def draw(results: Results, rows: Sequence[Row]) -> None:
             built = levels.index(disturbance.as_built) + 1 if disturbance.as_built in levels else 0
             margins[i, k] = stands - built
             text = f"{levels[stands - 1]:g}" if stands else "-"
-            axes.text(k, i, text if is_found else f"{text} …", ha="center", va="center", fontsize=8)
+            color = "white" if abs(margins[i, k]) >= DARK else "black"
+            text = text if is_found else f"{text} …"
+            axes.text(k, i, text, ha="center", va="center", fontsize=8, color=color)
     axes.imshow(margins, cmap="RdBu", vmin=-4, vmax=4, aspect="auto")
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
     labels = [disturbance.meaning for disturbance in DISTURBANCES]
@@ -177,7 +188,7 @@ def main() -> int:
                 f"{row.name:10} {vary:24} {len(successes(trials.values()))} of {len(trials)}",
                 flush=True,
             )
-    write_page(results, rows)
+    write_page(results, [row for row in rows if has_trials(results, row)])
     print("docs/results/cliffs.md written.")
     return 0
 
