@@ -33,7 +33,7 @@ seed = int(sys.argv[sys.argv.index("--seeds") + 1])
 with open("{seen}", "a") as seen:
     seen.write(f"{{seed}}\\n")
 if seed == 4:
-    os.abort()
+    os.kill(os.getpid(), 9)
 trial = {{"seed": seed, "succeeds": seed != 3, "why": "" if seed != 3 else "it fell", "note": ""}}
 if seed != 3:
     trial["figure"] = float(seed)
@@ -73,7 +73,7 @@ def test_failures_count_and_have_no_figure(seen: Path, tmp_path: Path) -> None: 
     assert skills.figure(ROW, trials) == "2 s (1 to 5)"
     page = skills.page("skills", [ROW], results)
     assert "| turn | as built | 3 | it fell |" in page
-    assert "| turn | as built | 4 | the program ended by signal 6 |" in page
+    assert "| turn | as built | 4 | the program ended by signal 9 |" in page
     assert not skills.holds(ROW, results, "as built")
 
 
