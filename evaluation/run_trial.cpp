@@ -97,6 +97,7 @@ Json run(const SkillRow& row, SkillTrial trial, std::uint64_t seed) {
 int run(const Options& options) {
   const Condition condition = condition_from_name(options.condition);
   std::vector<std::pair<std::string, double>> changes;
+  changes.reserve(options.changes.size());
   for (const std::string& change : options.changes) changes.push_back(change_of(change));
   for (const Table& table : all_tables()) {
     for (const SkillRow& row : table.rows) {

@@ -130,6 +130,7 @@ class Assumptions {
   void try_storage(const Storage& storage, const std::string& how, const std::string& remedy) {
     if (is_clear()) return;
     std::vector<std::vector<std::byte>> read;
+    read.reserve(images_.size());
     for (std::size_t i = 0; i < images_.size(); ++i) {
       read.push_back(read_as(storage, cameras_[i].format, images_[i]));
     }

@@ -90,7 +90,7 @@ double LightFit::contradiction(const Number* evidence) const noexcept {
   const std::size_t colours = table_->num_colours();
   for (std::size_t i = 0; i < shape_->faces.size(); ++i) {
     const Number* const own = evidence + i * colours;
-    const double over =
+    const auto over =
         static_cast<double>(*std::max_element(own, own + colours) - own[shape_->faces[i].label]);
     worst = std::max(worst, kIndependent * over);
   }
