@@ -85,6 +85,7 @@ Json run(const SkillRow& row, SkillTrial trial, std::uint64_t seed) {
                       {"torque_limit", result.strain.torque_limit},
                       {"speed", result.strain.speed},
                       {"thermal_margin", result.strain.thermal_margin}};
+    json["figures"] = Json::object();
     for (const manipulation::Figure& figure : result.figures)
       json["figures"][figure.name] = {figure.value, figure.unit};
   } catch (const Error& error) {  // such as a fault of the robot

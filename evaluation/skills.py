@@ -7,11 +7,14 @@ its judge has changed since. So an evaluation that was cut off goes on where it 
 """
 
 import argparse
+import contextlib
+import fcntl
 import hashlib
 import json
 import math
 import os
 import re
+import signal
 import statistics
 import subprocess
 import sys
@@ -25,7 +28,8 @@ RESULTS = ROOT / "docs" / "results"
 PROGRAM = ROOT / "build" / "release" / "evaluation" / "run_trial"
 SKILLS = ROOT / "packages" / "trifinger_skills" / "src" / "manipulation" / "skills"
 CONDITIONS = ("as documented", "as built", "worn")
-FIRST_SEED = {"skills": 41000, "control": 42000, "vision": 43000}
+# Of a table, or of a row whose skill was changed after a look at trials of the table's seeds.
+FIRST_SEED = {"skills": 41000, "control": 42000, "vision": 43000, "throw": 51000}
 ENOUGH = {"as documented": 20, "as built": 20, "worn": 10}  # trials of a rate
 INTRODUCTIONS = {
     "skills": (
@@ -50,7 +54,7 @@ them ([how](../skills.md)). The robot is *as documented*, with perfect joints; *
 *worn*: [these figures](../simulation.md#a-robot-as-it-is-built) say what that is. A judge that
 knows nothing of the skill decides by what was true in the simulation. A trial that failed has no
 figure; medians are of the successes. Intervals are of 95 % (Wilson); fewer trials than 20, or 10 of
-worn robots, claim no rate.
+worn robots, claim no rate. Seeds begin at {seeds}.
 """
 
 
@@ -77,6 +81,10 @@ class Row(NamedTuple):
 
 
 Trial = dict[str, Any]  # what run_trial prints of one
+
+
+class KilledError(Exception):
+    """A trial was ended by somebody else, which says nothing about the skill."""
 
 
 def all_rows() -> list[Row]:
@@ -116,6 +124,7 @@ class Results:
     def __init__(self, file: Path, rows: Iterable[Row]) -> None:
         """Reads the file, apart from trials whose judge is another by now."""
         self._file = file
+        file.parent.mkdir(parents=True, exist_ok=True)
         self._judges = {row.name: judge_of(row) for row in rows}
         self._lines: dict[tuple[str, str, str], dict[str, Trial]] = {}
         self.is_old = False
@@ -131,9 +140,9 @@ class Results:
         """The trials by their seeds."""
         return self._lines.setdefault((row.name, condition, vary), {})
 
-    def forget(self, row: Row) -> None:
-        """Forgets the trials of a row."""
-        self._lines = {key: trials for key, trials in self._lines.items() if key[0] != row.name}
+    def named(self, name: str, condition: str) -> Mapping[str, Trial]:
+        """The trials of the row with this name, if there are any."""
+        return self._lines.get((name, condition, ""), {})
 
     def write(self) -> None:
         """Replaces the file."""
@@ -150,7 +159,6 @@ class Results:
             for (row, condition, vary), trials in sorted(self._lines.items())
             if trials
         ]
-        self._file.parent.mkdir(parents=True, exist_ok=True)
         partial = self._file.with_suffix(".partial")
         partial.write_text("".join(f"{line}\n" for line in lines))
         partial.replace(self._file)
@@ -177,7 +185,22 @@ def run_trial(row: Row, condition: str, vary: str, seed: int) -> Trial:
         return rounded(trial)  # type: ignore[no-any-return]
     if done.returncode > 0:  # it says what is wrong with the command
         sys.exit(done.stderr.strip())
+    if -done.returncode in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM):
+        raise KilledError(f"somebody killed {' '.join(command[1:])}; begin again to go on")
     return {"succeeds": False, "why": f"the program ended by signal {-done.returncode}"}
+
+
+@contextlib.contextmanager
+def only_one(name: str) -> Iterator[None]:
+    """Ends the program if another one writes the results of the same name."""
+    folder = ROOT / "build" / "evaluation"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / f"{name}.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            sys.exit(f"another evaluation writes the results of {name}")
+        yield
 
 
 class Batch(NamedTuple):
@@ -189,10 +212,13 @@ class Batch(NamedTuple):
     seeds: range
 
 
-def run(results: Results, batches: Sequence[Batch], processes: int) -> Iterator[Batch]:
-    """Runs what is missing; each batch is returned when it is whole. Keeps each trial at once.
+def run(
+    results: Results, batches: Sequence[Batch], processes: int, *, again: bool = False
+) -> Iterator[Batch]:
+    """Runs what is missing, or all `again`; each batch is returned when it is whole.
 
-    Trials in real time are run alone, after the others.
+    Keeps each trial at once, in place of an older one. Trials in real time are run alone, after the
+    others.
     """
     for alone in (False, True):
         some = [batch for batch in batches if batch.row.is_real_time == alone]
@@ -201,7 +227,7 @@ def run(results: Results, batches: Sequence[Batch], processes: int) -> Iterator[
             for batch in some:
                 known = results.of(batch.row, batch.condition, batch.vary)
                 for seed in batch.seeds:
-                    if str(seed) not in known:
+                    if again or str(seed) not in known:
                         futures[pool.submit(run_trial, *batch[:3], seed)] = (batch, seed)
             left = {id(batch): 0 for batch in some}
             for batch, _ in futures.values():
@@ -270,9 +296,11 @@ def together(trials: Mapping[str, Trial], name: str) -> float:
 def holds(row: Row, results: Results, condition: str) -> bool:
     """Whether a row is what was asked."""
     trials = results.of(row, condition)
-    like = results._lines.get((row.like, condition, ""))
+    if row.needed > 0 and len(trials) < min(ENOUGH[condition], row.most_trials):
+        return False
+    like = results.named(row.like, condition)
     for name in ("position_rms", "orientation_rms") if like else ():
-        if together(trials, name) > 1.2 * together(like or {}, name):
+        if together(trials, name) > 1.2 * together(like, name):
             return False
     return len(successes(trials.values())) >= math.ceil(row.needed * len(trials) - 1e-9)
 
@@ -309,6 +337,14 @@ def other_figures(row: Row, results: Results) -> Iterator[str]:
         yield f"| {row.name} | {words} | {' | '.join(cells)} |"
 
 
+def seeds_in_words(rows: Sequence[Row]) -> str:
+    """Where the seeds of a table begin."""
+    others = [
+        f"those of {row.name} at {FIRST_SEED[row.name]}" for row in rows if row.name in FIRST_SEED
+    ]
+    return ", ".join([str(FIRST_SEED[rows[0].table]), *others])
+
+
 def page(table: str, rows: Sequence[Row], results: Results) -> str:
     """The page of a table."""
     title, about = INTRODUCTIONS[table]
@@ -316,7 +352,7 @@ def page(table: str, rows: Sequence[Row], results: Results) -> str:
     lines = [
         f"<!-- SPDX-License-Identifier: BSD-3-Clause -->\n# {title}\n",
         f"Written by `./run evaluate {table}` from [{table}.jsonl]({table}.jsonl), which has every "
-        f"trial. {about}\n\n{ABOUT}",
+        f"trial. {about}\n\n{ABOUT.format(seeds=seeds_in_words(rows))}",
         f"| row | what | reach | {heads} |\n|---|---|---|---|---|---|",
     ]
     for row in rows:
@@ -355,6 +391,8 @@ def page(table: str, rows: Sequence[Row], results: Results) -> str:
 def check(rows: Sequence[Row]) -> list[str]:
     """What is wrong with the pages: older than their judges or not what the trials say."""
     wrong = []
+    if Results(RESULTS / "cliffs.jsonl", rows).is_old:
+        wrong.append("cliffs.jsonl has trials that other judges have judged")
     for table in INTRODUCTIONS:
         of_table = [row for row in rows if row.table == table]
         results = Results(RESULTS / f"{table}.jsonl", of_table)
@@ -396,7 +434,7 @@ def main() -> int:
         help="NAME=VALUE of trifinger.Variation in every robot; repeatable; writes no page",
     )
     parser.add_argument("--seeds", type=int, help="trials; default: 20, and 10 of worn robots")
-    parser.add_argument("--first-seed", type=int, default=FIRST_SEED[table], help="%(default)s")
+    parser.add_argument("--first-seed", type=int, help="other seeds; writes no page")
     parser.add_argument(
         "--processes",
         type=int,
@@ -407,53 +445,54 @@ def main() -> int:
     arguments = parser.parse_args(words)
     rows = [row for row in all_rows() if row.table == table]
     wanted = chosen(parser, rows, arguments.row)
-    file = (
-        ROOT / "build" / "evaluation" / f"{table}.jsonl"
-        if arguments.vary
-        else RESULTS / f"{table}.jsonl"
-    )
-    results = Results(file, rows)
-    for row in wanted if arguments.again else ():
-        results.forget(row)
+    try:
+        with only_one(table):
+            return evaluate(table, rows, wanted, arguments)
+    except KilledError as error:
+        sys.exit(str(error))
+
+
+def evaluate(
+    table: str, rows: Sequence[Row], wanted: Sequence[Row], arguments: argparse.Namespace
+) -> int:
+    """Runs the wanted rows, and writes the page unless other robots or seeds were asked for."""
+    writes_page = not arguments.vary and arguments.first_seed is None
+    folder = RESULTS if writes_page else ROOT / "build" / "evaluation"
+    results = Results(folder / f"{table}.jsonl", rows)
     vary = " ".join(sorted(arguments.vary))
     batches = [
-        Batch(
-            row,
-            condition,
-            vary,
-            range(
-                arguments.first_seed,
-                arguments.first_seed + min(arguments.seeds or ENOUGH[condition], row.most_trials),
-            ),
-        )
+        Batch(row, condition, vary, seeds_of(row, condition, arguments))
         for condition in arguments.condition or CONDITIONS
         for row in wanted
         if condition in row.conditions()
     ]
-    for row, condition, vary, seeds in run(results, batches, arguments.processes):
-        trials = {
-            seed: one
-            for seed, one in results.of(row, condition, vary).items()
-            if int(seed) in seeds
-        }
+    for row, condition, vary, seeds in run(
+        results, batches, arguments.processes, again=arguments.again
+    ):
+        of_row = results.of(row, condition, vary)
+        trials = {str(seed): of_row[str(seed)] for seed in seeds}
         seen = f"{rate(trials, condition):22} {row.figure}: {figure(row, trials)}"
         print(f"{row.name:18} {condition:14} {seen}", flush=True)
         for seed, one in trials.items():
             if not one["succeeds"]:
                 print(f"  seed {seed}: {one['why']}", flush=True)
-    if arguments.vary:
+    if not writes_page:
         return 0
     results.write()
     (RESULTS / f"{table}.md").write_text(page(table, rows, results))
     print(f"docs/results/{table}.md written.")
-    return (
-        0
-        if all(
-            holds(row, results, "as built" if "as built" in row.conditions() else "as documented")
-            for row in wanted
-        )
-        else 1
+    asked = (
+        (row, "as built" if "as built" in row.conditions() else CONDITIONS[0]) for row in wanted
     )
+    return 0 if all(holds(row, results, condition) for row, condition in asked) else 1
+
+
+def seeds_of(row: Row, condition: str, arguments: argparse.Namespace) -> range:
+    """The seeds of a row's trials."""
+    first = arguments.first_seed
+    if first is None:
+        first = FIRST_SEED.get(row.name, FIRST_SEED[row.table])
+    return range(first, first + min(arguments.seeds or ENOUGH[condition], row.most_trials))
 
 
 if __name__ == "__main__":

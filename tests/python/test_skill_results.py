@@ -25,15 +25,18 @@ ROW = Row(
     is_real_time=False,
     is_on_boards=False,
 )
-# Stands for run_trial: notes its seeds, fails seed 3, dies of seed 4.
+# Stands for run_trial: notes its seeds, fails seed 3, dies of seed 4, and is killed in seed 6.
 PROGRAM = """\
 #!{python}
-import json, os, sys
+import json, os, resource, signal, sys
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 seed = int(sys.argv[sys.argv.index("--seeds") + 1])
 with open("{seen}", "a") as seen:
     seen.write(f"{{seed}}\\n")
 if seed == 4:
-    os.kill(os.getpid(), 9)
+    os.kill(os.getpid(), signal.SIGSEGV)
+if seed == 6:
+    os.kill(os.getpid(), signal.SIGKILL)
 trial = {{"seed": seed, "succeeds": seed != 3, "why": "" if seed != 3 else "it fell", "note": ""}}
 if seed != 3:
     trial["figure"] = float(seed)
@@ -66,6 +69,22 @@ def test_trials_that_are_kept_are_not_run_again(seen: Path, tmp_path: Path) -> N
     assert Results(tmp_path / "kept.jsonl", [ROW]).of(ROW, "as built") == trials
 
 
+def test_a_trial_that_somebody_kills_says_nothing(seen: Path, tmp_path: Path) -> None:
+    run(tmp_path / "kept.jsonl", range(1, 3))
+    with pytest.raises(skills.KilledError, match="turn --seeds 6"):
+        run(tmp_path / "kept.jsonl", range(6, 7))
+    assert set(Results(tmp_path / "kept.jsonl", [ROW]).of(ROW, "as built")) == {"1", "2"}
+    assert "6" in seen.read_text()
+
+
+def test_again_runs_only_what_is_asked_for(seen: Path, tmp_path: Path) -> None:
+    results = run(tmp_path / "kept.jsonl", range(1, 4))
+    again = skills.run(results, [Batch(ROW, "as built", "", range(1, 2))], 1, again=True)
+    assert len(list(again)) == 1
+    assert sorted(seen.read_text().split()) == ["1", "1", "2", "3"]
+    assert set(results.of(ROW, "as built")) == {"1", "2", "3"}
+
+
 def test_failures_count_and_have_no_figure(seen: Path, tmp_path: Path) -> None:  # noqa: ARG001
     results = run(tmp_path / "kept.jsonl", range(1, 6))
     trials = results.of(ROW, "as built")
@@ -73,7 +92,7 @@ def test_failures_count_and_have_no_figure(seen: Path, tmp_path: Path) -> None: 
     assert skills.figure(ROW, trials) == "2 s (1 to 5)"
     page = skills.page("skills", [ROW], results)
     assert "| turn | as built | 3 | it fell |" in page
-    assert "| turn | as built | 4 | the program ended by signal 9 |" in page
+    assert "| turn | as built | 4 | the program ended by signal 11 |" in page
     assert not skills.holds(ROW, results, "as built")
 
 

@@ -73,6 +73,7 @@ Judgement judge(const SkillTrial& trial, const SkillTrialResult& result) {
     if (held < kHeld) continue;
     judgement.figure = 1e-3 * static_cast<double>(i + 1);
     judgement.why = judgement.figure > kLongest ? "it took too long" : end_of(trial, result, i);
+    if (judgement.why.empty()) judgement.why = result.trace.failure;
     judgement.succeeds = judgement.why.empty();
     return judgement;
   }

@@ -64,6 +64,10 @@ ThrowConfig read_throw(const Node& root, const control::SafetyLimits& limits) {
       .practice = root.required<int>("practice", {.min = 0, .max = 10}),
       .stroke = {},
       .ball = {}};
+  if (config.distance < config.least_distance) {
+    throw config::ConfigError(root.at("distance").location(),
+                              "distance must be at least least_distance");
+  }
   // All strokes are read, so that a mistake in any of them is found.
   const auto name = root.required<std::string>("stroke");
   std::string names;
