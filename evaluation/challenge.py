@@ -7,6 +7,7 @@ program it runs ours and the reference, and writes docs/results/challenge.md.
 """
 
 import argparse
+import hashlib
 import itertools
 import json
 import os
@@ -16,6 +17,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib import import_module
 from pathlib import Path
+from pickle import UnpicklingError
 
 import numpy as np
 from challenge_task import KINDS, Task, words_of
@@ -69,6 +71,11 @@ their policies nor their data are part of this project, and what is published of
 of another reward, over 15 or 30 s."""
 
 
+def version_of(program: Path) -> str:
+    """A name for the program as it is now: another version has results of its own."""
+    return f"{program.stem}-{hashlib.sha256(program.read_bytes()).hexdigest()[:8]}"
+
+
 def kept(folder: Path, kind: str, seed: int) -> Path:
     """The file with the result of a run."""
     return folder / f"{re.sub(r'[^a-z0-9]+', '_', kind)}_{seed}.json"
@@ -88,7 +95,7 @@ def run(program: Path, kind: str, seed: int, folder: Path) -> None:
         try:
             run_policy([sys.executable, str(program), *words, str(log)], log)
             cost = Task([*words, str(log)]).cost_of_log()
-        except EvaluationError as error:
+        except (EvaluationError, EOFError, AttributeError, LookupError, UnpicklingError) as error:
             print(error, file=sys.stderr)
         log.unlink(missing_ok=True)
     with whole_file(result) as part:
@@ -131,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if getattr(options, name) < 1:
             parser.error(f"--{name} is {getattr(options, name)}, must be at least 1")
     programs = [options.program.resolve()] if options.program else list(PROGRAMS)
-    folders = [options.output.resolve() / program.stem for program in programs]
+    folders = [options.output.resolve() / version_of(program) for program in programs]
     os.environ["OMP_NUM_THREADS"] = "1"
     with ProcessPoolExecutor(options.processes) as executor:
         jobs = []

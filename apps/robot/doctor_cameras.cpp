@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "tracking/diagnosis.hpp"
 #include "trifinger/base/error.hpp"
@@ -34,23 +35,24 @@ Finding judged(const ObjectDescription& object, const std::vector<camera::Camera
                camera::LiveCameras& live) {
   constexpr int kLooks = 3;  // fingers may hide much at one instant
   constexpr auto kWait = std::chrono::seconds(5);
-  tracking::Diagnosis diagnosis;
-  for (int look = 0; look < kLooks && diagnosis.fault.empty(); ++look) {
+  tracking::Diagnosis found;
+  for (int look = 0; look < kLooks; ++look) {
     const std::optional<camera::Images> images = live.next(kWait);
     if (!images) {
       return {"cameras", Verdict::kFails, "deliver no images", "see what 'trifinger cameras' says"};
     }
     const std::vector<std::vector<std::byte>> copies = copied(*images);
-    diagnosis = tracking::diagnose(
+    tracking::Diagnosis diagnosis = tracking::diagnose(
         cameras, tracking::tracked_object(object), tracking::ColourModel::standard(),
         std::vector<std::span<const std::byte>>(copies.begin(), copies.end()));
     if (diagnosis.estimate.is_sure()) {
       return {object.name, Verdict::kGood,
               fmt::format("the images of {} cameras fit together", diagnosis.estimate.cameras), ""};
     }
+    if (!diagnosis.fault.empty()) found = std::move(diagnosis);
   }
-  if (!diagnosis.fault.empty()) {
-    return {object.name, Verdict::kFails, diagnosis.fault, diagnosis.remedy};
+  if (!found.fault.empty()) {
+    return {object.name, Verdict::kFails, found.fault, found.remedy};
   }
   return {object.name, Verdict::kNote, "is not seen well enough to judge the cameras by it",
           "lay it where all cameras see it, away from the fingers, and look with 'trifinger look'"};

@@ -106,7 +106,8 @@ def test_results_are_kept_and_a_program_that_fails_costs_what_doing_nothing_cost
         str(tmp_path),
     ]
     challenge.main([str(program), *words])
-    kept = [challenge.kept(tmp_path / "fails", "cube, level 2", 1000 + i) for i in range(2)]
+    folder = tmp_path / challenge.version_of(program)
+    kept = [challenge.kept(folder, "cube, level 2", 1000 + i) for i in range(2)]
     assert [json.loads(path.read_text())["cost"] for path in kept] == [None] * 2
     idle = np.mean([task_of("cube, level 2", 1000 + i).idle_cost for i in range(2)])
     assert f"| cube, level 2 | 2 | {idle:.4f} |" in capfd.readouterr().out
@@ -114,3 +115,7 @@ def test_results_are_kept_and_a_program_that_fails_costs_what_doing_nothing_cost
         path.write_text(json.dumps({"cost": 0.25}))
     challenge.main([str(program), *words])
     assert "| cube, level 2 | 2 | 0.2500 | 0.2500 | 0.2500 | 0 |" in capfd.readouterr().out
+    # Another version of the program has results of its own.
+    program.write_text("import sys\nopen(sys.argv[-1], 'w').write('no log')")
+    challenge.main([str(program), *words])
+    assert f"| cube, level 2 | 2 | {idle:.4f} |" in capfd.readouterr().out
