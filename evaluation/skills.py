@@ -145,7 +145,11 @@ class Results:
         return self._lines.get((name, condition, ""), {})
 
     def write(self) -> None:
-        """Replaces the file."""
+        """Replaces the file; trials are in the order of their seeds from now on."""
+        self._lines = {
+            key: dict(sorted(trials.items(), key=lambda each: int(each[0])))
+            for key, trials in sorted(self._lines.items())
+        }
         lines = [
             json.dumps(
                 {
@@ -153,10 +157,10 @@ class Results:
                     "condition": condition,
                     "vary": vary,
                     "judge": self._judges[row],
-                    "trials": dict(sorted(trials.items(), key=lambda each: int(each[0]))),
+                    "trials": trials,
                 }
             )
-            for (row, condition, vary), trials in sorted(self._lines.items())
+            for (row, condition, vary), trials in self._lines.items()
             if trials
         ]
         partial = self._file.with_suffix(".partial")

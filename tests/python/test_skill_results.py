@@ -66,7 +66,8 @@ def test_trials_that_are_kept_are_not_run_again(seen: Path, tmp_path: Path) -> N
     trials = run(tmp_path / "kept.jsonl", range(1, 6)).of(ROW, "as built")
     assert sorted(seen.read_text().split()) == ["1", "2", "3", "4", "5"]
     assert set(trials) == {"1", "2", "3", "4", "5"}
-    assert Results(tmp_path / "kept.jsonl", [ROW]).of(ROW, "as built") == trials
+    read = Results(tmp_path / "kept.jsonl", [ROW]).of(ROW, "as built")
+    assert list(read.items()) == list(trials.items())  # so a page is the same, too
 
 
 def test_a_trial_that_somebody_kills_says_nothing(seen: Path, tmp_path: Path) -> None:
