@@ -184,9 +184,9 @@ def run_trial(row: Row, condition: str, vary: str, seed: int) -> Trial:
         command += ["--vary", change]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode == 0:
-        trial: Trial = json.loads(done.stdout)
+        trial: Trial = rounded(json.loads(done.stdout))
         del trial["seed"]
-        return rounded(trial)  # type: ignore[no-any-return]
+        return trial
     if done.returncode > 0:  # it says what is wrong with the command
         sys.exit(done.stderr.strip())
     if -done.returncode in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM):

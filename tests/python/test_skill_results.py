@@ -86,7 +86,8 @@ def test_again_runs_only_what_is_asked_for(seen: Path, tmp_path: Path) -> None:
     assert set(results.of(ROW, "as built")) == {"1", "2", "3"}
 
 
-def test_failures_count_and_have_no_figure(seen: Path, tmp_path: Path) -> None:  # noqa: ARG001
+@pytest.mark.usefixtures("seen")
+def test_failures_count_and_have_no_figure(tmp_path: Path) -> None:
     results = run(tmp_path / "kept.jsonl", range(1, 6))
     trials = results.of(ROW, "as built")
     assert skills.rate(trials, "as built") == "3 of 5"  # too few to claim a rate
