@@ -68,7 +68,7 @@ TEST(Diagnosis, NamesTheCamerasThatAreExchanged) {
 
 TEST(Diagnosis, NamesCamerasInAnotherOrder) {
   Pictures pictures = painted(three_cameras());
-  std::ranges::rotate(pictures.images, pictures.images.begin() + 1);
+  std::rotate(pictures.images.begin(), pictures.images.begin() + 1, pictures.images.end());
   EXPECT_EQ(fault_in(three_cameras(), pictures),
             "the cameras are in another order: camera300 is camera60, camera60 is camera180, "
             "camera180 is camera300");
