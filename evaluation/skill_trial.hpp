@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "boards/board_robot.hpp"
-#include "sim/condition.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/timing.hpp"
 #include "trifinger/manipulation/run_skill.hpp"

@@ -61,6 +61,11 @@ class OptionFields:
     camera_varies: bool = False
     """Whether light, colours, dust and noise of simulated images differ in each episode.
     docs/simulated_cameras.md says how much."""
+    condition: Literal["as documented", "as built", "worn"] = "as documented"
+    """State of the simulated robot: with perfect joints, with errors of homing, friction, play,
+    delays and noise of a robot that was built with care, or with twice as much. Each episode
+    has another robot. Options below that are not at their defaults take the place of what
+    this says."""
     object_mass: FloatRange = (1.0, 1.0)
     """Factor on the mass of simulated objects."""
     friction: FloatRange = (1.0, 1.0)
@@ -82,5 +87,19 @@ class OptionFields:
     """Dry friction that is added to that of simulated joints [Nm]."""
     stop_margin: FloatRange = (1.0, 1.0)
     """Factor on the distance from hard limits to mechanical stops."""
+    homing_error: FloatRange = (0.0, 0.0)
+    """Largest error of the zero of simulated encoders [rad], [m]."""
+    motor_spread: FloatRange = (0.0, 0.0)
+    """Share by which `motor_gain` of a simulated motor differs at most."""
+    torque_ripple: FloatRange = (0.0, 0.0)
+    """Share of the torque that comes and goes as a simulated motor turns."""
+    backlash: FloatRange = (0.0, 0.0)
+    """Play between simulated motors and their joints [rad], [m]."""
+    measurement_delay: tuple[int, int] = (0, 0)
+    """Age of measured positions and velocities of simulated joints [steps]."""
+    motor_heat: FloatRange = (0.0, 0.0)
+    """Heat of simulated motors at the start of an episode, as a share of their limit."""
+    tip_radius: FloatRange = (1.0, 1.0)
+    """Factor on the radius of simulated tips."""
     object_speed: FloatRange = (0.0, 0.0)
     """Speed of a simulated object at the start of an episode, in a random direction [m/s]."""

@@ -9,6 +9,7 @@
 
 #include "base/moved.hpp"
 #include "control/filters.hpp"
+#include "control/friction_compensation.hpp"
 #include "tip_path.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -265,6 +266,7 @@ struct GraspController::State {
 
   Signal along_faces{JointValues::Zero(3 * kContacts)};  // Velocities of the tips [m/s].
   LowPassFilter slip_filter{kSlipCutoff};
+  FrictionCompensation friction;
 
   JointValues forces;
   JointValues torques;
@@ -333,13 +335,17 @@ const JointValues& GraspController::update(Seconds elapsed, const JointState& jo
 
   const TipPositions drift = s.kinematics.tip_accelerations(joints.velocity);
   JointValues acceleration(3 * kContacts);
+  JointValues rates(3 * kContacts);
   for (int i = 0; i < kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
     acceleration.segment<3>(3 * i) =
         s.inverses[k] * (motions[k].acceleration - drift.segment<3>(3 * i));
+    rates.segment<3>(3 * i) = s.inverses[k] * motions[k].velocity;
   }
-  s.torques = s.jacobians.transpose() * s.forces + s.kinematics.mass_matrix() * acceleration +
-              s.bias + s.damping.cwiseProduct(joints.velocity);
+  const JointValues pushed = s.jacobians.transpose() * s.forces;
+  s.torques = pushed + s.friction.torques(rates, pushed, phase == GraspPhase::kApproach, elapsed) +
+              s.kinematics.mass_matrix() * acceleration + s.bias +
+              s.damping.cwiseProduct(joints.velocity);
   s.state.torque_share = s.torques.cwiseQuotient(s.torque_limits.limits).cwiseAbs().maxCoeff();
   return s.torques;
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <tuple>
 
 #include "base/moved.hpp"
 #include "base/text_of.hpp"
@@ -28,11 +29,38 @@ double draw(Random& random, const Range<double>& range) noexcept {
   return random.uniform(range.low, range.high);
 }
 
+TimeIndex draw(Random& random, const Range<TimeIndex>& range) noexcept {
+  return random.integer(range.low, range.high + 1);
+}
+
 // Draws a number only if the range has more than one value. Episodes without this option therefore
 // stay as they were before the option existed.
-double draw_if_free(Random& random, const Range<double>& range) noexcept {
+template <class T>
+T draw_if_free(Random& random, const Range<T>& range) noexcept {
   return range.low < range.high ? draw(random, range) : range.low;
 }
+
+template <class T>
+struct Drawn {
+  Range<T> EnvironmentOptions::* range;
+  T Variation::* value;
+};
+template <class T>
+Drawn(Range<T> EnvironmentOptions::*, T Variation::*) -> Drawn<T>;
+
+constexpr std::tuple kDrawn{
+    Drawn{&EnvironmentOptions::contact_time, &Variation::contact_time},
+    Drawn{&EnvironmentOptions::rotor_inertia, &Variation::rotor_inertia},
+    Drawn{&EnvironmentOptions::joint_damping, &Variation::joint_damping},
+    Drawn{&EnvironmentOptions::joint_friction, &Variation::joint_friction},
+    Drawn{&EnvironmentOptions::stop_margin, &Variation::stop_margin},
+    Drawn{&EnvironmentOptions::homing_error, &Variation::homing_error},
+    Drawn{&EnvironmentOptions::motor_spread, &Variation::motor_spread},
+    Drawn{&EnvironmentOptions::torque_ripple, &Variation::torque_ripple},
+    Drawn{&EnvironmentOptions::backlash, &Variation::backlash},
+    Drawn{&EnvironmentOptions::measurement_delay, &Variation::measurement_delay},
+    Drawn{&EnvironmentOptions::motor_heat, &Variation::motor_heat},
+    Drawn{&EnvironmentOptions::tip_radius, &Variation::tip_radius}};
 
 void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& start) noexcept {
   Variation& variation = start.variation;
@@ -41,14 +69,21 @@ void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& 
       variation.pair_friction[pair] = draw_if_free(random, *range);
     }
   }
-  variation.contact_time = draw_if_free(random, options.contact_time);
-  variation.rotor_inertia = draw_if_free(random, options.rotor_inertia);
-  variation.joint_damping = draw_if_free(random, options.joint_damping);
-  variation.joint_friction = draw_if_free(random, options.joint_friction);
-  variation.stop_margin = draw_if_free(random, options.stop_margin);
+  const auto take = [&]<class T>(const Drawn<T>& row) {
+    const T usual = Variation{}.*row.value;
+    const Range<T>& range = options.*row.range;
+    if (range != Range<T>{usual, usual}) variation.*row.value = draw_if_free(random, range);
+  };
+  std::apply([&](const auto&... row) { (take(row), ...); }, kDrawn);
+  // The condition has one for its own; without one, all joints of all episodes were alike.
+  const bool differ =
+      variation.homing_error > 0.0 || variation.motor_spread > 0.0 || variation.torque_ripple > 0.0;
+  if (differ && variation.seed == 0) {
+    variation.seed = static_cast<std::uint64_t>(random.integer(1, 1'000'000'000));
+  }
   if (options.object_speed.high > 0.0) {
     const double speed = draw(random, options.object_speed);
-    const double direction = draw(random, {0.0, 2 * std::numbers::pi});
+    const double direction = draw(random, Range<double>{0.0, 2 * std::numbers::pi});
     start.object_velocity.linear = {speed * std::cos(direction), speed * std::sin(direction), 0.0};
   }
 }
@@ -83,11 +118,13 @@ void Environment::Implementation::check(const Start& start, std::size_t row) con
 }
 
 void Environment::Implementation::complete(Start& start, Episode& episode) const noexcept {
-  start.variation = {.object_mass = draw(episode.random, options.object_mass),
-                     .friction = draw(episode.random, options.friction),
-                     .motor_gain = draw(episode.random, options.motor_gain),
-                     .torque_delay = episode.random.integer(options.torque_delay.low,
-                                                            options.torque_delay.high + 1)};
+  Variation& robot = start.variation;
+  robot = trifinger::draw(options.condition, episode.random);
+  robot.object_mass = draw(episode.random, options.object_mass);
+  robot.friction = draw(episode.random, options.friction);
+  robot.motor_gain = draw(episode.random, options.motor_gain);
+  const TimeIndex delay = draw(episode.random, options.torque_delay);
+  if (options.torque_delay != Range<TimeIndex>{}) robot.torque_delay = delay;
   draw_what_varies(options, episode.random, start);
   hold(start.position, episode);
 }

@@ -221,7 +221,9 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
 
   // Makes a model that contains all pairs of surfaces whose friction any episode may set.
   [[nodiscard]] SceneModel::Compiled make_varied_model() const {
-    Variation variation;
+    // Every robot in this condition has its own friction of the same pairs.
+    Random any;
+    Variation variation = draw(environment.options().condition, any);
     for (const SurfacePair pair : all_surface_pairs()) {
       const auto& range = environment.options().pair_friction[pair];
       if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;

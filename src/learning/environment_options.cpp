@@ -105,6 +105,14 @@ void visit(Options& options, const Visitor& field) {
   field("camera_varies", options.camera_varies,
         About{"Whether light, colours, dust and noise of simulated images differ in each episode. "
               "docs/simulated_cameras.md says how much."});
+  field(
+      "condition", options.condition,
+      About{.meaning = "State of the simulated robot: with perfect joints, with errors of homing, "
+                       "friction, play, delays and noise of a robot that was built with care, or "
+                       "with twice as much. Each episode has another robot. Options below that "
+                       "are not at their defaults take the place of what this says.",
+            .words = kConditionNames,
+            .varies = true});
   field("object_mass", options.object_mass,
         factor("Factor on the mass of simulated objects.", 0.01, 100));
   field("friction", options.friction,
@@ -129,6 +137,22 @@ void visit(Options& options, const Visitor& field) {
         factor("Dry friction that is added to that of simulated joints [Nm].", 0, 1));
   field("stop_margin", options.stop_margin,
         factor("Factor on the distance from hard limits to mechanical stops.", 0, 10));
+  field("homing_error", options.homing_error,
+        factor("Largest error of the zero of simulated encoders [rad], [m].", 0, 1));
+  field("motor_spread", options.motor_spread,
+        factor("Share by which `motor_gain` of a simulated motor differs at most.", 0, 0.99));
+  field("torque_ripple", options.torque_ripple,
+        factor("Share of the torque that comes and goes as a simulated motor turns.", 0, 0.99));
+  field("backlash", options.backlash,
+        factor("Play between simulated motors and their joints [rad], [m].", 0, 1));
+  field("measurement_delay", options.measurement_delay,
+        factor("Age of measured positions and velocities of simulated joints [steps].", 0,
+               static_cast<double>(Variation::kMaxDelay)));
+  field("motor_heat", options.motor_heat,
+        factor("Heat of simulated motors at the start of an episode, as a share of their limit.", 0,
+               0.99));
+  field("tip_radius", options.tip_radius,
+        factor("Factor on the radius of simulated tips.", 0.1, 10));
   field(
       "object_speed", options.object_speed,
       About{"Speed of a simulated object at the start of an episode, in a random direction [m/s].",

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "sim/condition.hpp"
+#include "trifinger/sim/condition.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstddef>
 #include <string>
 #include <tuple>
 #include <type_traits>
@@ -12,23 +10,14 @@
 #include "trifinger/base/error.hpp"
 
 namespace trifinger {
-namespace {
-
-constexpr std::array<std::string_view, 3> kNames{"as documented", "as built", "worn"};
-
-}  // namespace
-
-std::string_view name_of(Condition condition) noexcept {
-  return kNames[static_cast<std::size_t>(condition)];
-}
 
 Condition condition_from_name(std::string_view name) {
-  const auto* const found = std::ranges::find(kNames, name);
-  if (found == kNames.end()) {
+  const auto* const found = std::ranges::find(kConditionNames, name);
+  if (found == kConditionNames.end()) {
     throw InvalidArgument("'" + std::string(name) +
                           "' is no condition of a robot: 'as documented', 'as built' or 'worn'");
   }
-  return static_cast<Condition>(found - kNames.begin());
+  return static_cast<Condition>(found - kConditionNames.begin());
 }
 
 Variation draw(Condition condition, Random& random) noexcept {

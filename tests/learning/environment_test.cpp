@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -160,6 +161,39 @@ TEST_P(EveryTask, DrawsWithinItsBounds) {
     EXPECT_LT(std::hypot(x, y), 0.2);
     EXPECT_EQ(z, 0.0);
   }
+}
+
+TEST_P(EveryTask, DrawsARobotInItsConditionExceptForWhatIsGiven) {
+  EnvironmentOptions options = default_options(GetParam());
+  options.condition = Condition::kWorn;
+  options.backlash = {0.001, 0.001};
+  options.joint_friction = {0.03, 0.04};
+  const Environment environment = make(options);
+  std::set<std::uint64_t> seeds;
+  for (std::uint64_t number = 0; number < 50; ++number) {
+    Episode episode;
+    const Variation robot = environment.begin(0, number, episode).variation;
+    EXPECT_NO_THROW(robot.validate());
+    seeds.insert(robot.seed);
+    EXPECT_EQ(robot.backlash, 0.001);
+    EXPECT_GE(robot.joint_friction, 0.03);
+    EXPECT_EQ(robot.measurement_delay, 2);
+    EXPECT_EQ(robot.homing_error, 0.01);
+    EXPECT_LT(robot.pair_friction[SurfacePair::kTipObject], 1.0);
+  }
+  EXPECT_EQ(seeds.size(), 50);
+}
+
+TEST_P(EveryTask, DrawsOtherErrorsOfJointsInEachEpisode) {
+  EnvironmentOptions options = default_options(GetParam());
+  options.homing_error = {0.002, 0.002};
+  const Environment environment = make(options);
+  std::set<std::uint64_t> seeds;
+  for (std::uint64_t number = 0; number < 50; ++number) {
+    Episode episode;
+    seeds.insert(environment.begin(0, number, episode).variation.seed);
+  }
+  EXPECT_EQ(seeds.size(), 50);
 }
 
 TEST_P(EveryTask, ObservesAndActsWithoutMemoryAndWithinMinusOneAndOne) {

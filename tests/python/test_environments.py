@@ -50,6 +50,10 @@ VARIED = {
     "joint_damping": (0.5, 5.0),
     "joint_friction": (0.0, 0.01),
     "stop_margin": (0.5, 1.5),
+    "condition": "worn",
+    "homing_error": (0.001, 0.004),
+    "measurement_delay": (0, 3),
+    "tip_radius": (0.9, 1.1),
     "object_speed": (0.0, 0.1),
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "sim/condition.hpp"
+#include "trifinger/sim/condition.hpp"
 
 #include <gtest/gtest.h>
 

@@ -9,6 +9,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/model/robot_description.hpp"
+#include "trifinger/sim/condition.hpp"
 
 namespace trifinger::learning {
 
@@ -73,7 +74,10 @@ struct EnvironmentOptions {
   /// Light, colours, dust and noise of simulated images differ in each episode.
   bool camera_varies{false};
   int camera_size{540};  ///< Width and height of simulated images [pixel].
-  /// A simulation draws these values at the beginning of each episode; see `Variation`.
+  /// The state in which a simulated robot is; each episode has another one in this state.
+  Condition condition{Condition::kAsDocumented};
+  /// A simulation draws these values at the beginning of each episode; see `Variation`. A range
+  /// that is not the default takes the place of what the condition says.
   Range<double> object_mass{1.0, 1.0};
   Range<double> friction{1.0, 1.0};
   Range<double> motor_gain{1.0, 1.0};
@@ -84,6 +88,13 @@ struct EnvironmentOptions {
   Range<double> joint_damping{1.0, 1.0};
   Range<double> joint_friction{0.0, 0.0};  ///< [Nm]
   Range<double> stop_margin{1.0, 1.0};
+  Range<double> homing_error{0.0, 0.0};  ///< [rad], [m]
+  Range<double> motor_spread{0.0, 0.0};
+  Range<double> torque_ripple{0.0, 0.0};
+  Range<double> backlash{0.0, 0.0};  ///< [rad], [m]
+  Range<TimeIndex> measurement_delay{0, 0};
+  Range<double> motor_heat{0.0, 0.0};
+  Range<double> tip_radius{1.0, 1.0};
   /// Speed at which a simulated object slides at the beginning of an episode, in any direction
   /// [m/s].
   Range<double> object_speed{0.0, 0.0};

@@ -101,9 +101,7 @@ const JointValues& Carrier::rise(Seconds elapsed, const control::JointState& joi
     motions[k] = trajectories_[k].advance(elapsed);
   }
   has_trajectories_ = true;
-  TipsDrive::Points forces;
-  forces.fill(Eigen::Vector3d::Zero());
-  return drive_.torques(motions, forces);
+  return drive_.torques(motions, TipsCommand::zeros(), true, elapsed);
 }
 
 void Carrier::stop() noexcept {

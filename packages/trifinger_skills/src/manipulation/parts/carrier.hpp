@@ -67,7 +67,7 @@ class Carrier {
   TipsDrive drive_;
   std::array<TipTrajectory, control::kContacts> trajectories_{};
   TimeIndex step_{0};
-  TipsDrive::Points home_;  // Where the tips begin.
+  TipVectors home_;  // Where the tips begin.
   bool is_rising_{false};
   bool has_trajectories_{false};
   bool has_ended_{true};

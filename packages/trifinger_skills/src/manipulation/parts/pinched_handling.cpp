@@ -486,13 +486,17 @@ void PinchedHandling::check(Seconds /*elapsed*/) noexcept {
   }
 }
 
-void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
-                            Seconds elapsed) noexcept {
+void PinchedHandling::press(TipsCommand& command, Seconds elapsed) noexcept {
+  TipVectors& forces = command.forces;
+  TipVectors& velocities = command.velocities;
+  TipVectors& accelerations = command.accelerations;
+  command.are_free = phase_ == Phase::kApproach;
   const control::TipGains& gains = config_.tips;
   for (int finger = 0; finger < control::kContacts; ++finger) {
     const auto k = static_cast<std::size_t>(finger);
     PointMotion motion = trajectories_[k].advance(elapsed);
     forces[k] = control::tip_impedance(motion, servo_.tip(finger), servo_.velocity(finger), gains);
+    velocities[k] = motion.velocity;
     accelerations[k] = motion.acceleration;
   }
   if (!holds()) return;
@@ -518,6 +522,8 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
                              .acceleration = middle.acceleration};
     forces[k] = control::tip_impedance(motion, servo_.tip(finger), servo_.velocity(finger), gains) -
                 side * along * pinch_.axis - carried_ * box_.mass / 2 * control::gravity();
+    velocities[k] = middle.velocity;
+    if (phase_ == Phase::kPinch) velocities[k] -= side * closing_.speed() * pinch_.axis;
     accelerations[k] = motion.acceleration;
   }
 
@@ -537,6 +543,7 @@ void PinchedHandling::press(TipVectors& forces, TipVectors& accelerations,
       control::tip_impedance(motion, servo_.tip(pinch_.pusher), servo_.velocity(pinch_.pusher),
                              {.stiffness = config_.turn_stiffness, .damping = gains.damping});
   forces[k] = within_friction(forces[k], turn_by(pinch_, turned_) * -Vector3d::UnitZ());
+  velocities[k] = motion.velocity;
   accelerations[k].setZero();
 }
 

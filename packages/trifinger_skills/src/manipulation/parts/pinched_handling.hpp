@@ -159,7 +159,7 @@ class PinchedHandling : public TipsSkill<PinchedHandling, PinchPhase> {
   void withdraw_pusher() noexcept;
   void follow_roll(Seconds elapsed) noexcept;
   void sense_object(const control::JointState& joints, Seconds elapsed) noexcept;
-  void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+  void press(TipsCommand& command, Seconds elapsed) noexcept;
   [[nodiscard]] Motion desired() const noexcept {
     return {.pose = goal_ && phase_ >= Phase::kTurn ? *goal_ : rest_};
   }

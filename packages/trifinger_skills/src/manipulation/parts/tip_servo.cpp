@@ -34,17 +34,22 @@ void TipServo::sense(const control::JointState& joints) noexcept {
   }
 }
 
-const JointValues& TipServo::torques(const TipVectors& forces,
-                                     const TipVectors& accelerations) noexcept {
+const JointValues& TipServo::torques(const TipsCommand& command,
+                                     control::Seconds elapsed) noexcept {
   const TipPositions drift = kinematics_.tip_accelerations(joint_velocity_);
   JointValues acceleration(kMaxJoints);
+  JointValues rates(kMaxJoints);
   JointValues force(kMaxJoints);
   for (int i = 0; i < control::kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    acceleration.segment<3>(3 * i) = inverses_[k] * (accelerations[k] - drift.segment<3>(3 * i));
-    force.segment<3>(3 * i) = forces[k];
+    acceleration.segment<3>(3 * i) =
+        inverses_[k] * (command.accelerations[k] - drift.segment<3>(3 * i));
+    rates.segment<3>(3 * i) = inverses_[k] * command.velocities[k];
+    force.segment<3>(3 * i) = command.forces[k];
   }
-  torques_ = jacobians_.transpose() * force + kinematics_.mass_matrix() * acceleration + bias_ +
+  const JointValues pushed = jacobians_.transpose() * force;
+  torques_ = pushed + friction_.torques(rates, pushed, command.are_free, elapsed) +
+             kinematics_.mass_matrix() * acceleration + bias_ +
              damping_.cwiseProduct(joint_velocity_);
   torque_share_ = torques_.cwiseQuotient(limits_).cwiseAbs().maxCoeff();
   return torques_;

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "control/friction_compensation.hpp"
 #include "trifinger/control/grasp.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/safety_limits.hpp"
@@ -14,12 +15,24 @@ namespace trifinger::manipulation {
 // A number of things for each of the three tips.
 using TipVectors = std::array<Eigen::Vector3d, control::kContacts>;
 
+// What the three tips should do in a step.
+struct TipsCommand {
+  TipVectors forces = zeros();         // On their surroundings [N].
+  TipVectors velocities = zeros();     // [m/s]
+  TipVectors accelerations = zeros();  // [m/s^2]
+  bool are_free{false};                // They touch nothing.
+
+  [[nodiscard]] static TipVectors zeros() noexcept {
+    return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  }
+};
+
 // Turns forces and accelerations of tips into torques of joints, and torques into felt forces:
 //
-//     torque = J' force + M J^-1 (acceleration - dJ/dt dq) + bias + damping dq
+//     torque = J' force + M J^-1 (acceleration - dJ/dt dq) + bias + damping dq + friction
 //
-// where the last term compensates what the safety checks take away. Memory is allocated only during
-// construction.
+// where damping compensates what the safety checks take away, and friction what joints take that
+// should move. Memory is allocated only during construction.
 class TipServo {
  public:
   TipServo(const RobotDescription& description, const control::SafetyLimits& limits);
@@ -28,6 +41,7 @@ class TipServo {
   void sense(const control::JointState& joints) noexcept;
 
   [[nodiscard]] const Eigen::Vector3d& tip(int finger) const noexcept { return at(tips_, finger); }
+  [[nodiscard]] const TipVectors& tips() const noexcept { return tips_; }
   [[nodiscard]] const Eigen::Vector3d& velocity(int finger) const noexcept {
     return at(velocities_, finger);
   }
@@ -40,10 +54,9 @@ class TipServo {
     return at(felt_, finger);
   }
 
-  // The torques for these forces of the tips on their surroundings [N], and these accelerations of
-  // the tips [m/s^2].
-  [[nodiscard]] const JointValues& torques(const TipVectors& forces,
-                                           const TipVectors& accelerations) noexcept;
+  // The torques for the command of a step that is `elapsed` after the last one.
+  [[nodiscard]] const JointValues& torques(const TipsCommand& command,
+                                           control::Seconds elapsed) noexcept;
 
   // Largest share of a joint's limit in the last torques. The safety checks cut off all above 1.
   [[nodiscard]] double torque_share() const noexcept { return torque_share_; }
@@ -66,6 +79,7 @@ class TipServo {
   TipVectors tips_;
   TipVectors velocities_;
   TipVectors felt_;
+  control::FrictionCompensation friction_;
   JointValues torques_;
   double torque_share_{0.0};
 };

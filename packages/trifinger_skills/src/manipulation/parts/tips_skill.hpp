@@ -21,7 +21,7 @@ namespace trifinger::manipulation {
 // has a row for each `Phase`, in their order. It has these functions, too:
 //
 //     void sense_object(const control::JointState& joints, Seconds elapsed) noexcept;
-//     void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+//     void press(TipsCommand& command, Seconds elapsed) noexcept;
 //     [[nodiscard]] Motion desired() const noexcept;
 template <class S, class Phase>
 class TipsSkill : public Phased<S, Phase> {
@@ -45,10 +45,9 @@ class TipsSkill : public Phased<S, Phase> {
     }
     self().sense_object(joints, elapsed);
     Phases::follow_phases(elapsed);
-    TipVectors forces;
-    TipVectors accelerations;
-    self().press(forces, accelerations, elapsed);
-    set_torques(action_, servo_.torques(forces, accelerations));
+    TipsCommand command;
+    self().press(command, elapsed);
+    set_torques(action_, servo_.torques(command, elapsed));
     state_.torque_share = servo_.torque_share();
     state_.object = estimator_.predict(clock_.now());
     state_.desired = self().desired();

@@ -336,15 +336,14 @@ const TriFinger::Action& Balance::update(TimeIndex step,
     follow_phases();
   }
 
-  TipVectors forces;
-  TipVectors accelerations;
+  TipsCommand command;
   for (int i = 0; i < control::kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    forces[k] = control::tip_impedance(trajectories_[k].advance(elapsed), servo_.tip(i),
-                                       servo_.velocity(i), {.stiffness = 300.0, .damping = 6.0});
-    accelerations[k].setZero();
+    command.forces[k] =
+        control::tip_impedance(trajectories_[k].advance(elapsed), servo_.tip(i), servo_.velocity(i),
+                               {.stiffness = 300.0, .damping = 6.0});
   }
-  set_torques(action_, servo_.torques(forces, accelerations));
+  set_torques(action_, servo_.torques(command, elapsed));
   share_ = servo_.torque_share();
   if (phase_ == Phase::kBalance) balance();
 

@@ -290,7 +290,7 @@ class Catch final : public Phased<Catch, CatchPhase> {
     sink(clock_.now());
 
     TipsDrive::Motions motions;
-    TipsDrive::Points forces;
+    TipVectors forces;
     for (std::size_t i = 0; i < motions.size(); ++i) {
       control::PointMotion& motion = motions[i];
       motion.position = on_circle(i);
@@ -309,7 +309,8 @@ class Catch final : public Phased<Catch, CatchPhase> {
                   .acceleration = progress.acceleration * (on_circle(i) - from)};
       }
     }
-    const JointValues& torques = drive_.torques(motions, forces);
+    const JointValues& torques =
+        drive_.torques(motions, forces, phase_ == Phase::kApproach, elapsed);
     JointValues::Map(action_.torque.data(), torques.size()) = torques;
   }
 
@@ -356,7 +357,7 @@ class Catch final : public Phased<Catch, CatchPhase> {
   TipsDrive drive_;
   ObjectDescription ball_;
   double rest_height_{0.0};  // Of a ball on the closed tips [m].
-  TipsDrive::Points outward_{};
+  TipVectors outward_{};
 
   std::string_view failure_;
   bool has_begun_{false};
@@ -364,7 +365,7 @@ class Catch final : public Phased<Catch, CatchPhase> {
   Seconds close_begin_{kNever};
   Seconds hold_begin_{kNever};
   Seconds approach_time_{0};
-  TipsDrive::Points begin_{};
+  TipVectors begin_{};
 
   // What is known of the ball.
   bool is_seen_{false};

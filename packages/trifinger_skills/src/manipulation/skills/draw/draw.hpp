@@ -129,8 +129,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   void finish_check() noexcept;
   void finish_part() noexcept;
   void lead(Seconds elapsed) noexcept;
-  void press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
-  void follow_trajectories(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept;
+  void press(TipsCommand& command, Seconds elapsed) noexcept;
+  void follow_trajectories(TipsCommand& command, Seconds elapsed) noexcept;
   [[nodiscard]] std::array<control::PointMotion, 3> motions_with_pen(Seconds elapsed) noexcept;
   void let_roll(const std::array<Eigen::Vector3d, 3>& errors, Seconds elapsed) noexcept;
   void add_grip(TipVectors& forces) noexcept;

@@ -133,13 +133,15 @@ void Draw::add_grip(TipVectors& forces) noexcept {
 }
 
 // The forces of tips that do not touch the pen.
-void Draw::follow_trajectories(TipVectors& forces, TipVectors& accelerations,
-                               Seconds elapsed) noexcept {
+void Draw::follow_trajectories(TipsCommand& command, Seconds elapsed) noexcept {
+  command.are_free = phase_ == Phase::kApproach;
   for (int i = 0; i < control::kContacts; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const PointMotion motion = trajectories_[k].advance(elapsed);
-    forces[k] = control::tip_impedance(motion, servo_.tip(i), servo_.velocity(i), config_.tips);
-    accelerations[k] = motion.acceleration;
+    command.forces[k] =
+        control::tip_impedance(motion, servo_.tip(i), servo_.velocity(i), config_.tips);
+    command.velocities[k] = motion.velocity;
+    command.accelerations[k] = motion.acceleration;
   }
 }
 
@@ -187,11 +189,12 @@ void Draw::let_roll(const std::array<Vector3d, 3>& errors, Seconds elapsed) noex
   }
 }
 
-void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed) noexcept {
+void Draw::press(TipsCommand& command, Seconds elapsed) noexcept {
   if (!grips()) {
-    follow_trajectories(forces, accelerations, elapsed);
+    follow_trajectories(command, elapsed);
     return;
   }
+  TipVectors& forces = command.forces;
   const std::array<PointMotion, 3> motions = motions_with_pen(elapsed);
   const double wanted_press = phase_ == Phase::kDraw ? config_.press : 0.0;
   constexpr double kPressRate = 2.0;  // [N/s]
@@ -218,7 +221,8 @@ void Draw::press(TipVectors& forces, TipVectors& accelerations, Seconds elapsed)
     const Vector3d rate = rates[k] + side * gap_rate / 2 * inward_;
     forces[finger(k)] = config_.tips.stiffness * error + config_.tips.damping * rate -
                         side * share * config_.tips.damping * gap_rate / 2 * inward_;
-    accelerations[finger(k)] = motions[k].acceleration;
+    command.velocities[finger(k)] = motions[k].velocity;
+    command.accelerations[finger(k)] = motions[k].acceleration;
     if (phase_ == Phase::kClose) forces[finger(k)] += side * share * squeeze_ * inward_;
   }
   if (phase_ != Phase::kClose) add_grip(forces);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string_view>
 
@@ -17,8 +19,13 @@ enum class Condition : std::uint8_t {
   kWorn,          ///< Twice as bad, with tips that are smoother and softer or harder.
 };
 
-/// "as documented", "as built", "worn".
-[[nodiscard]] std::string_view name_of(Condition condition) noexcept;
+/// Names of all conditions, in the order of `Condition`.
+inline constexpr std::array<std::string_view, 3> kConditionNames{"as documented", "as built",
+                                                                 "worn"};
+
+[[nodiscard]] constexpr std::string_view name_of(Condition condition) noexcept {
+  return kConditionNames[static_cast<std::size_t>(condition)];
+}
 /// @throws InvalidArgument with the names
 [[nodiscard]] Condition condition_from_name(std::string_view name);
 
