@@ -20,8 +20,9 @@ using detail::require_positive;
 
 using TipMotions = std::array<PointMotion, kContacts>;
 
-constexpr Seconds kFirmTouch{0.02};  // A shorter touch counts as a knock.
-constexpr double kSlipCutoff = 5.0;  // Above the speed of slipping, below that of trembling [Hz].
+constexpr Seconds kFirmTouch{0.02};    // A shorter touch counts as a knock.
+constexpr double kTouchCutoff = 10.0;  // [Hz]
+constexpr double kSlipCutoff = 5.0;    // Above the speed of slipping, below that of trembling [Hz].
 
 Eigen::Vector3d across(const Eigen::Vector3d& vector, const Eigen::Vector3d& normal) {
   return vector - vector.dot(normal) * normal;
@@ -101,16 +102,19 @@ struct GraspController::State {
   TipMotions close(Seconds elapsed, const Pose& object) {
     TipMotions motions;
     bool all_touch = true;
-    const double end = kStandoff + config.penetration;
+    // What trembles in single steps is the noise of velocities and motors.
+    const Signal& felt = touch_filter.update(state.normal_forces, elapsed);
     for (std::size_t k = 0; k < motions.size(); ++k) {
       const Eigen::Vector3d inward = rest.orientation * touches[k].normal;
-      const bool moves = depth[k] < end;
+      // A face that has not been felt yet may be further away than a badly homed finger knows.
+      const bool has_felt = touch_time[k] > kFirmTouch;
+      const bool moves = depth[k] < kStandoff + (has_felt ? 1.0 : 2.0) * config.penetration;
       if (moves) depth[k] += config.closing_speed * elapsed.count();
       motions[k] = {.position = approach_to(touches[k], rest, radius).beside + depth[k] * inward,
                     .velocity = (moves ? config.closing_speed : 0.0) * inward,
                     .acceleration = Eigen::Vector3d::Zero()};
       // A force felt before this depth comes from something else.
-      const bool feels = state.normal_forces[static_cast<Eigen::Index>(k)] > config.touch_force &&
+      const bool feels = felt[static_cast<Eigen::Index>(k)] > config.touch_force &&
                          depth[k] > kStandoff - config.penetration;
       touch_time[k] = feels ? touch_time[k] + elapsed : Seconds(0);
       all_touch = all_touch && touch_time[k] > kFirmTouch;
@@ -266,6 +270,7 @@ struct GraspController::State {
 
   Signal along_faces{JointValues::Zero(3 * kContacts)};  // Velocities of the tips [m/s].
   LowPassFilter slip_filter{kSlipCutoff};
+  LowPassFilter touch_filter{kTouchCutoff};
   FrictionCompensation friction;
 
   JointValues forces;
@@ -285,6 +290,7 @@ void GraspController::grasp(const Touches& touches, const Pose& object) noexcept
   s.rest = object;
   s.depth.fill(0.0);
   s.touch_time.fill(Seconds(0));
+  s.touch_filter.reset();
   s.is_path_planned = false;
   s.enter(GraspPhase::kApproach);
 }
