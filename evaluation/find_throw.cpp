@@ -2,7 +2,7 @@
 // Finds a stroke with which three tips throw the ball that lies on them: the numbers in
 // config/skills/throw.yml. First it tries many cradles that move along a line, then the
 // cross-entropy method (Rubinstein 1999) moves the joint targets of the best of them. Each stroke
-// counts by what it does with several balls and tips, the worst of them once more.
+// counts by what it does with several balls, tips and robots as built, the worst of them once more.
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
@@ -27,6 +27,7 @@
 #include "trifinger/config/file.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/model/kinematics.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
@@ -43,6 +44,7 @@ constexpr TimeIndex kSettling = 150;     // Steps in which the ball comes to res
 constexpr TimeIndex kFlight = 80;        // Steps after a stroke until the ball is looked at.
 constexpr double kOffset = 0.0015;       // Of each joint at the start [rad].
 constexpr double kFree = 0.003;          // A ball this far from all tips is released [m].
+constexpr double kFault = -5.0;          // What a robot that stops counts [m].
 constexpr double kPenetration = 0.0015;  // Tips that press deeper are not believed [m].
 
 class Dice {
@@ -73,7 +75,8 @@ struct Cradle {
 // A simulated robot whose ball and tips differ a little from what is believed.
 class Plant {
  public:
-  Plant(SimulationOptions options, double mass, double friction, JointValues offset)
+  Plant(SimulationOptions options, double mass, double friction, JointValues offset,
+        const Variation& robot = {})
       : offset_(std::move(offset)),
         limits_(manipulation::safety_limits_of(options)),
         kinematics_(options.description),
@@ -81,7 +84,9 @@ class Plant {
         tip_radius_(figures(options.description).tip_radius),
         weight_(options.description.objects.front().mass),
         robot_((options.description.objects.front().mass *= mass,
-                options.description.contact.tip_friction = friction, options)) {}
+                options.description.contact.tip_friction = friction, options)) {
+    robot_.vary(robot);
+  }
 
   // Puts the ball at `ball` on the tips at `start`. False if it does not come to rest there.
   bool settle(const JointValues& start, const Vector3& ball) {
@@ -122,7 +127,7 @@ class Plant {
                            limits_, kinematics_.gravity_torques() + left * carrying_, action);
       return action;
     });
-    if (!runs) return -1.0;
+    if (!runs) return kFault;
     const ObjectVelocity velocity = robot_.object_velocity("ball");
     const Vector3 position = ball_position();
     if (position.z() < ball_radius_ + 0.05) return -0.5;
@@ -187,6 +192,15 @@ class Finder {
   std::unique_ptr<Plant> any_plant() {
     const double mass = dice_.between(0.8, 1.2);
     return make_plant(mass, dice_.between(0.6, 1.0), kOffset);
+  }
+
+  // A robot as built. The skill centres the ball by what it sees: homing does not count here.
+  std::unique_ptr<Plant> plant_as_built(std::uint64_t seed) {
+    Random random{.seed = seed};
+    Variation robot = draw(Condition::kAsBuilt, random);
+    robot.homing_error = 0.0;
+    return std::make_unique<Plant>(options_, dice_.between(0.8, 1.2), dice_.between(0.6, 1.0),
+                                   JointValues::Zero(9), robot);
   }
 
   [[nodiscard]] double height_over(const Cradle& cradle) const {
@@ -389,6 +403,7 @@ struct FindOptions {
   int first_rounds{40};
   int rounds{40};
   int samples{64};
+  int robots{10};
   std::string output{"stroke.yml"};
 };
 
@@ -433,6 +448,8 @@ int find(const FindOptions& options) {
   several.push_back(finder.make_plant(0.85, 0.65, kOffset));
   several.push_back(finder.make_plant(1.2, 0.65, kOffset));
   several.push_back(finder.make_plant(1.0, 0.8, 0.0));
+  for (int i = 0; i < options.robots; ++i)
+    several.push_back(finder.plant_as_built(options.seed + static_cast<std::uint64_t>(i)));
   kept = -10.0;  // What many robots can do counts less than what one can do.
   finder.improve(best, several, options.rounds, options.samples, 0.04);
   finder.keep(best);
@@ -464,6 +481,8 @@ int run_program(int argument_count, char** arguments) {
   program.add_option("--rounds", options.rounds, "Rounds for several robots that differ")
       ->capture_default_str();
   program.add_option("--samples", options.samples, "Strokes in a round")->capture_default_str();
+  program.add_option("--robots", options.robots, "How many robots as built each stroke counts by")
+      ->capture_default_str();
   program.add_option("--output", options.output, "Where the stroke goes")->capture_default_str();
   CLI11_PARSE(program, argument_count, arguments);
   return find(options);
