@@ -41,7 +41,7 @@ using Vector3 = Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
 constexpr TimeIndex kSettling = 150;     // Steps in which the ball comes to rest in the cradle.
-constexpr TimeIndex kFlight = 80;        // Steps after a stroke until the ball is looked at.
+constexpr TimeIndex kFlight = 250;       // Steps after a stroke until the ball is looked at.
 constexpr double kOffset = 0.0015;       // Of each joint at the start [rad].
 constexpr double kFree = 0.003;          // A ball this far from all tips is released [m].
 constexpr double kFault = -5.0;          // What a robot that stops counts [m].
@@ -116,15 +116,22 @@ class Plant {
     const auto length = static_cast<TimeIndex>(std::lround(stroke.duration().count() * 1e3));
     TriFinger::Action action;
     double gap = 0.0;
+    JointValues end;
     // What the skill does.
     const bool runs = run(length + kFlight, [&](TimeIndex t) {
       kinematics_.update(joint_values(observation_.position));
       gap = clearance();
       deepest = std::max(deepest, -gap);
+      const JointValues gravity = kinematics_.gravity_torques();
+      if (t >= length + std::lround(manipulation::kReleaseTime.count() * 1e3)) {
+        if (end.size() == 0) end = joint_values(observation_.position);
+        manipulation::brake(end, limits_, gravity, action);
+        return action;
+      }
       const double left = std::max(1.0 - static_cast<double>(t) / static_cast<double>(length), 0.0);
       manipulation::follow(stroke,
                            manipulation::targets_at(stroke, Seconds(1e-3 * static_cast<double>(t))),
-                           limits_, kinematics_.gravity_torques() + left * carrying_, action);
+                           limits_, gravity + left * carrying_, action);
       return action;
     });
     if (!runs) return kFault;

@@ -34,6 +34,21 @@ void follow(const Stroke& stroke, const StrokeTargets& targets, const control::S
   }
 }
 
+void brake(const JointValues& position, const control::SafetyLimits& limits,
+           const JointValues& torque, TriFinger::Action& action) noexcept {
+  constexpr double kStiffness = 3.0;  // [Nm/rad]
+  constexpr double kDamping = 0.15;   // [Nms/rad]
+  constexpr double kMargin = 0.2;     // From the soft limits [rad].
+  for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    action.position[i] =
+        std::clamp(position[k], limits.soft_lower[i] + kMargin, limits.soft_upper[i] - kMargin);
+    action.position_kp[i] = kStiffness;
+    action.position_kd[i] = kDamping;
+    action.torque[i] = torque[k];
+  }
+}
+
 void validate(const Stroke& stroke, const control::SafetyLimits& limits) {
   const auto reject = [](const auto&... parts) {
     throw InvalidArgument(detail::text_of("a stroke's ", parts...));

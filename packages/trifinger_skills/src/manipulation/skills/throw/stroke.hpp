@@ -41,6 +41,14 @@ struct StrokeTargets {
 void follow(const Stroke& stroke, const StrokeTargets& targets, const control::SafetyLimits& limits,
             const JointValues& torque, TriFinger::Action& action) noexcept;
 
+// From the end of a stroke on the ball still touches a tip.
+inline constexpr Seconds kReleaseTime{0.02};
+
+// The action after a stroke, when the joints were at `position`. Fast joints are damped as hard as
+// they can be: at the stroke's own stiffness they would swing. `torque` is added [Nm].
+void brake(const JointValues& position, const control::SafetyLimits& limits,
+           const JointValues& torque, TriFinger::Action& action) noexcept;
+
 // Throws InvalidArgument that names the first value that makes no sense.
 void validate(const Stroke& stroke, const control::SafetyLimits& limits);
 

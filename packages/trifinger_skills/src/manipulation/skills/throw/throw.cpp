@@ -220,17 +220,13 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   static const std::array<Row, 7> kPhases;
 
   static constexpr Seconds kMaxApproach{10};
-  static constexpr Seconds kReleaseTime{0.02};  // After the stroke the ball still touches a tip.
-  static constexpr Seconds kRestTime{0.3};      // In which the ball must lie still.
-  static constexpr Seconds kOldPose{0.2};       // An older pose says nothing.
-  static constexpr double kSmoothing = 0.15;    // Share of a new pose in the ball's place.
+  static constexpr Seconds kRestTime{0.3};           // In which the ball must lie still.
+  static constexpr Seconds kOldPose{0.2};            // An older pose says nothing.
+  static constexpr double kSmoothing = 0.15;         // Share of a new pose in the ball's place.
   static constexpr double kFlightTolerance = 0.004;  // [m]
   static constexpr double kLowest = 0.06;            // Below it the ball meets the table [m].
   static constexpr double kFloorDepth = 1.0;         // Below the feet of the platform [m].
   static constexpr double kAtStart = 0.03;           // Joints so near need no approach [rad].
-  static constexpr double kBrakeStiffness = 3.0;     // [Nm/rad]
-  static constexpr double kBrakeDamping = 0.15;      // [Nms/rad]
-  static constexpr double kBrakeMargin = 0.2;        // From the soft limits [rad].
   static constexpr double kMaxCorrection = 0.01;     // [m]
   static constexpr int kBisections = 20;
 
@@ -351,7 +347,10 @@ class Throw final : public Phased<Throw, ThrowPhase> {
 
   void act(Seconds elapsed, const control::JointState& joints) noexcept {
     if (has_left_) {
-      brake(joints);
+      if (!std::exchange(is_braking_, true)) last_targets_ = joints.position;
+      kinematics_.update(joints.position);
+      brake(last_targets_, limits_, kinematics_.gravity_torques(), action_);
+      torque_share_ = 0.0;
       return;
     }
     StrokeTargets targets = targets_at(config_.stroke, Seconds(-1));
@@ -403,23 +402,6 @@ class Throw final : public Phased<Throw, ThrowPhase> {
       share = std::max(share, std::abs(asked) / limits_.max_torque[i]);
     }
     torque_share_ = std::min(share, 1.0);
-  }
-
-  // Fast joints are damped as hard as they can be. At the stroke's own stiffness they would swing.
-  void brake(const control::JointState& joints) noexcept {
-    if (!is_braking_) last_targets_ = joints.position;
-    is_braking_ = true;
-    kinematics_.update(joints.position);
-    const JointValues torque = kinematics_.gravity_torques();
-    for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
-      const auto k = static_cast<Eigen::Index>(i);
-      action_.position[i] = std::clamp(last_targets_[k], limits_.soft_lower[i] + kBrakeMargin,
-                                       limits_.soft_upper[i] - kBrakeMargin);
-      action_.position_kp[i] = kBrakeStiffness;
-      action_.position_kd[i] = kBrakeDamping;
-      action_.torque[i] = torque[k];
-    }
-    torque_share_ = 0.0;
   }
 
   // The joints' way for the same small shift of all tips.
