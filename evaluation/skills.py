@@ -106,14 +106,14 @@ def included_by(file: Path, found: set[Path]) -> set[Path]:
 
 
 def judge_of(row: Row) -> str:
-    """A digest of the code that judges a row and draws its robots, without comments."""
+    """A digest of the code that judges a row and draws its robots, without includes, comments."""
     judge = SKILLS / row.skill / "judge.cpp"
     files = included_by(judge, {ROOT / "src" / "sim" / "condition.cpp"})
     if f'"{row.name}"' not in judge.read_text():
         files.add(ROOT / "evaluation" / "skill_rows.cpp")
     digest = hashlib.sha256()
     for file in sorted(files):
-        text = re.sub(r"//.*", "", file.read_text())
+        text = re.sub(r"(//|#include ).*", "", file.read_text())
         digest.update("".join(text.split()).encode())
     return digest.hexdigest()[:12]
 
