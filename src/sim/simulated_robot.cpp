@@ -25,6 +25,9 @@
 namespace trifinger {
 namespace {
 
+// The series of random numbers that says which robot in its condition this is.
+constexpr std::uint64_t kRobot = 1'000'000'007;
+
 using detail::require;
 using detail::text_of;
 
@@ -93,6 +96,10 @@ SimulatedRobot::SimulatedRobot(SimulationOptions options)
   puller_ = std::make_unique<detail::Puller>(model());
   begin_state_.resize(state_size());
   spare_state_.resize(state_size());
+  reset();
+  if (this->options().condition == Condition::kAsDocumented) return;
+  Random random{.seed = this->options().seed, .episode = kRobot};
+  vary(draw(this->options().condition, random));
   reset();
 }
 

@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/config/node.hpp"
+#include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger {
@@ -51,6 +55,25 @@ TEST(Condition, ANumberIsSetByItsName) {
   for (const char* name : {"play", "pair_friction", ""}) {
     EXPECT_THROW(set_value(robot, name, 1.0), InvalidArgument) << name;
   }
+}
+
+TEST(Condition, OfAConfigurationIsThatOfItsRobot) {
+  // Errors of homing are what a session sees at once.
+  const auto seen = [](const std::vector<std::string>& settings) {
+    SimulatedRobot robot(
+        load_robot_config(TRIFINGER_CONFIG_DIR "/trifinger_edu.yml", settings).simulation);
+    EXPECT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+    TriFinger::Observation observation;
+    (void)robot.get_latest_observation(&observation);
+    return observation.position;
+  };
+  const auto documented = seen({});
+  EXPECT_EQ(seen({"simulation.condition=as documented"}), documented);
+  const auto worn = seen({"simulation.condition=worn", "simulation.seed=3"});
+  EXPECT_NE(worn, documented);
+  EXPECT_EQ(seen({"simulation.condition=worn", "simulation.seed=3"}), worn);
+  EXPECT_NE(seen({"simulation.condition=worn", "simulation.seed=4"}), worn);
+  EXPECT_THROW((void)seen({"simulation.condition=new"}), config::ConfigError);
 }
 
 }  // namespace

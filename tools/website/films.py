@@ -46,14 +46,31 @@ class Shot:
     speed: float  # of the film, 1 is real
     part: tuple[float, float, float] = (0.5, 0.5, 1.0)  # middle and size of what of it is shown
     still: float = 0.6  # when the still picture is taken, as a share of the film
+    condition: str = "as built"  # of the robot
+    robot: tuple[str, ...] = ()  # settings of the robot
+    skill: tuple[str, ...] = ()  # settings of the skill
 
 
 SHOTS = {
-    "draw": Shot("sim_pen", "draw", "90,-50", 4.0, (0.5, 0.72, 0.5), 0.97),
+    # The skill does not stand a robot as built.
+    "draw": Shot(
+        "sim_pen", "draw", "90,-50", 4.0, (0.5, 0.72, 0.5), 0.97, condition="as documented"
+    ),
     "flip": Shot("pushing", "flip", "front", 0.5, (0.5, 0.6, 0.8), 0.45),
     "throw": Shot("throw", "throw", "front", 0.5),
     "carry": Shot("pushing", "carry", "115,-20", 2.0, (0.5, 0.6, 0.85)),
     "turn": Shot("sim", "turn", "front", 3.0, (0.5, 0.6, 0.8)),
+    "stand": Shot("sim_cuboid", "stand", "front", 3.0, (0.5, 0.6, 0.8), 0.9),
+    "lift": Shot(
+        "sim", "lift", "front", 4.0, robot=("fingers.height=0.3",), skill=("lift.hold_time=4",)
+    ),
+    "slide": Shot("sim", "slide", "front", 4.0, (0.5, 0.6, 0.8), skill=("slide.turns=1",)),
+    "place": Shot(
+        *("pushing", "place", "115,-20", 4.0, (0.5, 0.6, 0.85)),
+        skill=('goals=[{place: [0.05, 0.02], face: "-x", turn: 0.8}]',),
+    ),
+    "balance": Shot("sim_balance", "balance", "front", 1.0, skill=("duration=6",)),
+    "catch": Shot("catch", "catch", "front", 0.25),
 }
 
 
@@ -61,6 +78,8 @@ def record(shot: Shot, folder: Path) -> Path:
     """Lets a simulated robot do what is filmed, and returns the folder of its log."""
     name = f"film_{shot.task}_{os.getpid()}"
     run = [PROGRAM, "run", shot.config, "--name", name, "--record", "logs", "--non-real-time"]
+    for setting in (f"simulation.condition={shot.condition}", *shot.robot):
+        run += ["--set", setting]
     with subprocess.Popen(run, cwd=folder, stdout=subprocess.PIPE, text=True) as robot:
         try:
             for line in robot.stdout or ():
@@ -69,6 +88,8 @@ def record(shot: Shot, folder: Path) -> Path:
             else:
                 raise SystemExit(f"'{' '.join(run)}' has ended")
             do = [PROGRAM, "manipulate", shot.task, "--robot", name, "-o", "report"]
+            for setting in shot.skill:
+                do += ["--set", setting]
             subprocess.run(do, cwd=folder, check=True, stdout=subprocess.DEVNULL)
         finally:
             robot.terminate()

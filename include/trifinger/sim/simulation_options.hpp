@@ -18,6 +18,7 @@
 #include "trifinger/model/robot_description.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/model/scene_model.hpp"
+#include "trifinger/sim/condition.hpp"
 
 namespace trifinger {
 
@@ -46,6 +47,8 @@ struct SimulationOptions {
   OrderlyStopOptions stop{};
   /// Seed of all random numbers. The same seed gives the same series.
   std::uint64_t seed{0};
+  /// The state in which the robot is; the seed decides which robot in this state it is.
+  Condition condition{Condition::kAsDocumented};
   /// Length of a step: a whole number of `kPhysicsStep`, that is of milliseconds; of a robot from a
   /// file that of the file.
   Nanoseconds period{std::chrono::milliseconds(1)};
