@@ -12,12 +12,12 @@
 #include <vector>
 
 #include "boards/board_robot.hpp"
-#include "trifinger/sim/condition.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/timing.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skill.hpp"
 #include "trifinger/rendering/options.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 

@@ -31,9 +31,9 @@
 #include "model/export.hpp"
 #include "model/model_text.hpp"
 #include "session/checks.hpp"
-#include "trifinger/sim/condition.hpp"
 #include "simulation.hpp"
 #include "trifinger/joint/reasons.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace nb = nanobind;

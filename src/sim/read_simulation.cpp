@@ -103,6 +103,7 @@ void read_simulation(const Node& section, Missing missing, SimulationOptions& op
   };
   read("seed", options.seed, {.min = 0});
   std::vector<std::pair<std::string_view, Condition>> conditions;
+  conditions.reserve(kConditionNames.size());
   for (const std::string_view name : kConditionNames)
     conditions.emplace_back(name, condition_from_name(name));
   options.condition = section.optional_choice("condition", options.condition, conditions);

@@ -12,10 +12,10 @@
 #include "evaluation/skill_rows.hpp"
 #include "evaluation/skill_trial.hpp"
 #include "meddled_skill.hpp"
-#include "trifinger/sim/condition.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/run_skill.hpp"
 #include "trifinger/manipulation/skills.hpp"
+#include "trifinger/sim/condition.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 // Trials of the evaluation with somebody who meddles.
