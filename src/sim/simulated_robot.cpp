@@ -280,7 +280,12 @@ void SimulatedRobot::reset(std::span<const double> position, const Random& rando
 void SimulatedRobot::vary(const Variation& variation) {
   simulator_.check(variation);
   vary_model(variation);
-  state_.memory.counters.variation = variation;
+  Memory::Counters& counters = state_.memory.counters;
+  // What is on its way was sent and measured with the delays of before.
+  if (variation.torque_delay != counters.variation.torque_delay) counters.num_sent = 0;
+  if (variation.measurement_delay != counters.variation.measurement_delay)
+    counters.num_measured = 0;
+  counters.variation = variation;
   begin_here();
 }
 

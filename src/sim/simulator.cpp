@@ -360,8 +360,8 @@ void Simulator::read_encoders(State& state) const noexcept {
     seen.position[i] += memory.in_play[i];
     seen.velocity[i] += memory.play_speed[i];
   }
-  if (memory.counters.num_measured > 0) {
-    const auto delay = static_cast<std::uint64_t>(variation.measurement_delay);
+  const auto delay = static_cast<std::uint64_t>(variation.measurement_delay);
+  if (delay > 0 && memory.counters.num_measured > 0) {
     const std::size_t oldest = memory.counters.num_measured % delay * 2 * n;
     std::copy_n(memory.measured.data() + oldest, n, seen.position.begin());
     std::copy_n(memory.measured.data() + oldest + n, n, seen.velocity.begin());

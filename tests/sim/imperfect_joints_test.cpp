@@ -66,6 +66,23 @@ TEST(ImperfectJoints, HaveEachAZeroOfItsOwnWithinTheError) {
   EXPECT_GT(errors[8] - errors[0], 0.005);
 }
 
+TEST(ImperfectJoints, AreSeenWhereTheyAreAfterAnotherDelay) {
+  const Simulation simulation;
+  for (const TimeIndex delay : {3, 0, 2, 5, 1, 0}) {
+    simulation.robot().vary({.torque_delay = delay, .measurement_delay = delay});
+    const std::vector<double> all = simulation.robot().configuration();
+    auto robot = simulation.connect();
+    for (int step = 0; step < 20; ++step) {
+      JointVector<9> torques{};
+      torques.fill(step % 2 == 0 ? 0.2 : -0.1);
+      const TimeIndex t = robot.append_desired_action(JointAction<9>::of_torque(torques));
+      if (step > 0) continue;
+      for (std::size_t joint = 0; joint < 9; ++joint)
+        EXPECT_EQ(robot.get_observation(t).position[joint], all[joint]) << delay;
+    }
+  }
+}
+
 TEST(ImperfectJoints, AreSeenWhereTheyWereThatManyStepsAgo) {
   for (const std::size_t delay : {std::size_t{1}, std::size_t{2}, std::size_t{10}}) {
     const Motion motion = move({.measurement_delay = static_cast<TimeIndex>(delay)});
