@@ -75,7 +75,7 @@ void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& 
     if (range != Range<T>{usual, usual}) variation.*row.value = draw_if_free(random, range);
   };
   std::apply([&](const auto&... row) { (take(row), ...); }, kDrawn);
-  // The condition has one for its own; without one, all joints of all episodes were alike.
+  // A condition brings a seed. Without one, the errors of all episodes would be the same.
   const bool differ =
       variation.homing_error > 0.0 || variation.motor_spread > 0.0 || variation.torque_ripple > 0.0;
   if (differ && variation.seed == 0) {
@@ -123,6 +123,7 @@ void Environment::Implementation::complete(Start& start, Episode& episode) const
   robot.object_mass = draw(episode.random, options.object_mass);
   robot.friction = draw(episode.random, options.friction);
   robot.motor_gain = draw(episode.random, options.motor_gain);
+  // Drawn in any case, so that episodes stay as they were before there were conditions.
   const TimeIndex delay = draw(episode.random, options.torque_delay);
   if (options.torque_delay != Range<TimeIndex>{}) robot.torque_delay = delay;
   draw_what_varies(options, episode.random, start);

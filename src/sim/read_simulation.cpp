@@ -102,11 +102,11 @@ void read_simulation(const Node& section, Missing missing, SimulationOptions& op
     }
   };
   read("seed", options.seed, {.min = 0});
-  std::vector<std::pair<std::string_view, Condition>> conditions;
-  conditions.reserve(kConditionNames.size());
-  for (const std::string_view name : kConditionNames)
-    conditions.emplace_back(name, condition_from_name(name));
-  options.condition = section.optional_choice("condition", options.condition, conditions);
+  options.condition = section.optional_choice<Condition>(
+      "condition", options.condition,
+      {{name_of(Condition::kAsDocumented), Condition::kAsDocumented},
+       {name_of(Condition::kAsBuilt), Condition::kAsBuilt},
+       {name_of(Condition::kWorn), Condition::kWorn}});
   const bool is_from_file = options.file != nullptr;
   read_as_steps(
       "object_period", options.object_period,

@@ -18,7 +18,7 @@ constexpr Seconds kStep{1e-3};
 struct Swinging {
   double friction;  // [Nm]
   bool are_free{true};
-  double error{0.0};  // Of the torque of a motor [Nm]; every other motor has the opposite.
+  double error{0.0};  // Each motor gives so much too much or too little, in turns [Nm].
 
   FrictionCompensation compensation{};
   JointValues compensated{JointValues::Zero(kMaxJoints)};

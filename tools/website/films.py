@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Makes the films of the first page, in docs/images/films: python -m website.films [NAME ...]
+"""Makes films of skills, in docs/images/films: python -m website.films [NAME ...]
 
-Each is a skill of a simulated robot, drawn from its log. `push` is a trained policy: it needs the
-training of `./run evaluate push`.
+The first page shows some. Each is a skill of a simulated robot, drawn from its log. `push` is a
+trained policy: it needs the training of `./run evaluate push`.
 """
 
 import contextlib

@@ -41,7 +41,7 @@ class Closing {
     since_ = control::Seconds(0);
   }
 
-  // With which each tip should move to the other [m/s].
+  // The speed at which each tip should move to the other [m/s].
   [[nodiscard]] double speed() const noexcept { return has_closed() ? 0.0 : speed_ / 2; }
   // The force that pulls each tip to the other [N], without what damps the speed that they have.
   [[nodiscard]] double pull() const noexcept { return pull_; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "manipulation/parts/tip_servo.hpp"
@@ -26,7 +27,9 @@ class TipsDrive {
   [[nodiscard]] const JointValues& torques(const Motions& motions, const TipVectors& forces,
                                            bool are_free, control::Seconds elapsed) noexcept;
   // Largest torque of the last call, as a share of its limit.
-  [[nodiscard]] double torque_share() const noexcept { return servo_.torque_share(); }
+  [[nodiscard]] double torque_share() const noexcept {
+    return std::min(servo_.torque_share(), 1.0);
+  }
 
  private:
   TipServo servo_;

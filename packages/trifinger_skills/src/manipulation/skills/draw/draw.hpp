@@ -202,10 +202,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
       Eigen::Quaterniond::Identity()};              // How the pen should be turned from upright.
   Eigen::Vector3d shift_{Eigen::Vector3d::Zero()};  // Makes up for errors of the nib.
   Eigen::Vector3d correction_{Eigen::Vector3d::Zero()};  // Makes up for errors of the direction.
-  double borne_{
-      0.0};  // How far the springs of the tips are drawn by what they carry in the air [m].
-  double squeeze_{0.0};  // [N]
-  double press_{0.0};    // The nib presses on the paper with it [N].
+  double squeeze_{0.0};                                  // [N]
+  double press_{0.0};  // The nib presses on the paper with it [N].
   Closing closing_;
   Seconds numb_{0};
   bool is_lost_{false};

@@ -159,20 +159,13 @@ std::array<PointMotion, 3> Draw::motions_with_pen(Seconds elapsed) noexcept {
       motions[k].position += shift_ + turn * arms_[k];
     }
   }
-  if (phase_ != Phase::kHop && phase_ != Phase::kDraw) return motions;
-  const auto now = tips();
-  double above = 0.0;
-  for (std::size_t k = 0; k < 3; ++k) above += (motions[k].position - now[k]).z() / 3;
-  if (phase_ == Phase::kHop) {
-    // What the springs carry in the air is errors of motors and weights.
-    constexpr double kFree = 1.5e-3;  // The nib is surely off the paper [m].
-    constexpr Seconds kAverage{0.15};
-    if (nib_.position.z() > pen_radius_ + kFree)
-      borne_ += std::min(elapsed / kAverage, 1.0) * (above - borne_);
-  } else {
+  if (phase_ == Phase::kDraw) {
     // On the paper a force acts instead of a height: the tips keep their heights among each other.
-    for (PointMotion& motion : motions) motion.position.z() -= above - borne_;
-    shift_.z() -= above - borne_;
+    const auto now = tips();
+    double above = 0.0;
+    for (std::size_t k = 0; k < 3; ++k) above += (motions[k].position - now[k]).z() / 3;
+    for (PointMotion& motion : motions) motion.position.z() -= above;
+    shift_.z() -= above;
   }
   return motions;
 }
