@@ -10,11 +10,15 @@ NICENESS = 5  # a third of the share of an equal process
 
 
 def be_nice() -> None:
-    """Leaves most of a busy processor to others: this process and its threads are nice.
+    """Leaves one processor and most of the others to others: this process and its threads are nice.
 
+    A loop that wakes where another process computes is late: nine steps of ten within 32 us instead
+    of 18 beside a learner, within 22 us where the learner stays off its processor.
     Between login sessions Linux compares another number (sched(7), "The autogroup feature"), so the
     leader of a session of its own sets that one as well.
     """
+    processors = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, processors[1:] or processors)
     with contextlib.suppress(OSError):  # as on a kernel without these groups
         os.nice(NICENESS)
         for _ in range(20 * (os.getsid(0) == os.getpid())):

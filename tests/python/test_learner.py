@@ -4,6 +4,7 @@
 import importlib
 import itertools
 import json
+import os
 import re
 import subprocess
 import sys
@@ -420,6 +421,13 @@ print(json.dumps([before, both()]))
     is_its_own = is_leader and of_session
     expected = [str(NICENESS)] if is_its_own else of_session
     assert after == [min(niceness + NICENESS, 19), expected]
+
+
+def test_a_learner_leaves_a_processor_to_others() -> None:
+    given = sorted(os.sched_getaffinity(0))
+    code = "import os, trifinger.niceness as n; n.be_nice(); print(sorted(os.sched_getaffinity(0)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == (given[1:] or given)
 
 
 def serve_for(monkeypatch: pytest.MonkeyPatch, plan: Plan, said: str | None) -> list[Any]:
