@@ -24,13 +24,16 @@ constexpr Seconds kCheckTime{1.0};
 constexpr double kStillPlace = 1e-3;  // Between two looks at a pen that rests [m].
 constexpr double kStillTilt = 0.01;   // [rad]
 constexpr Seconds kNumbTime{0.1};
+constexpr double kOver = 3e-4;  // A nib so near to the beginning of a line may go down [m].
+constexpr Seconds kOverTime{0.2};
+constexpr Seconds kLongestHover{2.0};
 constexpr double kFit = 6e-3;      // Largest error of the distance of tips that hold [m].
 constexpr double kMaxLean = 0.35;  // A pen in its holder leans less [rad].
 const Vector3d kDown = -Vector3d::UnitZ();
 
 }  // namespace
 
-constinit const std::array<Draw::Row, 15> Draw::kPhases{{
+constinit const std::array<Draw::Row, 16> Draw::kPhases{{
     // name, when it is stopped, done, next, entry, during
     {"look", &Draw::fail, nullptr, kPlan, nullptr, &Draw::look},
     {"plan", &Draw::fail},
@@ -39,7 +42,8 @@ constinit const std::array<Draw::Row, 15> Draw::kPhases{{
     {"grip", &Draw::open, &Draw::has_gripped, kLift, &Draw::hold, &Draw::grip},
     {"lift", &Draw::put_back, &Draw::is_nib_there, kCarry, &Draw::begin_carrying, &Draw::watch},
     {"carry", &Draw::put_back, &Draw::is_upright_there, kHop, &Draw::begin_stroke, &Draw::watch},
-    {"hop", &Draw::put_back, &Draw::is_nib_there, kDraw, nullptr, &Draw::watch},
+    {"hop", &Draw::put_back, &Draw::is_over_line, kLand, &Draw::land, &Draw::hover},
+    {"land", &Draw::put_back, &Draw::is_nib_there, kDraw, nullptr, &Draw::watch},
     {"draw", &Draw::put_back, nullptr, kReturn, nullptr, &Draw::draw},
     {"return", &Draw::note_failure, &Draw::is_upright_there, kLower, &Draw::begin_lowering,
      &Draw::watch},
@@ -147,9 +151,27 @@ void Draw::begin_stroke() noexcept {
   Vector3d up = nib_.position;
   up.z() = on_paper(start, config_.hop).z();
   nib_trajectory_.rest_at(nib_.position);
-  nib_trajectory_.begin({up, on_paper(start, config_.hop), on_paper(start, 0.0)},
-                        config_.hop_speed);
+  nib_trajectory_.begin({up, on_paper(start, config_.hop)}, config_.hop_speed);
   part_ = 0;
+  hovers_ = over_ = Seconds(0);
+}
+
+// The nib waits over the beginning of a line until it is where it should be.
+void Draw::hover(Seconds elapsed) noexcept {
+  if (is_nib_there()) hovers_ += elapsed;
+  const bool is_over = (nib_.position - felt_.nib).head<2>().norm() < kOver;
+  over_ = is_over ? over_ + elapsed : Seconds(0);
+  watch(elapsed);
+}
+
+bool Draw::is_over_line() const noexcept {
+  return is_nib_there() && (over_ > kOverTime || hovers_ > kLongestHover);
+}
+
+void Draw::land() noexcept {
+  Vector3d down = nib_.position;
+  down.z() = on_paper(down.head<2>(), 0.0).z();
+  nib_trajectory_.begin({down}, config_.hop_speed);
 }
 
 void Draw::finish_part() noexcept {

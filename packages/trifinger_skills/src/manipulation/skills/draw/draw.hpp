@@ -29,6 +29,7 @@ enum class DrawPhase : std::uint8_t {
   kLift,
   kCarry,
   kHop,
+  kLand,
   kDraw,
   kReturn,
   kLower,
@@ -75,7 +76,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   using enum DrawPhase;
   friend TipsSkill;
   friend Phased;
-  static const std::array<Row, 15> kPhases;
+  static const std::array<Row, 16> kPhases;
 
   // The tips press on the pen.
   [[nodiscard]] bool grips() const noexcept {
@@ -108,6 +109,9 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   void hold() noexcept;
   void begin_carrying() noexcept;
   void begin_stroke() noexcept;
+  void hover(Seconds elapsed) noexcept;
+  [[nodiscard]] bool is_over_line() const noexcept;
+  void land() noexcept;
   void draw(Seconds elapsed) noexcept;
   void begin_lowering() noexcept;
   void take_tips_off() noexcept;
@@ -135,10 +139,15 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   void let_roll(const std::array<Eigen::Vector3d, 3>& errors, Seconds elapsed) noexcept;
   void add_grip(TipVectors& forces) noexcept;
   void correct(TimeIndex captured, const PenAxis& seen) noexcept;
-  void sense_object(const control::JointState& joints, Seconds elapsed) noexcept {
-    if (leads()) feel(joints, elapsed);
+  void sense_object(const control::JointState& joints, Seconds /*elapsed*/) noexcept {
+    if (leads()) {
+      feel(joints);
+    } else {
+      last_joints_ = joints.position;
+      last_tips_ = tips();
+    }
   }
-  void feel(const control::JointState& joints, Seconds elapsed) noexcept;
+  void feel(const control::JointState& joints) noexcept;
   void make_up(Seconds elapsed) noexcept;
   [[nodiscard]] Motion desired() const noexcept;
   [[nodiscard]] std::size_t finger(std::size_t k) const noexcept {
@@ -206,11 +215,15 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   double press_{0.0};  // The nib presses on the paper with it [N].
   Closing closing_;
   Seconds numb_{0};
+  Seconds hovers_{0};  // Over the beginning of a line,
+  Seconds over_{0};    // and of this the nib has been near to it.
   bool is_lost_{false};
   std::size_t stroke_{0};
   std::size_t part_{0};
   TimeIndex last_seen_{-1};
 
+  JointValues last_joints_{JointValues::Zero(kMaxJoints)};
+  std::array<Eigen::Vector3d, 3> last_tips_;
   PenAxis felt_;  // Where the pen is: from how the tips move, corrected by poses.
   std::array<PenAxis, 128> history_;  // Where it was in recent steps, for late poses.
 };

@@ -21,8 +21,12 @@ constexpr double kMaxNibError = 0.02;  // A pen that is held is nearer to where 
 constexpr double kMaxTiltError = 0.5;  // [rad]
 constexpr double kMaxShift = 0.02;     // That the feedback makes up for [m].
 constexpr double kYieldRate = 10.0;    // How fast the tips go along with a lean [1/s].
-constexpr double kYieldShare = 0.6;    // With which share of it.
+constexpr double kYieldShare = 0.7;    // With which share of it.
 constexpr double kMaxTilt = 0.35;      // [rad]
+constexpr double kFloating = 1000;     // A nib above the paper is pressed down with it [N/m],
+constexpr double kFelt = 1e-4;         // if it is farther away than this [m].
+constexpr double kMaxPress = 1.0;      // [N]
+constexpr double kMinShare = 0.4;      // Of the grip's force, for each of the two tips.
 constexpr double kSafePress = 5.0;     // Largest force of a tip on the pen [N].
 
 }  // namespace
@@ -44,21 +48,24 @@ void Draw::correct(TimeIndex captured, const PenAxis& seen) noexcept {
 }
 
 // The tips roll on the pen without slipping: how the pen moves follows from how they move and turn.
-void Draw::feel(const control::JointState& joints, Seconds elapsed) noexcept {
+// Positions of joints say that, not their velocities, whose noise would add up.
+void Draw::feel(const control::JointState& joints) noexcept {
+  const JointValues moved = joints.position - last_joints_;
+  last_joints_ = joints.position;
   control::Grasp grasp;
-  control::ContactForces velocities;
+  control::ContactForces displacements;
   for (std::size_t k = 0; k < 3; ++k) {
     const int of = grip_.fingers[k];
     const Vector3d arm = servo_.tip_radius() * normal_at(k);
     grasp[k].position = servo_.tip(of) + arm;
-    const Vector3d turning = servo_.kinematics().tip_rotation_jacobian(of) * joints.velocity;
-    velocities.segment<3>(3 * static_cast<Eigen::Index>(k)) =
-        servo_.velocity(of) + turning.cross(arm);
+    const Vector3d turn = servo_.kinematics().tip_rotation_jacobian(of) * moved;
+    displacements.segment<3>(3 * static_cast<Eigen::Index>(k)) =
+        servo_.tip(of) - last_tips_[k] + turn.cross(arm);
   }
-  const control::Twist twist = control::twist_of(grasp, felt_.nib, velocities);
-  felt_.nib += elapsed.count() * twist.linear;
-  felt_.up =
-      (control::rotation_from_vector(elapsed.count() * twist.angular) * felt_.up).normalized();
+  last_tips_ = tips();
+  const control::Twist twist = control::twist_of(grasp, felt_.nib, displacements);
+  felt_.nib += twist.linear;
+  felt_.up = (control::rotation_from_vector(twist.angular) * felt_.up).normalized();
   const auto now = static_cast<std::size_t>(std::max<TimeIndex>(clock_.step(), 0));
   history_[now % history_.size()] = felt_;
 }
@@ -111,7 +118,7 @@ void Draw::add_grip(TipVectors& forces) noexcept {
     grasp[k] = {.position = now[k] + servo_.tip_radius() * normal,
                 .normal = normal,
                 .friction = config_.friction,
-                .min_normal_force = k == 0 ? squeeze_ : 0.25 * squeeze_,
+                .min_normal_force = k == 0 ? squeeze_ : kMinShare * squeeze_,
                 .max_normal_force = kSafePress};
     centre += grasp[k].position / 3;
   }
@@ -196,7 +203,9 @@ void Draw::press(TipsCommand& command, Seconds elapsed) noexcept {
   }
   TipVectors& forces = command.forces;
   const std::array<PointMotion, 3> motions = motions_with_pen(elapsed);
-  const double wanted_press = phase_ == Phase::kDraw ? config_.press : 0.0;
+  const double floats = std::max(felt_.nib.z() - pen_radius_ - kFelt, 0.0);
+  const double wanted_press =
+      phase_ == Phase::kDraw ? std::min(config_.press + kFloating * floats, kMaxPress) : 0.0;
   constexpr double kPressRate = 2.0;  // [N/s]
   press_ = towards(press_, wanted_press, kPressRate * elapsed.count());
   squeeze_ = phase_ == Phase::kClose
