@@ -2,6 +2,7 @@
 #include "manipulation/skills/throw/stroke.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 
 #include "base/text_of.hpp"
@@ -36,15 +37,17 @@ void follow(const Stroke& stroke, const StrokeTargets& targets, const control::S
 
 void brake(const JointValues& position, const control::SafetyLimits& limits,
            const JointValues& torque, TriFinger::Action& action) noexcept {
-  constexpr double kStiffness = 3.0;  // [Nm/rad]
-  constexpr double kDamping = 0.15;   // [Nms/rad]
-  constexpr double kMargin = 0.2;     // From the soft limits [rad].
+  // The lower links have much room and swing out: what stopped them at once would drive the middle
+  // links beyond their limits.
+  constexpr std::array<double, 3> kStiffness{3.0, 3.0, 0.05};   // [Nm/rad]
+  constexpr std::array<double, 3> kDamping{0.15, 0.15, 0.003};  // [Nms/rad]
+  constexpr double kMargin = 0.2;                               // From the soft limits [rad].
   for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     action.position[i] =
         std::clamp(position[k], limits.soft_lower[i] + kMargin, limits.soft_upper[i] - kMargin);
-    action.position_kp[i] = kStiffness;
-    action.position_kd[i] = kDamping;
+    action.position_kp[i] = kStiffness[i % kStiffness.size()];
+    action.position_kd[i] = kDamping[i % kDamping.size()];
     action.torque[i] = torque[k];
   }
 }

@@ -44,8 +44,8 @@ void follow(const Stroke& stroke, const StrokeTargets& targets, const control::S
 // From the end of a stroke on the ball still touches a tip.
 inline constexpr Seconds kReleaseTime{0.02};
 
-// The action after a stroke, when the joints were at `position`. Fast joints are damped as hard as
-// they can be: at the stroke's own stiffness they would swing. `torque` is added [Nm].
+// The action after a stroke, when the joints were at `position`. Upper and middle links are damped
+// as hard as they can be: at the stroke's own stiffness they would swing. `torque` is added [Nm].
 void brake(const JointValues& position, const control::SafetyLimits& limits,
            const JointValues& torque, TriFinger::Action& action) noexcept;
 
