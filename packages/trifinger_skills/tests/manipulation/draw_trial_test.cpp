@@ -64,7 +64,7 @@ TEST(Draw, IsNotSaidToSucceedIfItDidNothing) {
 
 TEST(StoppedDraw, PutsThePenBackWhenItIsStopped) {
   for (const std::string_view phase : {"look", "approach", "close", "grip", "lift", "carry", "hop",
-                                       "draw", "return", "lower", "release"}) {
+                                       "land", "draw", "return", "lower", "release"}) {
     const SkillTrial the_trial = trial();
     const Simulation simulation(the_trial.simulation);
     MeddledSkill skill = skill_of(the_trial);

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <set>
 #include <string>
@@ -131,6 +132,18 @@ TEST(Throw, ThrowsFartherThanTheUsualRobotCanWithItsOwnStroke) {
     const auto distance = std::ranges::find(result.figures, "distance", &Figure::name);
     ASSERT_NE(distance, result.figures.end());
     EXPECT_NEAR(distance->value, judgement.figure, 0.01);
+  }
+}
+
+// All of these once left a hard limit after the throw.
+TEST(Throw, LeavesNoLimitOfARobotAsBuilt) {
+  const evaluation::SkillRow row = evaluation::throw_rows().back();
+  ASSERT_EQ(row.name, "throw-far");
+  for (const std::uint64_t seed : {0U, 8U, 14U, 16U, 31U}) {
+    SkillTrial trial = row.trial;
+    trial.condition = Condition::kAsBuilt;
+    row.vary(trial, seed);
+    EXPECT_EQ(run_skill_trial(trial).trace.failure, "") << "seed " << seed;
   }
 }
 
