@@ -147,14 +147,19 @@ def test_no_page_is_wider_than_a_telephone(browser: Browser, pages: dict[Path, R
     assert wide == []
 
 
-def test_films_of_the_first_page_play_beside_a_log_that_moves(browser: Browser) -> None:
-    context = browser.new_context(viewport={"width": 1400, "height": 2000})
+def test_all_films_play_beside_a_log_that_moves(browser: Browser) -> None:
+    context = browser.new_context(viewport={"width": 1400, "height": 3000})
     context.set_default_timeout(60_000)
     page = context.new_page()
-    page.goto(f"file://{SITE}/index.html")
-    films = page.locator("video")
-    assert films.count() == len(list((ROOT / "docs/images/films").glob("*.webm")))
-    page.wait_for_function("[...document.querySelectorAll('video')].every(f => f.currentTime > 0)")
+    shown = set()
+    for name in ("skills", "index"):
+        page.goto(f"file://{SITE}/{name}.html")
+        films = page.locator("video").all()
+        shown |= {Path(film.get_attribute("src") or "").name for film in films}
+        page.wait_for_function(
+            "[...document.querySelectorAll('video')].every(f => f.currentTime > 0)"
+        )
+    assert shown == {path.name for path in (ROOT / "docs/images/films").glob("*.webm")}
     log = page.frame_locator("iframe")
     before = log.locator("#clock").inner_text()
     log.locator("#later").click()

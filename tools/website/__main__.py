@@ -44,8 +44,8 @@ LOG_FRAME = r'<iframe src="log.html" title="\1" loading="lazy"></iframe>'
 
 
 def home(text: str) -> str:
-    """Returns the first page, with films for pictures, and behind it the lists of the side bar."""
-    text = STILL.sub(FILM, LOG_PAGE.sub(LOG_FRAME, text))
+    """Returns the first page, and behind it the lists of the side bar."""
+    text = LOG_PAGE.sub(LOG_FRAME, text)
     for caption, names in CONTENTS.items():
         entries = "\n".join(name if "<" in name else f"/{name}" for name in names)
         text += f"\n```{{toctree}}\n:hidden:\n:caption: '{caption}'\n\n{entries}\n```\n"
@@ -62,6 +62,8 @@ def site() -> tuple[Pages, Copies]:
     generated["figures"] = figures.page(plots)
     linked |= linked_sources("".join(generated.values()))
     pages["index"] = home(pages["index"])
+    for name in ("index", "skills"):
+        pages[name] = STILL.sub(FILM, pages[name])
     pages["configuration"] = configuration.without_table(pages["configuration"])
     for name, words in SEARCHED.items():
         pages[name] = with_entries(pages[name], words)
