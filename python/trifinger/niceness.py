@@ -10,7 +10,7 @@ NICENESS = 5  # a third of the share of an equal process
 
 
 def be_nice() -> None:
-    """Leaves one processor and most of the others to others: this process and its threads are nice.
+    """Leaves one processor, and most of the rest, to other processes. Threads begun later do, too.
 
     A loop that wakes where another process computes is late: nine steps of ten within 32 us instead
     of 18 beside a learner, within 22 us where the learner stays off its processor.

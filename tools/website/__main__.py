@@ -44,7 +44,7 @@ LOG_FRAME = r'<iframe src="log.html" title="\1" loading="lazy"></iframe>'
 
 
 def home(text: str) -> str:
-    """Returns the first page, and behind it the lists of the side bar."""
+    """Returns the first page with a log to play with, followed by the lists of the side bar."""
     text = LOG_PAGE.sub(LOG_FRAME, text)
     for caption, names in CONTENTS.items():
         entries = "\n".join(name if "<" in name else f"/{name}" for name in names)

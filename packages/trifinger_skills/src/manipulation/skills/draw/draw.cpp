@@ -169,9 +169,7 @@ bool Draw::is_over_line() const noexcept {
 }
 
 void Draw::land() noexcept {
-  Vector3d down = nib_.position;
-  down.z() = on_paper(down.head<2>(), 0.0).z();
-  nib_trajectory_.begin({down}, config_.hop_speed);
+  nib_trajectory_.begin({on_paper(nib_.position.head<2>(), 0.0)}, config_.hop_speed);
 }
 
 void Draw::finish_part() noexcept {

@@ -140,14 +140,11 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   void add_grip(TipVectors& forces) noexcept;
   void correct(TimeIndex captured, const PenAxis& seen) noexcept;
   void sense_object(const control::JointState& joints, Seconds /*elapsed*/) noexcept {
-    if (leads()) {
-      feel(joints);
-    } else {
-      last_joints_ = joints.position;
-      last_tips_ = tips();
-    }
+    if (leads()) feel(joints.position - last_joints_);
+    last_joints_ = joints.position;
+    last_tips_ = tips();
   }
-  void feel(const control::JointState& joints) noexcept;
+  void feel(const JointValues& moved) noexcept;
   void make_up(Seconds elapsed) noexcept;
   [[nodiscard]] Motion desired() const noexcept;
   [[nodiscard]] std::size_t finger(std::size_t k) const noexcept {

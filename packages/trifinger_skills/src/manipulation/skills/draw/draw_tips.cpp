@@ -23,11 +23,13 @@ constexpr double kMaxShift = 0.02;     // That the feedback makes up for [m].
 constexpr double kYieldRate = 10.0;    // How fast the tips go along with a lean [1/s].
 constexpr double kYieldShare = 0.7;    // With which share of it.
 constexpr double kMaxTilt = 0.35;      // [rad]
-constexpr double kFloating = 1000;     // A nib above the paper is pressed down with it [N/m],
-constexpr double kFelt = 1e-4;         // if it is farther away than this [m].
-constexpr double kMaxPress = 1.0;      // [N]
-constexpr double kMinShare = 0.4;      // Of the grip's force, for each of the two tips.
-constexpr double kSafePress = 5.0;     // Largest force of a tip on the pen [N].
+// A nib that floats higher than kFelt above the paper is pressed down with this stiffness.
+constexpr double kFloating = 1000;  // [N/m]
+constexpr double kFelt = 1e-4;      // [m]
+constexpr double kMaxPress = 1.0;   // [N]
+// Each of the two tips on one side presses with at least this share of the first tip's force.
+constexpr double kMinShare = 0.4;
+constexpr double kSafePress = 5.0;  // Largest force of a tip on the pen [N].
 
 }  // namespace
 
@@ -49,9 +51,7 @@ void Draw::correct(TimeIndex captured, const PenAxis& seen) noexcept {
 
 // The tips roll on the pen without slipping: how the pen moves follows from how they move and turn.
 // Positions of joints say that, not their velocities, whose noise would add up.
-void Draw::feel(const control::JointState& joints) noexcept {
-  const JointValues moved = joints.position - last_joints_;
-  last_joints_ = joints.position;
+void Draw::feel(const JointValues& moved) noexcept {
   control::Grasp grasp;
   control::ContactForces displacements;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -62,7 +62,6 @@ void Draw::feel(const control::JointState& joints) noexcept {
     displacements.segment<3>(3 * static_cast<Eigen::Index>(k)) =
         servo_.tip(of) - last_tips_[k] + turn.cross(arm);
   }
-  last_tips_ = tips();
   const control::Twist twist = control::twist_of(grasp, felt_.nib, displacements);
   felt_.nib += twist.linear;
   felt_.up = (control::rotation_from_vector(twist.angular) * felt_.up).normalized();
