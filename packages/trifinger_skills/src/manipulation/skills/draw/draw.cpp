@@ -134,6 +134,7 @@ void Draw::hold() noexcept {
   const auto now = tips();
   for (std::size_t k = 0; k < 3; ++k) arms_[k] = turn.conjugate() * (now[k] - pen.nib);
   grip_.inward = turn.conjugate() * grip_.inward;  // As it is with the upright pen.
+  twist_ = 0.0;
   shift_.setZero();
   correction_.setZero();
   nib_trajectory_.rest_at(pen.nib);
@@ -169,6 +170,7 @@ bool Draw::is_over_line() const noexcept {
 }
 
 void Draw::land() noexcept {
+  extra_press_ = 0.0;
   nib_trajectory_.begin({on_paper(nib_.position.head<2>(), 0.0)}, config_.hop_speed);
 }
 
@@ -193,7 +195,7 @@ void Draw::put_back(std::string_view failure) noexcept {
   nib_trajectory_.rest_at(nib_.position);
   nib_trajectory_.begin({up, above_holder(travel_height())}, config_.carry_speed);
   // A pen that has not been turned upright yet is turned on the way.
-  tilt_ = control::rotation_vector(turn_);
+  tilt_ = control::rotation_vector(control::rotation_from_vector(-twist_ * grip_.inward) * turn_);
   enter(Phase::kReturn);
 }
 

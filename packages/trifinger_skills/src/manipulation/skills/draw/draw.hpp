@@ -209,7 +209,9 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Eigen::Vector3d shift_{Eigen::Vector3d::Zero()};  // Makes up for errors of the nib.
   Eigen::Vector3d correction_{Eigen::Vector3d::Zero()};  // Makes up for errors of the direction.
   double squeeze_{0.0};                                  // [N]
-  double press_{0.0};  // The nib presses on the paper with it [N].
+  double press_{0.0};        // The nib presses on the paper with it [N].
+  double extra_press_{0.0};  // Part of it that a floating nib needs [N].
+  double twist_{0.0};  // Of the tips about the direction of the grip since they lead the pen [rad].
   Closing closing_;
   Seconds numb_{0};
   Seconds hovers_{0};  // Over the beginning of a line,

@@ -21,12 +21,16 @@ constexpr double kMaxNibError = 0.02;  // A pen that is held is nearer to where 
 constexpr double kMaxTiltError = 0.5;  // [rad]
 constexpr double kMaxShift = 0.02;     // That the feedback makes up for [m].
 constexpr double kYieldRate = 10.0;    // How fast the tips go along with a lean [1/s].
-constexpr double kYieldShare = 0.7;    // With which share of it.
+constexpr double kYieldShare = 0.3;    // With which share of it.
 constexpr double kMaxTilt = 0.35;      // [rad]
-// A nib that floats higher than kFelt above the paper is pressed down with this stiffness.
-constexpr double kFloating = 1000;  // [N/m]
-constexpr double kFelt = 1e-4;      // [m]
-constexpr double kMaxPress = 1.0;   // [N]
+// A nib that floats higher than kFelt above the paper is pressed down with this stiffness, and
+// harder for as long as it is not kSunk below it, where a nib that is pressed is. With more the
+// grip would need more force than it has.
+constexpr double kFloating = 1000;       // [N/m]
+constexpr double kFloatingGain = 3000;   // [N/ms]
+constexpr double kFelt = 1e-4;           // [m]
+constexpr double kSunk = 7e-5;           // [m]
+constexpr double kMaxExtraPress = 0.25;  // [N]
 // Each of the two tips on one side presses with at least this share of the first tip's force.
 constexpr double kMinShare = 0.4;
 constexpr double kSafePress = 5.0;  // Largest force of a tip on the pen [N].
@@ -59,6 +63,7 @@ void Draw::feel(const JointValues& moved) noexcept {
     const Vector3d arm = servo_.tip_radius() * normal_at(k);
     grasp[k].position = servo_.tip(of) + arm;
     const Vector3d turn = servo_.kinematics().tip_rotation_jacobian(of) * moved;
+    twist_ += (k == 0 ? 0.5 : 0.25) * turn.dot(inward_);
     displacements.segment<3>(3 * static_cast<Eigen::Index>(k)) =
         servo_.tip(of) - last_tips_[k] + turn.cross(arm);
   }
@@ -78,7 +83,7 @@ void Draw::make_up(Seconds elapsed) noexcept {
   shift_ = shift_.cwiseMax(-kMaxShift).cwiseMin(kMaxShift);
   const Vector3d turn = felt_.up.cross(turn_ * Vector3d::UnitZ());
   // Turned about the direction of the grip against a pen that leans, the two tips come to lie
-  // beside it and push it over all the more. There they go along with most of the lean.
+  // beside it and push it over all the more. There they go along with a part of the lean.
   const Vector3d lean = turn.dot(inward_) * inward_;
   const Vector3d aside = correction_.dot(inward_) * inward_;
   correction_ += elapsed.count() *
@@ -103,7 +108,9 @@ void Draw::lead(Seconds elapsed) noexcept {
   } else if (phase_ != Phase::kLift) {
     turn = Quaterniond::Identity();
   }
-  turn_ = turn;
+  // Tips of rubber twist the pen with them. It leans with the links, which are turned on the way:
+  // held upright against them, it would slip.
+  turn_ = control::rotation_from_vector(twist_ * grip_.inward) * turn;
 }
 
 // The forces of the tips that hold the pen: the weight, what the paper does, and the grip.
@@ -202,9 +209,14 @@ void Draw::press(TipsCommand& command, Seconds elapsed) noexcept {
   }
   TipVectors& forces = command.forces;
   const std::array<PointMotion, 3> motions = motions_with_pen(elapsed);
-  const double floats = std::max(felt_.nib.z() - pen_radius_ - kFelt, 0.0);
-  const double wanted_press =
-      phase_ == Phase::kDraw ? std::min(config_.press + kFloating * floats, kMaxPress) : 0.0;
+  const double height = felt_.nib.z() - pen_radius_;
+  double wanted_press = 0.0;
+  if (phase_ == Phase::kDraw) {
+    extra_press_ += kFloatingGain * elapsed.count() * (height + kSunk);
+    extra_press_ = std::clamp(extra_press_, 0.0, kMaxExtraPress);
+    const double pushed_down = extra_press_ + kFloating * std::max(height - kFelt, 0.0);
+    wanted_press = config_.press + std::min(pushed_down, kMaxExtraPress);
+  }
   constexpr double kPressRate = 2.0;  // [N/s]
   press_ = towards(press_, wanted_press, kPressRate * elapsed.count());
   squeeze_ = phase_ == Phase::kClose
