@@ -117,9 +117,11 @@ class Throw final : public Phased<Throw, ThrowPhase> {
         limits_(context.limits),
         kinematics_(context.description),
         ball_(object_of(context.description, config_.object, ObjectShape::kBall)),
+        still_(config_.stroke),
         correction_(Eigen::Vector3d::Zero()),
         last_targets_(config_.stroke.targets.front()),
         begin_(last_targets_) {
+    still_.damping = std::max(still_.damping, kStillDamping);
     if (!context.description.flipped)
       throw InvalidArgument("to throw, the fingers must point up: 'platform: flipped'");
     kinematics_.update(last_targets_);
@@ -220,6 +222,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   static const std::array<Row, 7> kPhases;
 
   static constexpr Seconds kMaxApproach{10};
+  static constexpr Seconds kMaxLate{2};
   static constexpr Seconds kRestTime{0.3};           // In which the ball must lie still.
   static constexpr Seconds kOldPose{0.2};            // An older pose says nothing.
   static constexpr double kSmoothing = 0.15;         // Share of a new pose in the ball's place.
@@ -227,6 +230,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   static constexpr double kLowest = 0.06;            // Below it the ball meets the table [m].
   static constexpr double kFloorDepth = 1.0;         // Below the feet of the platform [m].
   static constexpr double kAtStart = 0.03;           // Joints so near need no approach [rad].
+  static constexpr double kStillDamping = 0.1;       // [Nms/rad]
   static constexpr double kMaxCorrection = 0.01;     // [m]
   static constexpr int kBisections = 20;
 
@@ -254,7 +258,11 @@ class Throw final : public Phased<Throw, ThrowPhase> {
            (place_ - config_.ball).norm() < config_.cradle_distance;
   }
 
-  [[nodiscard]] bool is_at_start() const noexcept { return clock_.in_phase() >= approach_time_; }
+  // Links that have swung out come late.
+  [[nodiscard]] bool is_at_start() const noexcept {
+    const Seconds late = clock_.in_phase() - approach_time_;
+    return late >= Seconds(0) && (lag_ < kAtStart || late > kMaxLate);
+  }
   [[nodiscard]] bool has_thrown() const noexcept {
     return clock_.in_phase() >= config_.stroke.duration();
   }
@@ -392,13 +400,17 @@ class Throw final : public Phased<Throw, ThrowPhase> {
         break;
     }
     last_targets_ = targets.position;
-    follow(config_.stroke, targets, limits_, torque, action_);
+    lag_ = (targets.position - joints.position).cwiseAbs().maxCoeff();
+    // With the damping of a stroke alone, late torques make fingers tremble that hold a ball.
+    const bool moves_fast = phase_ == Phase::kThrow || phase_ == Phase::kWatch;
+    const Stroke& stroke = moves_fast ? config_.stroke : still_;
+    follow(stroke, targets, limits_, torque, action_);
     double share = 0.0;
     for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
       const auto k = static_cast<Eigen::Index>(i);
       const double asked = action_.torque[i] +
-                           config_.stroke.stiffness * (targets.position[k] - joints.position[k]) -
-                           (config_.stroke.damping + limits_.safety_kd[i]) * joints.velocity[k];
+                           stroke.stiffness * (targets.position[k] - joints.position[k]) -
+                           (stroke.damping + limits_.safety_kd[i]) * joints.velocity[k];
       share = std::max(share, std::abs(asked) / limits_.max_torque[i]);
     }
     torque_share_ = std::min(share, 1.0);
@@ -425,6 +437,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   control::SafetyLimits limits_;
   Kinematics kinematics_;
   ObjectDescription ball_;
+  Stroke still_;  // The stroke as it holds the ball: with more damping.
   JointMatrix jacobians_;
   JointValues weight_;  // Torques that carry the ball in the cradle [Nm].
 
@@ -434,6 +447,7 @@ class Throw final : public Phased<Throw, ThrowPhase> {
   int practised_{0};
   std::optional<double> announced_;  // [m]
   Seconds approach_time_{0};
+  double lag_{0.0};  // Largest error of a joint [rad].
   Seconds rest_begin_{0};
 
   // What is known of the ball.
