@@ -80,7 +80,8 @@ WRONG_TEXT = """
 Written by `./run evaluate tracking --wrong {scenes}{first}{photographs}`: pictures of {scenes}
 rendered scenes and {traced} traced ones{said}, and what becomes of them if cameras or the
 configuration are wrong (evaluation/wrong_pictures.py). Each number says of how many pictures the
-tracker was sure. It must be sure of no faulty one, even where its pose is right.
+tracker was sure. It must be sure of no faulty one, even where its pose is right. Pictures in which
+no camera sees a face whose colour is believed wrongly are not counted: they are right ones.
 
 | pictures | {names} |
 |---|{lines}
@@ -314,7 +315,8 @@ def wrong_answers(
         for number in range(first, first + scenes):
             which = number % len(VARIANTS)
             images = experiments[which].images(number)
-            answers += judges[which].judge(images, (SEED, number))
+            pose = experiments[which].scenes.draw(SEED, number).pose
+            answers += judges[which].judge(images, (SEED, number), pose)
     return answers
 
 

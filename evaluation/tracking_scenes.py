@@ -7,6 +7,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 import trifinger
+from trifinger import poses
 from trifinger.control import Kinematics
 
 CONFIG = Path(__file__).parent.parent / "config"
@@ -32,6 +33,13 @@ class Scene(NamedTuple):
     """Of the cube: a quaternion w, x, y, z."""
     contacts: int
     """Fingers at the cube."""
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Of the cube (4, 4)."""
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, self.orientation)
+        return poses.pose(rotation.reshape(3, 3), self.position)
 
 
 def config_of(variant: str, folder: Path) -> str:

@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Wrong pictures of a cube, made from right ones: what goes wrong when cameras are set up.
 
-A tracker must not be sure of any of them, however good its pose looks.
+A tracker must not be sure of any of them, however good its pose looks. Pictures that show none of
+the faces that are exchanged are right ones, whichever of the two cubes lies there: where the pose
+is known, these are left out.
 """
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from trifinger import CameraCalibration
+from trifinger.poses import Matrix
 from trifinger.tracking import TrackedObject, Tracker, coloured_box
 
 FACES = ("red", "green", "blue", "cyan", "magenta", "yellow")  # +x, +y, +z, -z, -x, -y
+SIZE = 0.065  # of the cube [m]
 RIM = 0.06  # of a cube, in its lengths
 STALE = 20  # how far an image of an instant before lies beside the new one [pixel]
 SHIFT = 40  # between two parts of the sensor [pixel]
@@ -18,7 +25,7 @@ SHIFT = 40  # between two parts of the sensor [pixel]
 Images = Sequence[np.ndarray]
 
 
-def cube(size: float = 0.065, colours: Sequence[str] = FACES) -> TrackedObject:
+def cube(size: float = SIZE, colours: Sequence[str] = FACES) -> TrackedObject:
     """A cube with rims, as the simulation draws it."""
     return coloured_box("cube", [size] * 3, list(colours), RIM * size)
 
@@ -31,6 +38,14 @@ BELIEVED: Mapping[str, TrackedObject] = {
     "opposite faces exchanged": cube(colours=("magenta", *FACES[1:4], "red", "yellow")),
 }
 """What the tracker takes the cube for, if the images are right."""
+
+SEEN = 10.0  # a face that leans more against the view is not seen [degrees]
+AXES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [-1, 0, 0], [0, -1, 0]])
+CHANGED: Mapping[str, Sequence[int]] = {
+    "colours of the cube of 2020 believed": (4, 5),
+    "red and blue faces exchanged": (0, 2),
+}
+"""Faces that must be seen to tell what is believed from what lies there."""
 
 
 def _moved(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -140,16 +155,39 @@ class Judge:
         self._right = Tracker(calibration, cube())
         self._believed = {kind: Tracker(calibration, each) for kind, each in BELIEVED.items()}
         self._before: Images | None = None
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "cameras.yml"
+            path.write_text(calibration)
+            self._cameras = CameraCalibration.read(path).cameras
 
-    def judge(self, images: Images, seed: Sequence[int]) -> list[Answer]:
-        """The answers to these images and all that is made of them."""
+    def _shows(self, faces: Sequence[int], pose: Matrix) -> bool:
+        """Whether a camera sees one of these faces, fingers aside."""
+        for normal in AXES[list(faces)] @ pose[:3, :3].T:
+            middle = pose[:3, 3] + SIZE / 2 * normal
+            for camera in self._cameras:
+                view = camera.pose[:3, 3] - middle
+                leans = normal @ view / np.linalg.norm(view)
+                pixel = camera.project([middle])[0]
+                is_inside = (pixel > 0).all() and (pixel < (camera.width, camera.height)).all()
+                if leans > np.sin(np.radians(SEEN)) and is_inside:
+                    return True
+        return False
+
+    def judge(
+        self, images: Images, seed: Sequence[int], pose: Matrix | None = None
+    ) -> list[Answer]:
+        """The answers to these images and all that is made of them; `pose` is that of the cube."""
 
         def answer(kind: str, tracker: Tracker, shown: Images) -> Answer:
             found = tracker.track([np.ascontiguousarray(each) for each in shown])
             return Answer(kind, found.is_sure, found.position, found.orientation)
 
         answers = [answer(RIGHT, self._right, images)]
-        answers += [answer(kind, each, images) for kind, each in self._believed.items()]
+        answers += [
+            answer(kind, each, images)
+            for kind, each in self._believed.items()
+            if pose is None or self._shows(CHANGED.get(kind, range(len(AXES))), pose)
+        ]
         for number, (kind, change) in enumerate(WRONG.items()):
             random = np.random.default_rng([*seed, number])
             if self._before is not None or change is not _of_before:

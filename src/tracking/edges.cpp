@@ -160,6 +160,7 @@ void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometr
           ++images_[c].looked;
           ++sides_[face.sides[i]].looked;
           if (!measure(spot, offset)) continue;
+          ++images_[c].measured;
           const Eigen::Vector3d arm = point - pose.translation();
           EdgeLine line{
               .camera = c, .side = face.sides[i], .normal = normal, .slope = {}, .offset = offset};
@@ -312,13 +313,15 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     spread = std::clamp(1.5 * *middle, 0.2 * scale, scale);
   }
   for (const Shown& image : images_) fit.agreeing += image.agreeing;
+  fit.growth = unknowns[growth_of(unknowns)];
   fit.covariance = inverse.topLeftCorner<6, 6>();
   move_pose(unknowns, pose);
   return fit;
 }
 
-// Whether the colour of the face goes on beyond its edge.
+// Whether the colour of the face goes on beyond its edge, and is not that of a table, too.
 bool EdgeFit::goes_on(const Spot& spot) noexcept {
+  if (spot.view->image.weight(spot.label) < 0.5) return false;
   return std::ranges::all_of(std::array{-4.0, 5.0, 8.0}, [&](double distance) {
     const Eigen::Vector2d pixel = spot.pixel + distance * spot.normal;
     return spot.view->image.labels_at(pixel).first == spot.label;
@@ -334,6 +337,8 @@ void EdgeFit::weigh_images(Fit& fit) const noexcept {
     fit.image_confirmed = std::min(fit.image_confirmed, share(image, image.looked));
     const int ends = std::max(1, image.agreeing + image.beyond);
     fit.ending = std::min(fit.ending, share(image, ends));
+    const int shown = std::max(1, image.measured + image.beyond);
+    fit.image_agreeing = std::min(fit.image_agreeing, share(image, shown));
   }
   for (const Shown& side : sides_) {
     fit.side_confirmed = std::min(fit.side_confirmed, share(side, side.looked));

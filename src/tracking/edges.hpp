@@ -29,6 +29,10 @@ struct Fit {
   // where the colour of a face goes on beyond its edge. Something may hide an edge, but nothing
   // paints a face where there is none.
   double ending{1};
+  // Of the image that speaks most against the pose: the share of places where an edge agrees among
+  // those where there is one, or where the colour of a face goes on.
+  double image_agreeing{1};
+  double growth{0};  // how far all edges seem to lie outside of where they are [pixel]
 };
 
 // A measured place on an edge.
@@ -80,6 +84,7 @@ class EdgeFit {
   // What an image shows at the edges, or what all images show at a side of the object.
   struct Shown {
     int looked{0};
+    int measured{0};
     int agreeing{0};
     int beyond{0};  // places where the colour of the face goes on beyond its edge
   };

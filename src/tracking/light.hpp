@@ -29,10 +29,13 @@ class LightFit {
     const Turn* turn{nullptr};
     // How much likelier it is than the next best one: difference of the logs of likelihoods.
     double margin{0};
-    // How much likelier a face of the object as it is has another colour, of the face that speaks
-    // most against it: difference of the logs of likelihoods, of all images together and of one.
+    // How much likelier a face of the object as it is has another colour in all images together, of
+    // the face that speaks most against it.
     double contradiction{0};
-    double image_contradiction{0};
+    // How much likelier the object is as it is but with two colours exchanged, and an image with
+    // its red and blue exchanged: of the colours and the image that speak most against it.
+    double exchanged_colours{0};
+    double exchanged_channels{0};
     Lights lights{};           // of the best turn
     Lights lights_as_it_is{};  // of the object as it is
 
@@ -44,16 +47,29 @@ class LightFit {
  private:
   struct Sample {
     std::size_t face;
-    Rgb colour;
+    Rgb colour;  // in white balance
+  };
+  // Two colours that change places.
+  struct Exchange {
+    Label a;
+    Label b;
+  };
+  static constexpr Exchange kNone{0, 0};
+  // The light in which the faces have their colours best.
+  struct Best {
+    double score;
+    std::size_t light;
   };
   static constexpr int kSteps = 7;  // of the gains of red and of blue
   static constexpr std::size_t kLights = kSteps * kSteps;
 
-  [[nodiscard]] double score(std::size_t light, std::size_t turn) const noexcept;
+  [[nodiscard]] double score(std::size_t light, std::size_t turn,
+                             const Exchange& exchange) const noexcept;
+  [[nodiscard]] Best best(std::size_t turn, const Exchange& exchange = kNone) const noexcept;
   void read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept;
-  void weigh_faces(const View& view) noexcept;
-  template <class Number>
-  [[nodiscard]] double contradiction(const Number* evidence) const noexcept;
+  void weigh_faces() noexcept;
+  void try_exchanges(std::size_t light, Answer& answer) noexcept;
+  [[nodiscard]] double contradiction() const noexcept;
 
   const Shape* shape_;
   const ColourTable* table_;
@@ -63,6 +79,7 @@ class LightFit {
   std::vector<std::size_t> shown_;  // the faces of the samples
   std::vector<float> evidence_;     // for each light, face, and label
   std::vector<double> seen_;        // for each face and label, the evidence as the object is
+  std::vector<double> exchanges_;   // for each pair of labels, how much likelier it is exchanged
   // Of each turn; the first one leaves the object as it is.
   std::vector<double> scores_;
   std::array<std::vector<std::size_t>, kMaxCameras> best_lights_;

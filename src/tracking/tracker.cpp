@@ -201,17 +201,23 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
   for (const double each : {
            at_least(verdict.purity(), 0.50, 0.80),
            at_most(verdict.contradicted / verdict.matched, 0.05, 0.02),
-           at_most(faces.contradiction, 0.6, 0.4),
-           at_most(faces.image_contradiction, 2.4, 1.8),
+           // A lamp may make one face look like another colour. Another object explains all faces
+           // better, and so does an image whose channels are exchanged.
+           at_most(faces.contradiction, 3, 2.4),
+           at_most(faces.exchanged_colours, 0.6, 0.3),
+           at_most(faces.exchanged_channels, 0.7, 0.3),
            at_least(verdict.completeness(), 0.25, 0.6),
            at_least(faces.as_it_is(), kClearFaces, 5),
            // One camera alone may be another one than it is said to be.
            at_least(verdict.cameras, 1.5, 2),
            at_least(shown, 0.18, 0.4),
            // Every image and every side must confirm the pose, and no image may contradict it.
-           at_least(fit.image_confirmed, 0.05, 0.1),
-           at_least(fit.side_confirmed, 0.12, 0.2),
-           at_least(fit.ending, 0.80, 0.9),
+           at_least(fit.image_confirmed, 0.03, 0.06),
+           at_least(fit.side_confirmed, 0.05, 0.1),
+           at_least(fit.ending, 0.85, 0.92),
+           at_least(fit.image_agreeing, 0.6, 0.7),
+           // Blur and rims make right faces look up to 0.55 pixels larger, 15 mm of size from 0.68.
+           at_most(fit.growth, 0.6, 0.45),
            // Calibrations of the original lie 6 mm and 2 degrees beside their tables.
            at_least(height_above_table(candidate.pose), -0.012, -0.009),
            at_least(agreeing, 0.80, 0.92),
