@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trifinger import foreign_yaml
 from trifinger._trifinger import Camera, CameraCalibration, Lens
@@ -25,6 +26,7 @@ from trifinger.whole_file import whole_file
 FULL, CROPPED = (720, 540), (540, 540)
 LEFT = 88  # columns of the sensor before the part that is used
 HALF = (CROPPED[0] // 2, CROPPED[1] // 2)
+Pixels = NDArray[np.uint8]
 SUFFIXES = {"_full": FULL, "_cropped": CROPPED, "_cropped_and_downsampled": HALF}
 
 
@@ -97,6 +99,29 @@ def read(paths: Sequence[Path]) -> CameraCalibration:
             raise InvalidArgument(f"{first} and {path} are of {camera.name}, but do not agree")
     names = sorted(cameras, key=natural_order)
     return CameraCalibration([cameras[name][1] for name in names])
+
+
+def for_images(camera: Camera, image: Pixels) -> Camera:
+    """A camera that `read` returns, with images like this one.
+
+    The original delivers the whole image of the sensor, its part that is used, or this part at
+    half the size, as mosaics; its programs save them in colours, too. Raises InvalidArgument at
+    images of another size.
+    """
+    height, width = image.shape[:2]
+    pixels = "rgb8" if image.ndim == 3 else "bayer_rggb8"
+    if (width, height) == FULL:
+        lens = camera.lens.cropped(-LEFT, 0)
+    elif (width, height) == CROPPED:
+        lens = camera.lens
+    elif (width, height) == HALF:
+        lens = camera.reduced(2).lens
+    else:
+        raise InvalidArgument(
+            f"{camera.name} has images of {width} x {height} pixels, must be 720 x 540, 540 x 540 "
+            "or 270 x 270"
+        )
+    return Camera(camera.name, width, height, pixels, lens, camera.pose)
 
 
 def read_camera(path: Path) -> Camera:

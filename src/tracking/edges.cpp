@@ -264,7 +264,6 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
 Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) noexcept {
   Fit fit;
   for (const Shown& image : images_) fit.looked += image.looked;
-  fit.lines = static_cast<int>(lines_.size());
   const auto size = static_cast<Eigen::Index>(7 + 2 * cameras);
   Unknowns unknowns = Unknowns::Zero(size);
   Normals inverse(size, size);
@@ -312,7 +311,6 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     std::nth_element(sorted_.begin(), middle, sorted_.end());
     spread = std::clamp(1.5 * *middle, 0.2 * scale, scale);
   }
-  for (const Shown& image : images_) fit.agreeing += image.agreeing;
   fit.growth = unknowns[growth_of(unknowns)];
   fit.covariance = inverse.topLeftCorner<6, 6>();
   move_pose(unknowns, pose);
@@ -321,7 +319,7 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
 
 // Whether the colour of the face goes on beyond its edge, and is not that of a table, too.
 bool EdgeFit::goes_on(const Spot& spot) noexcept {
-  if (spot.view->image.weight(spot.label) < 0.5) return false;
+  if (spot.view->image.weight(spot.label) < 0.2) return false;
   return std::ranges::all_of(std::array{-4.0, 5.0, 8.0}, [&](double distance) {
     const Eigen::Vector2d pixel = spot.pixel + distance * spot.normal;
     return spot.view->image.labels_at(pixel).first == spot.label;

@@ -16,10 +16,8 @@ struct Fit {
   // Covariance of the position [m] and of a turn about the world's axes [rad].
   Eigen::Matrix<double, 6, 6> covariance{Eigen::Matrix<double, 6, 6>::Zero()};
   double residual{0};  // root mean square of what is unexplained [pixel]
-  int lines{0};        // places on edges that were measured
   int looked{0};       // places on edges that were looked at
   int used{0};         // measured places that determine the pose
-  int agreeing{0};     // measured places within about a pixel of the expected edge
   // Shares of places where an edge agrees, of the image that confirms the pose least and of the
   // side of the object that is confirmed least: an object of another size ends before some of its
   // sides.

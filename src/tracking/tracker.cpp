@@ -195,7 +195,6 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
   const auto at_most = [&](double value, double limit, double good) {
     return at_least(-value, -limit, -good);
   };
-  const double agreeing = fit.lines > 0 ? static_cast<double>(fit.agreeing) / fit.lines : 0;
   const double shown = fit.looked > 0 ? static_cast<double>(fit.used) / fit.looked : 0;
   double confidence = 1;
   for (const double each : {
@@ -220,7 +219,6 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
            at_most(fit.growth, 0.6, 0.45),
            // Calibrations of the original lie 6 mm and 2 degrees beside their tables.
            at_least(height_above_table(candidate.pose), -0.012, -0.009),
-           at_least(agreeing, 0.80, 0.92),
            at_least(fit.used, 24, 80),
            at_least(verdict.matched, 80, 300),
            // Edges that are off must be outweighed by many that are seen.

@@ -9,10 +9,14 @@ import PIL.Image
 import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram, output_of
+from trifinger import original_cameras
 from trifinger.cameras import to_rgb
 from trifinger.tracking import Tracker, faces_in_blocks, tracked_object
 from trifinger_camera_calibration.colours import Samples
-from trifinger_camera_calibration.commands import colours as calibrate_colours
+from trifinger_camera_calibration.commands import (
+    cameras as calibrate_cameras,
+    colours as calibrate_colours,
+)
 
 POSITION = np.array([0.05, -0.04, 0.0325])
 ORIENTATION = np.array([np.cos(0.4), 0.0, 0.0, np.sin(0.4)])
@@ -40,6 +44,54 @@ def test_a_cube_is_found_where_it_is(renderer: trifinger.CameraRenderer, images:
     near = tracker.track(images, (estimate.position, estimate.orientation))
     np.testing.assert_allclose(near.position, estimate.position, atol=0.0003)
     assert not tracker.track([None, None, None]).is_found
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_a_cube_is_found_in_images_as_the_original_saves_them(
+    factor: int, renderer: trifinger.CameraRenderer, images: list, tmp_path: Path
+) -> None:
+    (tmp_path / "true.yml").write_text(renderer.calibration)
+    true = trifinger.CameraCalibration.read(tmp_path / "true.yml")
+    files = original_cameras.write(true, tmp_path / "original")
+    shown = [to_rgb(np.asarray(image), "bayer_rggb8") for image in images]
+    side = shown[0].shape[0] // factor
+    shown = [e.reshape(side, factor, side, factor, 3).mean((1, 3)).astype(np.uint8) for e in shown]
+    for name, image in zip(renderer.names, shown, strict=True):
+        (tmp_path / "images" / name).mkdir(parents=True)
+        PIL.Image.fromarray(image).save(tmp_path / "images" / name / "1.png")
+    new = tmp_path / "new.yml"
+    command = ["sim", "--file", str(new), "--images", str(tmp_path / "images"), "--from-original"]
+    assert calibrate_cameras.main([*command, *map(str, files)]) == 0
+    estimate = Tracker(new.read_text(), tracked_object("sim")).track(shown)
+    assert estimate.is_sure
+    # At half the size, what is left of the rims in mixed pixels moves the cube by some 3 mm.
+    np.testing.assert_allclose(estimate.position, POSITION, atol=0.001 if factor == 1 else 0.004)
+    assert abs(estimate.orientation @ ORIENTATION) > np.cos(np.radians(2) / 2)
+
+
+GENERATIONS = {
+    "2020": ["red", "green", "blue", "cyan", "yellow", "magenta"],
+    "2021": ["red", "green", "blue", "cyan", "magenta", "yellow"],
+}
+
+
+@pytest.mark.parametrize("turn", [[1, 0, 0, 0], [1, -1, 0, 0], [1, 0, -1, 0]], ids="zyx")
+@pytest.mark.parametrize("lies", GENERATIONS)
+def test_the_cubes_of_both_generations_are_found_and_told_apart(lies: str, turn: list) -> None:
+    orientation = np.array(turn) / np.linalg.norm(turn)
+    configuration = np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, orientation])
+    cubes = {
+        year: {"objects": [{"name": "cube", "type": "cube", "colours": colours}]}
+        for year, colours in GENERATIONS.items()
+    }
+    renderer = trifinger.CameraRenderer("sim", cubes[lies], multisampling=4)
+    images = renderer.render(configuration)
+    for believed, cube in cubes.items():
+        estimate = Tracker(renderer.calibration, tracked_object("sim", cube)).track(images)
+        assert estimate.is_sure == (believed == lies)
+        if believed == lies:
+            np.testing.assert_allclose(estimate.position, POSITION, atol=0.001)
+            assert abs(estimate.orientation @ orientation) > np.cos(np.radians(1) / 2)
 
 
 @pytest.mark.parametrize(

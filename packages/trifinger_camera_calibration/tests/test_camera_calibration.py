@@ -753,6 +753,56 @@ def test_half_the_size_is_the_originals_in_files_and_ours_in_images(
     assert ours[0] == pytest.approx(145.643 - 0.25)
 
 
+@pytest.mark.parametrize("suffix", original.SUFFIXES)
+@pytest.mark.parametrize("kind", original.SUFFIXES)
+@pytest.mark.parametrize("is_mosaic", [True, False])
+def test_images_of_the_original_are_taken_as_they_are(
+    suffix: str, kind: str, is_mosaic: bool, cameras: dict[str, TrueCamera], tmp_path: Path
+) -> None:
+    paths = original.write(true_calibration(cameras), tmp_path / "original")
+    width, height = original.SUFFIXES[kind]
+    for name in cameras:
+        shape = (height, width) if is_mosaic else (height, width, 3)
+        boards.save(np.zeros(shape, np.uint8), tmp_path / "images" / "1" / f"{name}.png")
+    new = tmp_path / "new.yml"
+    command = ["pro", "--file", str(new), "--images", str(tmp_path / "images"), "--from-original"]
+    files = [str(path) for path in paths if path.stem.endswith(suffix)]
+    assert calibrate_cameras.main([*command, *files]) == 0
+    read = CameraCalibration.read(new)
+    for camera in read.cameras:
+        assert (camera.width, camera.height) == (width, height)
+        assert camera.pixels == ("bayer_rggb8" if is_mosaic else "rgb8")
+        seen = cameras[camera.name].project(ARENA)  # in images of 540 x 540
+        expected = {
+            "_full": seen + np.array([88, 0]),
+            "_cropped": seen,
+            "_cropped_and_downsampled": (seen + 0.5) / 2 - 0.5,
+        }[kind]
+        assert np.abs(camera.project(ARENA) - expected).max() < 1e-9
+
+
+def test_images_that_are_not_those_of_the_original_are_refused(
+    cameras: dict[str, TrueCamera], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = original.write(true_calibration(cameras), tmp_path / "original")
+    images = tmp_path / "images"
+    command = ["pro", "--file", str(tmp_path / "new.yml"), "--images", str(images)]
+
+    def refuses(sentence: str) -> None:
+        assert calibrate_cameras.main([*command, "--from-original", *map(str, paths)]) == 2
+        assert sentence in capsys.readouterr().err
+
+    for name in list(cameras)[1:]:
+        boards.save(np.zeros((540, 540), np.uint8), images / "1" / f"{name}.png")
+    refuses("has no images of camera60")
+    boards.save(np.zeros((480, 640), np.uint8), images / "1" / "camera60.png")
+    refuses("camera60 has images of 640 x 480 pixels, must be 720 x 540, 540 x 540 or 270 x 270")
+    for number, side in enumerate((540, 270), 1):
+        boards.save(np.zeros((side, side), np.uint8), images / str(number) / "camera60.png")
+    refuses("the images of camera60 in")
+    assert not (tmp_path / "new.yml").exists()
+
+
 def test_files_of_the_original_that_make_no_sense_are_refused(
     cameras: dict[str, TrueCamera], tmp_path: Path
 ) -> None:

@@ -37,7 +37,8 @@ Example:
   trifinger calibrate cameras trifinger-pro --images images
   trifinger calibrate cameras trifinger-pro --check --images this_morning
   trifinger calibrate cameras trifinger-pro --images images --board original --turntable
-  trifinger calibrate cameras trifinger-pro --from-original camera*_full.yml"""
+  trifinger calibrate cameras trifinger-pro --from-original camera*_full.yml
+  trifinger calibrate cameras trifinger-pro --from-original camera*_full.yml --images images"""
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
@@ -49,7 +50,13 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         epilog=HOW_TO,
     )
     parser.add_argument("robot", nargs="?", metavar="ROBOT", help="name of the robot")
-    parser.add_argument("--images", type=Path, metavar="FOLDER", help="images of the board")
+    parser.add_argument(
+        "--images",
+        type=Path,
+        metavar="FOLDER",
+        help="images of the board; with --from-original: any that the cameras took, which tell "
+        "their size and whether they are mosaics",
+    )
     parser.add_argument(
         "--file",
         type=Path,
@@ -209,6 +216,25 @@ def write(calibration: CameraCalibration, path: Path) -> None:
     say(f"{path} written.")
 
 
+def with_images(calibration: CameraCalibration, folder: Path) -> CameraCalibration:
+    """The calibration of the original for images as they are in a folder."""
+    from trifinger import original_cameras as original
+
+    from trifinger_camera_calibration import ImageSet
+    from trifinger_camera_calibration.images import read
+
+    paths = ImageSet.of_folder(folder).paths
+    cameras = []
+    for camera in calibration.cameras:
+        if camera.name not in paths:
+            raise InvalidArgument(f"{folder} has no images of {camera.name}")
+        changed = [original.for_images(camera, read(path)) for path in paths[camera.name].values()]
+        if len({(each.width, each.pixels) for each in changed}) > 1:
+            raise InvalidArgument(f"the images of {camera.name} in {folder} differ in size or kind")
+        cameras.append(changed[0])
+    return CameraCalibration(cameras)
+
+
 def calibrate(arguments: argparse.Namespace) -> int:
     """Calibrates from images, and writes the page and the file."""
     from trifinger_camera_calibration import ImageSet, Options, calibrate
@@ -285,7 +311,10 @@ def work(arguments: argparse.Namespace) -> int:
     if arguments.check:
         return check(arguments)
     if arguments.from_original is not None:
-        write(original.read(arguments.from_original), file_of(arguments))
+        calibration = original.read(arguments.from_original)
+        if arguments.images is not None:
+            calibration = with_images(calibration, arguments.images)
+        write(calibration, file_of(arguments))
         return 0
     if arguments.to_original is not None:
         for path in original.write(present(arguments), arguments.to_original):
