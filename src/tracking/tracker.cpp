@@ -203,8 +203,8 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
            // A lamp may make one face look like another colour. Another object explains all faces
            // better, and so does an image whose channels are exchanged.
            at_most(faces.contradiction, 3, 2.4),
-           at_most(faces.exchanged_colours, 0.6, 0.3),
-           at_most(faces.exchanged_channels, 0.7, 0.3),
+           at_most(faces.exchanged_colours, 0.2, 0.05),
+           at_most(faces.exchanged_channels, 0.5, 0.2),
            at_least(verdict.completeness(), 0.25, 0.6),
            at_least(faces.as_it_is(), kClearFaces, 5),
            // One camera alone may be another one than it is said to be.

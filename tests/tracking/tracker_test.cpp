@@ -352,14 +352,44 @@ TEST(Tracker, FindsNothingWhereNothingIs) {
   EXPECT_FALSE(tracker.track(pictures.spans(), &guess).is_sure());
 }
 
-TEST(Tracker, IsNotSureOfACubeWithOtherColours) {
-  BoxColours colours = competition_colours();
-  std::swap(colours[4], colours[5]);
-  Tracker tracker(three_cameras(), coloured_box("cube", kCubeSize, colours, kRim));
-  for (const Eigen::Isometry3d& pose : some_poses()) {
-    // Where no camera shows the two faces, the pose is right.
-    expect_not_wrong(tracker.track(painted(pose).spans()), pose);
+// How far the face turns to the camera that sees it best: 1 if it faces it, at most 0 if none does.
+double turned_to_a_camera(const ColouredFace& face, const Eigen::Isometry3d& pose) {
+  const auto& corners = face.corners;
+  const Eigen::Vector3d centre = pose * (0.5 * (corners[0] + corners[2]));
+  const Eigen::Vector3d normal =
+      pose.linear() * (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+  double best = -1;
+  for (const camera::Camera& camera : three_cameras())
+    best = std::max(best, normal.dot((camera.pose.translation() - centre).normalized()));
+  return best;
+}
+
+TEST(Tracker, IsNotSureOfACubeWithTwoColoursExchangedIfACameraSeesOne) {
+  constexpr double kSeen = 0.25;
+  int seen = 0;
+  int unseen = 0;
+  for (std::size_t a = 0; a < 6; ++a) {
+    for (std::size_t b = a + 1; b < 6; ++b) {
+      BoxColours colours = competition_colours();
+      std::swap(colours[a], colours[b]);  // a mirror image, if the faces are opposite ones
+      Tracker tracker(three_cameras(), coloured_box("cube", kCubeSize, colours, kRim));
+      for (const Eigen::Isometry3d& pose : some_poses()) {
+        SCOPED_TRACE(colours[a] + " and " + colours[b]);
+        const double shown = std::max(turned_to_a_camera(cube().faces[a], pose),
+                                      turned_to_a_camera(cube().faces[b], pose));
+        const Estimate estimate = tracker.track(painted(pose).spans());
+        if (shown > kSeen) {
+          EXPECT_FALSE(estimate.is_sure()) << shown << " at " << pose.translation().transpose();
+          ++seen;
+        } else if (shown < 0) {
+          expect_right(estimate, pose);
+          ++unseen;
+        }
+      }
+    }
   }
+  EXPECT_GT(seen, 60);
+  EXPECT_GT(unseen, 0);
 }
 
 TEST(Tracker, fault_51_WorksWithoutOneCameraAndKnowsThatItIsLessSure) {
@@ -426,6 +456,20 @@ TEST(Tracker, fault_54_IsNotSureWhenImagesAreMirrored) {
       }
     }
     EXPECT_FALSE(tracker.track(pictures.spans()).is_sure());
+  }
+}
+
+TEST(Tracker, fault_54_IsNotSureWhenOneImageHasRedAndBlueExchanged) {
+  const auto cameras = three_cameras(camera::PixelFormat::kRgb8);
+  Tracker tracker(cameras, cube());
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      Pictures pictures = painted(cameras, cube(), cube(0), pose);
+      auto& image = pictures.images[i];
+      for (std::size_t k = 0; k < image.size(); k += 3) std::swap(image[k], image[k + 2]);
+      EXPECT_FALSE(tracker.track(pictures.spans()).is_sure())
+          << i << " at " << pose.translation().transpose();
+    }
   }
 }
 
