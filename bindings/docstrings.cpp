@@ -363,6 +363,7 @@ const char* const largest_torque = R"(Share of the motors' torque that carrying 
 const char* const limit_margin = R"(Distance that joints keep from their soft limits [rad].)";
 const char* const min_normal_force = R"([N])";
 const char* const offsets = R"(Candidate offsets to both sides of a face's middle [m].)";
+const char* const shared_faces = R"(Two tips may touch one face, as a long box needs.)";
 }
 
 namespace GraspState {

@@ -225,6 +225,7 @@ extern const char* const largest_torque;
 extern const char* const limit_margin;
 extern const char* const min_normal_force;
 extern const char* const offsets;
+extern const char* const shared_faces;
 }
 
 namespace GraspState {

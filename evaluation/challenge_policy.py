@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from challenge_task import Task
 from solvers import Array, on_table, rotated, rotation, turned
-from trifinger import control
+from trifinger import Kinematics, control
 from trifinger.control import GraspPhase, Motion, Pose, PoseTrajectory
 
 CONFIG = "trifinger_pro"
@@ -28,6 +28,7 @@ MEMORY = 1000  # age at which a pose says nothing any more [steps]
 
 SPEED, TURN_SPEED, SHORTEST = 0.15, 1.2, 0.3  # mean speeds of the object [m/s], [rad/s]; [s]
 SLOWER = 0.6  # by which speeds are multiplied after each loss
+STANDING = 0.01  # height above its goal at which an object must fall over first [m]
 CLEARANCE = 0.004  # height above the table on the way to a low goal [m]
 SHARES = np.linspace(0.0, 1.0, 7)  # points of a trajectory that the planner checks
 TURNS = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)  # in one grasp [rad]
@@ -93,22 +94,22 @@ def yaw(end: Pose, start: Pose) -> float:
     return float(control.rotation_error(end.orientation, start.orientation)[2])
 
 
-def candidates(task: Task) -> tuple[control.GraspPlannerConfig, ...]:
-    """Returns the grasps that are tried: usual ones, ones at the edge of the arena, and for a fall.
+def candidates(task: Task) -> tuple[Sequence[control.GraspPlannerConfig], ...]:
+    """Returns the grasps that are tried to carry it, the best first, and those for a fall.
 
-    An object that falls over is held below its centre, which then helps. Tips have a friction of
-    0.5 in the challenge's tasks.
+    Offsets leave out the ends of a long box at first: two tips on one long face and one on the
+    opposite face hold it better. An object that falls over is held below its centre, which then
+    helps. Tips have a friction of 0.5 in the challenge's tasks.
     """
-    flat = [0.005, 0.002] if min(task.size) < 0.03 else []
+    if min(task.size) < 0.03:
+        sides, ends = [0.012, 0.024, 0.034], [0.0, 0.012]
+        return (_slender(sides), _slender(ends)), (_slender([0.0, *sides], 0.43, 1.0),), ()
     offsets = [0.0, 0.009, 0.018, 0.026]
     near = control.GraspPlannerConfig(
-        heights=[*flat, 0.02, 0.01, 0.0, -0.01, -0.02],
-        friction=0.4,
-        friction_sides=8,
-        largest_torque=0.9,
+        heights=[0.02, 0.01, 0.0, -0.01, -0.02], friction=0.4, friction_sides=8, largest_torque=0.9
     )
     far = control.GraspPlannerConfig(
-        heights=[*flat, 0.03, 0.025, 0.02, 0.01, 0.0, -0.01, -0.02],
+        heights=[0.03, 0.025, 0.02, 0.01, 0.0, -0.01, -0.02],
         offsets=offsets,
         friction=0.43,
         friction_sides=8,
@@ -116,9 +117,25 @@ def candidates(task: Task) -> tuple[control.GraspPlannerConfig, ...]:
         clearance=1e-5,
     )
     falling = control.GraspPlannerConfig(
-        heights=[*flat, -0.01, -0.015, -0.02], offsets=offsets, friction=0.4, friction_sides=8
+        heights=[-0.01, -0.015, -0.02], offsets=offsets, friction=0.4, friction_sides=8
     )
-    return near, far, falling
+    return (near, far), (), (falling,)
+
+
+def _slender(
+    offsets: Sequence[float], friction: float = 0.3, largest_torque: float = 0.9
+) -> control.GraspPlannerConfig:
+    """Returns grasps of a box with short edges. Tips touch it between them."""
+    return control.GraspPlannerConfig(
+        heights=[0.02, 0.005, 0.002, -0.02],
+        offsets=offsets,
+        friction=friction,
+        friction_sides=8,
+        limit_margin=0.005,
+        clearance=1e-5,
+        largest_torque=largest_torque,
+        shared_faces=True,
+    )
 
 
 class Planner:
@@ -129,11 +146,10 @@ class Planner:
         scene: dict[str, object] = {
             "objects": [{"name": "box", "type": "cuboid", "size": task.size, "mass": task.mass}]
         }
-        near, far, falling = (
-            control.GraspPlanner(CONFIG, scene, "box", settings) for settings in candidates(task)
+        self.strong, self.weak, self.falling = (
+            [control.GraspPlanner(CONFIG, scene, "box", settings) for settings in some]
+            for some in candidates(task)
         )
-        self._reaching = (near, far)
-        self._falling = falling
 
     def plan(
         self,
@@ -141,11 +157,11 @@ class Planner:
         ways: Iterable[tuple[float, Sequence[Stop]]],
         *,
         is_released: bool,
-        falls: bool = False,
+        planners: Sequence[control.GraspPlanner] | None = None,
     ) -> Leg | None:
         """Returns the best grasp and its way; each way comes with what it costs beside torque."""
         ways = list(ways)
-        for planner in (self._falling,) if falls else self._reaching:
+        for planner in self.strong if planners is None else planners:
             best: tuple[float, Leg] | None = None
             for cost, stops in ways:
                 if best is not None and cost >= best[0]:
@@ -185,32 +201,72 @@ class Planner:
         return None
 
 
-class ToPositions:
-    """Brings the object to positions, one after the other, with any orientation."""
+# A position, and the time from which it counts [s].
+Goal = tuple[float, Array]
 
-    def __init__(self, planner: Planner, goals: Sequence[tuple[float, Array]]) -> None:
-        """`goals` have the times from which they count [s]."""
+
+class ToPositions:
+    """Brings the object to positions, one after the other, with any orientation.
+
+    If a position cannot be reached, it stays as near as it can be brought.
+    """
+
+    NEARER = (1.0, 0.93, 0.86, 0.78, 0.7)  # shares of a goal's distance from the middle
+
+    def __init__(self, planner: Planner, goals: Sequence[Goal]) -> None:
         self._planner = planner
         self._goals = goals
+        self._unreached: set[tuple[object, ...]] = set()
 
     def next_leg(self, rest: Pose, now: float) -> Leg | None:
         """A leg to as many goals as one grasp reaches."""
         times = [time for time, _ in self._goals[1:]] + [np.inf]
         goals = [goal for goal, end in zip(self._goals, times, strict=True) if now < end]
+        if rest.position[2] > goals[0][1][2] + STANDING:
+            return None
         for count in range(len(goals), 0, -1):
-            # The end of the last one: it is put down when the next goal needs another grasp.
-            ends = [(time, position) for time, position in goals[:count]]
-            if count < len(goals):
-                below = (*goals[count - 1][1][:2], rest.position[2])
-                ends.append((goals[count][0], np.array(below)))
-            ways = self._ways(rest, ends)
-            leg = self._planner.plan(rest, ways, is_released=count < len(goals))
+            leg = self._leg(rest, goals, count)
+            if leg is not None:
+                return leg
+        time, first = goals[0]
+        for nearer, is_weak in itertools.product(self.NEARER, (False, True)):
+            goals[0] = time, first * (nearer, nearer, 1.0)
+            leg = self._leg(rest, goals, 1, is_weak) or self._regrasp(rest, goals, is_weak)
             if leg is not None:
                 return leg
         return self._planner.put_down(rest, [0.6 * rest.position[:2], np.zeros(2)], TURNS)
 
+    def _leg(self, rest: Pose, goals: Sequence[Goal], count: int, is_weak: bool = False) -> Leg | None:
+        # The end of the last one: it is put down when the next goal needs another grasp.
+        ends = list(goals[:count])
+        is_last = count == len(goals)
+        if not is_last:
+            below = (*goals[count - 1][1][:2], rest.position[2])
+            ends.append((goals[count][0], np.array(below)))
+        planners = self._planner.weak if is_weak else self._planner.strong
+        return self._planner.plan(
+            rest, self._ways(rest, ends), is_released=not is_last, planners=planners
+        )
+
+    def _regrasp(self, rest: Pose, goals: Sequence[Goal], is_weak: bool) -> Leg | None:
+        """A leg to where another grasp reaches the first goal."""
+        case = (*goals[0][1], is_weak)
+        if case in self._unreached:
+            return None
+        is_reached = False
+        for place, turn in itertools.product((np.zeros(2), 0.5 * goals[0][1][:2]), TURNS):
+            middle = turned(moved_to(rest, (*place, rest.position[2])), turn)
+            if self._leg(middle, goals, 1, is_weak) is not None:
+                is_reached = True
+                leg = self._planner.put_down(rest, [place], [turn])
+                if leg is not None:
+                    return leg
+        if not is_reached:
+            self._unreached.add(case)
+        return None
+
     def _ways(
-        self, rest: Pose, goals: Sequence[tuple[float, Array]]
+        self, rest: Pose, goals: Sequence[Goal]
     ) -> Iterator[tuple[float, list[Stop]]]:
         for turn in TURNS:
             stops: list[Stop] = []
@@ -315,7 +371,7 @@ class ToPose:
         """A leg after which the right face is up, or will be after another one."""
         for tilt in self.FALLS:
             falls = self._falls(rest, tilt)
-            leg = self._planner.plan(rest, falls, is_released=True, falls=True)
+            leg = self._planner.plan(rest, falls, is_released=True, planners=self._planner.falling)
             if leg is not None:
                 return leg
         return None
@@ -338,6 +394,71 @@ class ToPose:
                 yield TURN_COST * abs(turn), [Stop(0.0, over), Stop(0.0, end)]
 
 
+class Push:
+    """Draws an object that cannot be grasped towards the middle, with one tip behind it.
+
+    An object that stands on its end falls over. Tips follow points by position control.
+    """
+
+    STIFFNESS, DAMPING = 250.0, 3.0  # of a tip [N/m], [Ns/m]
+    SPEED = 1.5e-4  # of the tips [m/step]
+    RAISED = 0.1  # height of the tips on their way [m]
+    RADIUS = 0.01  # of a tip, and a little more [m]
+    BESIDE = (0.02, 0.008)  # distance from the face at which the tip comes down [m]
+    SHORTEST, LONGEST = 0.03, 0.07  # motion of the object [m]
+    HEIGHT = 0.85  # at which a face is touched that is higher than wide, in shares of its height
+
+    def __init__(self) -> None:
+        self._kinematics = Kinematics(CONFIG)
+        self._home = self._kinematics.tip_positions([0.0, 0.9, -1.7] * 3)
+        self._points: list[Array] = []
+
+    @property
+    def is_active(self) -> bool:
+        """True until the tips are above the object again."""
+        return bool(self._points)
+
+    def begin(self, rest: Pose, size: Sequence[float], joints: Array) -> None:
+        """Chooses the finger and the face that is farthest outside; does nothing if there is none."""
+        axes, up = rotation(rest), face_up(rest)[0]
+        height = size[up] * (self.HEIGHT if size[up] > 2 * min(size) else 0.5)
+        sides = [(side * axes[:, k], size[k] / 2) for k in {0, 1, 2} - {up} for side in (1, -1)]
+        sides.sort(key=lambda side: -float(side[0] @ rest.position))
+        for (outward, half), beside in itertools.product(sides[:2], self.BESIDE):
+            length = np.clip(outward @ rest.position, self.SHORTEST, self.LONGEST)
+            touch = rest.position + (half + self.RADIUS) * outward
+            touch[2] = max(height, self.RADIUS + 0.002)
+            begin, end = touch + beside * outward, touch - length * outward
+            over, after = (np.array([*point[:2], self.RAISED]) for point in (begin, end))
+            way = [over, begin, end, end + 0.01 * outward, after]
+            for finger in np.argsort(np.linalg.norm(self._home - begin, axis=1)):
+                if all(self._reaches(int(finger), point) for point in way):
+                    self._target = self._kinematics.tip_positions(joints)
+                    raised = self._target.copy()
+                    raised[:, 2] = self.RAISED
+                    self._points = [raised, *(self._home.copy() for _ in way), self._home]
+                    for points, point in zip(self._points[1:], way, strict=False):
+                        points[finger] = point
+                    return
+
+    def _reaches(self, finger: int, point: Array) -> bool:
+        return self._kinematics.inverse_kinematics(finger, point)[1] == "yes"
+
+    def act(self, robot: Any) -> Array:
+        """Returns the torques of the next step."""
+        path = self._points[0] - self._target
+        length = float(np.linalg.norm(path, axis=1).max())
+        self._target = self._target + path * min(1.0, self.SPEED / max(length, 1e-9))
+        if length <= self.SPEED:
+            self._points.pop(0)
+        jacobians = self._kinematics.tip_jacobians(robot.position)
+        velocity = jacobians @ robot.velocity
+        error = (self._target - self._kinematics.tip_positions(robot.position)).ravel()
+        forces = self.STIFFNESS * error - self.DAMPING * velocity
+        torque: Array = jacobians.T @ forces
+        return torque + self._kinematics.gravity_torques(robot.position)
+
+
 class Controller:
     """Carries out legs: a grasp, the way, and the release or holding.
 
@@ -352,6 +473,7 @@ class Controller:
         self._step, self._seen, self._newest = 0, -1, None
         self._idle_since, self._try_at, self._losses = 0, 0.0, 0
         self._phase = GraspPhase.IDLE
+        self._push, self._joints = Push(), np.array([0.0, 0.9, -1.7] * 3)
         self._rest = start
         self._felt, self._memory = Pose(), deque[Pose](maxlen=MEMORY)
         self._desired = Motion(start or Pose())
@@ -362,9 +484,11 @@ class Controller:
     def act(self, robot: Any, cameras: Any) -> Array:
         """Returns the torques of the next step."""
         now = self._step * PERIOD
+        if self._push.is_active:
+            return self._act_pushing(robot)
         self._follow_phases(now)
         if cameras is not self._newest:
-            self._newest = cameras
+            self._newest, self._joints = cameras, robot.position
             self._see(cameras)
         self._desired = self._desired_motion(now)
         joints = control.JointState(robot.position, robot.velocity, robot.torque)
@@ -373,6 +497,11 @@ class Controller:
         self._memory.append(self._felt)
         self._step += 1
         return torque
+
+    def _act_pushing(self, robot: Any) -> Array:
+        self._step += 1
+        self._idle_since = self._step
+        return self._push.act(robot)
 
     def _begin(self) -> None:
         self._way, self._phase = [], GraspPhase.IDLE
@@ -384,7 +513,9 @@ class Controller:
             return
         self._leg = self._next_leg(self._rest, now)
         if self._leg is None:
-            self._try_at = now + RETRY
+            self._push.begin(self._rest, self._task.size, self._joints)
+            self._try_at = now if self._push.is_active else now + RETRY
+            self._rest = None
             return
         self._known = self._leg.start, self._felt
         self._desired = Motion(self._leg.start)

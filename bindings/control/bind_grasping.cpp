@@ -53,7 +53,8 @@ void bind_planner(nb::module_& m) {
               docs::GraspPlannerConfig::min_normal_force},
       Setting{"clearance", &Config::clearance, docs::GraspPlannerConfig::clearance},
       Setting{"limit_margin", &Config::limit_margin, docs::GraspPlannerConfig::limit_margin},
-      Setting{"largest_torque", &Config::largest_torque, docs::GraspPlannerConfig::largest_torque});
+      Setting{"largest_torque", &Config::largest_torque, docs::GraspPlannerConfig::largest_torque},
+      Setting{"shared_faces", &Config::shared_faces, docs::GraspPlannerConfig::shared_faces});
 
   nb::class_<PlannedGrasp>(m, "PlannedGrasp", docs::PlannedGrasp::PlannedGrasp)
       .def_ro("touches", &PlannedGrasp::touches, docs::PlannedGrasp::touches)

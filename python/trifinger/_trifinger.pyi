@@ -1901,7 +1901,7 @@ def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
 class GraspPlannerConfig:
     """The candidates that a planner compares, and its requirements."""
 
-    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = 0.45, friction_sides: int = 4, min_normal_force: float = 0.9, clearance: float = 0.0005, limit_margin: float = 0.03, largest_torque: float = 1.0) -> None: ...
+    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = 0.45, friction_sides: int = 4, min_normal_force: float = 0.9, clearance: float = 0.0005, limit_margin: float = 0.03, largest_torque: float = 1.0, shared_faces: bool = False) -> None: ...
 
     @property
     def offsets(self) -> list[float]:
@@ -1958,6 +1958,13 @@ class GraspPlannerConfig:
 
     @largest_torque.setter
     def largest_torque(self, arg: float, /) -> None: ...
+
+    @property
+    def shared_faces(self) -> bool:
+        """Two tips may touch one face, as a long box needs."""
+
+    @shared_faces.setter
+    def shared_faces(self, arg: bool, /) -> None: ...
 
 class PlannedGrasp:
     """The result of a planner."""

@@ -278,6 +278,19 @@ struct GraspPlanner::State {
     return largest;
   }
 
+  // Returns true if no two tips touch one face, or two do where that is allowed.
+  [[nodiscard]] bool have_faces(const Candidates& three) const {
+    int shared = 0;
+    for (std::size_t i = 0; i < three.size(); ++i) {
+      const Candidate& one = *three[i];
+      const Candidate& other = *three[(i + 1) % three.size()];
+      if (one.face != other.face) continue;
+      ++shared;
+      if ((one.touch.point - other.touch.point).norm() < 2.0 * fingers.tip_radius) return false;
+    }
+    return shared == 0 || (shared == 1 && config.shared_faces);
+  }
+
   // Returns true if the fingers do not collide with each other.
   [[nodiscard]] bool is_free(const Candidates& three, std::span<const Motion> trajectory) {
     for (std::size_t point = 0; point < trajectory.size(); ++point) {
@@ -348,8 +361,8 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> trajector
     for (const Candidate& a : candidates[0]) {
       for (const Candidate& b : candidates[1]) {
         for (const Candidate& c : candidates[2]) {
-          if (a.face == b.face || b.face == c.face || c.face == a.face) continue;
           const Candidates three{&a, &b, &c};
+          if (!s.have_faces(three)) continue;
           Choice choice{.torque_share = 0.0, .candidates = three};
           for (const Touches& one : tried)
             choice.repeats = std::max(choice.repeats, repeats(three, one));

@@ -54,6 +54,7 @@ struct GraspPlannerConfig {
   double clearance{0.0005};      ///< Distance that fingers keep, except at touching tips [m].
   double limit_margin{0.03};     ///< Distance that joints keep from their soft limits [rad].
   double largest_torque{1.0};    ///< Share of the motors' torque that carrying may need.
+  bool shared_faces{false};      ///< Two tips may touch one face, as a long box needs.
   std::optional<SafetyLimits> limits{};  ///< Default: the limits of the variant.
 };
 
