@@ -8,6 +8,7 @@ A program like the challenge's own evaluate_policy.py, for `./run evaluate chall
 
 Three tips grasp the object where it lies, carry it to its goal and hold it there. If another face
 must be up, the object is put down so tilted that it falls over. It is turned in several grasps.
+What cannot be grasped is drawn towards the middle by one tip.
 """
 
 import itertools
@@ -89,6 +90,23 @@ def face_up(pose: Pose) -> tuple[int, float]:
     return axis, float(np.sign(row[axis]))
 
 
+def long_axis(size: Sequence[float]) -> int | None:
+    """Returns the axis of the body along which it is much longer than along the others."""
+    axis = int(np.argmax(size))
+    return axis if size[axis] > 2 * sorted(size)[1] else None
+
+
+def to_lying(pose: Pose, axis: int) -> Array:
+    """Returns the turn after which an axis of the body is horizontal."""
+    along = rotation(pose)[:, axis]
+    # An axis that is upright falls towards any side.
+    level = along * (1.0, 1.0, 0.0) + 1e-9 * rotation(pose)[:, axis - 1]
+    vector = np.cross(along, level)
+    angle = np.arcsin(min(abs(along[2]), 1.0))
+    turn: Array = vector * (angle / max(float(np.linalg.norm(vector)), 1e-12))
+    return turn
+
+
 def yaw(end: Pose, start: Pose) -> float:
     """Returns the turn about the vertical between two poses [rad]."""
     return float(control.rotation_error(end.orientation, start.orientation)[2])
@@ -101,7 +119,7 @@ def candidates(task: Task) -> tuple[Sequence[control.GraspPlannerConfig], ...]:
     opposite face hold it better. An object that falls over is held below its centre, which then
     helps. Tips have a friction of 0.5 in the challenge's tasks.
     """
-    if min(task.size) < 0.03:
+    if long_axis(task.size) is not None:
         sides, ends = [0.012, 0.024, 0.034], [0.0, 0.012]
         return (_slender(sides), _slender(ends)), (_slender([0.0, *sides], 0.43, 1.0),), ()
     offsets = [0.0, 0.009, 0.018, 0.026]
@@ -236,7 +254,9 @@ class ToPositions:
                 return leg
         return self._planner.put_down(rest, [0.6 * rest.position[:2], np.zeros(2)], TURNS)
 
-    def _leg(self, rest: Pose, goals: Sequence[Goal], count: int, is_weak: bool = False) -> Leg | None:
+    def _leg(
+        self, rest: Pose, goals: Sequence[Goal], count: int, is_weak: bool = False
+    ) -> Leg | None:
         # The end of the last one: it is put down when the next goal needs another grasp.
         ends = list(goals[:count])
         is_last = count == len(goals)
@@ -265,9 +285,7 @@ class ToPositions:
             self._unreached.add(case)
         return None
 
-    def _ways(
-        self, rest: Pose, goals: Sequence[Goal]
-    ) -> Iterator[tuple[float, list[Stop]]]:
+    def _ways(self, rest: Pose, goals: Sequence[Goal]) -> Iterator[tuple[float, list[Stop]]]:
         for turn in TURNS:
             stops: list[Stop] = []
             for time, position in goals:
@@ -286,6 +304,7 @@ class ToPose:
     PLACES = (1.0, 0.5, 0.0)  # where the last grasp may begin, likewise
     FARTHEST = 0.09  # from the middle, where it may begin [m]
     TRIES = 3  # until another pose is tried
+    EASIER = 0.03  # by which it then costs more at least
     RESTS = 3  # poses in which the last grasp may begin that are looked for
     LARGEST_TURN = 1.2  # in one grasp [rad]
     STEPS = (0.9, 0.6, 0.3)  # turns of a larger one [rad]
@@ -297,22 +316,35 @@ class ToPose:
 
     def __init__(self, planner: Planner, goal: Pose, cost: Callable[[Pose], float]) -> None:
         self._planner = planner
-        level = planner.resting(goal)
+        self._long = long_axis(planner.size)
+        level = self._level(goal)
         tilt = control.rotation_error(goal.orientation, level.orientation)
+        if self._long is not None:
+            tilt = -to_lying(goal, self._long)
         ends = [
             moved_to(rotated(level, share * tilt), goal.position * (nearer, nearer, 1.0))
             for share in self.TILTS
             for nearer in self.NEARER
         ]
-        self._ends = iter(sorted(ends, key=cost))
+        self._ends = iter(sorted((cost(end), k, end) for k, end in enumerate(ends)))
+        self._least_cost = 0.0
         self._choose_end()
+
+    def _level(self, pose: Pose) -> Pose:
+        """Where it would come to rest, on a long face if it has any."""
+        if self._long is not None:
+            pose = rotated(pose, to_lying(pose, self._long))
+        return self._planner.resting(pose)
 
     def _choose_end(self) -> None:
         """Takes the pose of the least cost of those that are left and can be reached."""
         self._tries = 0
-        for end in self._ends:
+        for cost, _, end in self._ends:
+            if cost < self._least_cost:
+                continue
             self._end, self._rests = end, self._find_rests(end)
             if self._rests:
+                self._least_cost = cost + self.EASIER
                 return
 
     def _find_rests(self, end: Pose) -> list[Pose]:
@@ -322,7 +354,7 @@ class ToPose:
             xy = place * end.position[:2]
             xy *= min(1.0, self.FARTHEST / max(float(np.linalg.norm(xy)), 1e-9))
             for turn in TURNS:
-                level = self._planner.resting(end)
+                level = self._level(end)
                 rest = turned(moved_to(level, (*xy, level.position[2])), turn)
                 if self._hold(rest, end) is not None:
                     rests.append(rest)
@@ -334,14 +366,28 @@ class ToPose:
         """A leg to the end, or towards it."""
         if self._tries == self.TRIES:  # It was lost there each time.
             self._choose_end()
-        if face_up(rest) != face_up(self._end):
+        if self._long is not None:
+            if face_up(rest)[0] == self._long:
+                return None
+            self._roll(rest, self._long)
+        if face_up(rest) != face_up(self._level(self._end)):
             leg = self._fall_over(rest)
         else:
             leg = self._last_leg(rest) or self._turn(rest)
         return leg or self._planner.put_down(rest, [0.4 * rest.position[:2]], TURNS[1:])
 
+    def _roll(self, rest: Pose, axis: int) -> None:
+        """Turns the end about the long axis, which costs nothing, until the face up is the same."""
+        quarter = np.pi / 2 * np.eye(3)[axis]
+        for _ in range(4):
+            if face_up(rest) == face_up(self._level(self._end)):
+                return
+            self._end, *self._rests = (
+                rotated(pose, rotation(pose) @ quarter) for pose in (self._end, *self._rests)
+            )
+
     def _last_leg(self, rest: Pose) -> Leg | None:
-        if abs(yaw(self._planner.resting(self._end), rest)) > self.LARGEST_TURN:
+        if abs(yaw(self._level(self._end), rest)) > self.LARGEST_TURN:
             return None
         leg = self._hold(rest, self._end)
         self._tries += leg is not None
@@ -359,10 +405,12 @@ class ToPose:
 
         for pose in sorted(self._rests, key=effort):
             turn = yaw(pose, rest)
-            turns = [step * np.sign(turn) for step in self.STEPS if step < abs(turn)]
+            steps = [step * np.sign(turn) for step in self.STEPS if step < abs(turn)]
+            xy, leg = pose.position[:2], None
             if abs(turn) < self.LARGEST_TURN:
-                turns.insert(0, turn)
-            leg = self._planner.put_down(rest, [pose.position[:2]], turns)
+                leg = self._planner.put_down(rest, [xy], [turn])
+            # Near the middle all fingers reach all faces.
+            leg = leg or self._planner.put_down(rest, [0.3 * xy, xy], steps)
             if leg is not None:
                 return leg
         return None
@@ -377,7 +425,7 @@ class ToPose:
         return None
 
     def _falls(self, rest: Pose, tilt: float) -> Iterator[tuple[float, list[Stop]]]:
-        up, (wanted, sign) = face_up(rest)[0], face_up(self._end)
+        up, (wanted, sign) = face_up(rest)[0], face_up(self._level(self._end))
         distance = max(float(np.linalg.norm(rest.position[:2])), 1e-9)
         xy = rest.position[:2] * min(0.5, self.CENTRE / distance)
         for turn in self.FALL_TURNS:
@@ -419,9 +467,9 @@ class Push:
         return bool(self._points)
 
     def begin(self, rest: Pose, size: Sequence[float], joints: Array) -> None:
-        """Chooses the finger and the face that is farthest outside; does nothing if there is none."""
+        """Chooses a face on the outer side and a finger that reaches behind it, if there is one."""
         axes, up = rotation(rest), face_up(rest)[0]
-        height = size[up] * (self.HEIGHT if size[up] > 2 * min(size) else 0.5)
+        height = size[up] * (self.HEIGHT if up == long_axis(size) else 0.5)
         sides = [(side * axes[:, k], size[k] / 2) for k in {0, 1, 2} - {up} for side in (1, -1)]
         sides.sort(key=lambda side: -float(side[0] @ rest.position))
         for (outward, half), beside in itertools.product(sides[:2], self.BESIDE):
@@ -485,7 +533,9 @@ class Controller:
         """Returns the torques of the next step."""
         now = self._step * PERIOD
         if self._push.is_active:
-            return self._act_pushing(robot)
+            self._step += 1
+            self._idle_since = self._step
+            return self._push.act(robot)
         self._follow_phases(now)
         if cameras is not self._newest:
             self._newest, self._joints = cameras, robot.position
@@ -497,11 +547,6 @@ class Controller:
         self._memory.append(self._felt)
         self._step += 1
         return torque
-
-    def _act_pushing(self, robot: Any) -> Array:
-        self._step += 1
-        self._idle_since = self._step
-        return self._push.act(robot)
 
     def _begin(self) -> None:
         self._way, self._phase = [], GraspPhase.IDLE
