@@ -22,7 +22,7 @@ from pickle import UnpicklingError
 import numpy as np
 from challenge_task import KINDS, Task, words_of
 from trifinger.whole_file import whole_file
-from trifinger_compat.evaluation import EvaluationError, run_policy
+from trifinger_compat.evaluation import LONGEST, EvaluationError, run_policy
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -81,7 +81,7 @@ def kept(folder: Path, kind: str, seed: int) -> Path:
     return folder / f"{re.sub(r'[^a-z0-9]+', '_', kind)}_{seed}.json"
 
 
-def run(program: Path, kind: str, seed: int, folder: Path) -> None:
+def run(program: Path, kind: str, seed: int, folder: Path, timeout: float = LONGEST) -> None:
     """Runs a program for one start and goal, unless its result is there."""
     result = kept(folder, kind, seed)
     if result.is_file():
@@ -93,7 +93,7 @@ def run(program: Path, kind: str, seed: int, folder: Path) -> None:
     else:
         log = result.with_suffix(".p")
         try:
-            run_policy([sys.executable, str(program), *words, str(log)], log)
+            run_policy([sys.executable, str(program), *words, str(log)], log, timeout)
             cost = Task([*words, str(log)]).cost_of_log()
         except (EvaluationError, EOFError, AttributeError, LookupError, UnpicklingError) as error:
             print(error, file=sys.stderr)
@@ -133,10 +133,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--output", type=Path, default=ROOT / "build/challenge", help="where results are kept"
     )
+    parser.add_argument(
+        "--timeout", type=float, default=LONGEST, help="of a run of your program [s] (default 3600)"
+    )
     options = parser.parse_args(arguments)
     for name in ("goals", "processes"):
         if getattr(options, name) < 1:
             parser.error(f"--{name} is {getattr(options, name)}, must be at least 1")
+    if not options.timeout > 0:
+        parser.error(f"--timeout is {options.timeout:g}, must be positive")
     programs = [options.program.resolve()] if options.program else list(PROGRAMS)
     folders = [options.output.resolve() / version_of(program) for program in programs]
     os.environ["OMP_NUM_THREADS"] = "1"
@@ -146,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             folder.mkdir(parents=True, exist_ok=True)
             for kind in (kind for kind in KINDS if options.only in kind):
                 for seed in range(FIRST_SEED, FIRST_SEED + options.goals):
-                    jobs.append(executor.submit(run, program, kind, seed, folder))
+                    jobs.append(executor.submit(run, program, kind, seed, folder, options.timeout))
         for job in jobs:
             job.result()
     rows = "\n".join(filter(None, (row(kind, folders) for kind in KINDS)))

@@ -227,6 +227,27 @@ TEST(GraspPlanner, TouchesABoxOnlyWhereItHasFaces) {
   EXPECT_GT(num_grasps, 0);
 }
 
+TEST(GraspPlanner, LetsTwoTipsShareALongFaceIfThatIsAllowed) {
+  const RobotDescription robot{.variant = Variant::kPro, .objects = {cuboid()}};
+  // The short faces are not so long: only the two long ones are left for three tips.
+  GraspPlannerConfig config{.offsets = {0.012, 0.024, 0.034}, .heights = {0.002}};
+  Pose start = on_table(0.0, 0.0, 0.3);
+  start.position.z() = robot.objects.front().size[2] / 2;
+  EXPECT_FALSE(GraspPlanner(robot, "cuboid", config).plan(upwards(start, 0.05)));
+  config.shared_faces = true;
+  const auto grasp = GraspPlanner(robot, "cuboid", config).plan(upwards(start, 0.05));
+  ASSERT_TRUE(grasp);
+  int shared = 0;
+  for (std::size_t i = 0; i < kContacts; ++i) {
+    const Touch& one = grasp->touches[i];
+    const Touch& other = grasp->touches[(i + 1) % kContacts];
+    if (one.normal != other.normal) continue;
+    ++shared;
+    EXPECT_GE((one.point - other.point).norm(), 2.0 * figures(robot).tip_radius);
+  }
+  EXPECT_EQ(shared, 1);
+}
+
 TEST(GraspPlanner, NeedsThreeFingersAndABox) {
   EXPECT_THROW(GraspPlanner({.arrangement = Arrangement::kSingleFinger}), InvalidArgument);
   EXPECT_THROW(GraspPlanner({.objects = {ball()}}, "ball"), InvalidArgument);

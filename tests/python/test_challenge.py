@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from challenge_policy import ToPose, face_up, moved_to, pose_of
 from challenge_task import KINDS, Task, words_of
-from solvers import rotated, turned
+from solvers import rotated, rotation, turned
 from trifinger.control import Pose
 from trifinger_simulation.tasks import move_cube
 
@@ -46,13 +46,9 @@ def test_a_log_is_judged_like_the_run_that_wrote_it(
     assert 0 < cost < 1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", CUBE[:3])
-def test_a_cube_is_at_its_goal_after_a_few_seconds(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(move_cube, "EPISODE_LENGTH", 8000)
-    task = task_of(kind, 2)
+def last_cost(task: Task, monkeypatch: pytest.MonkeyPatch, seconds: float) -> float:
+    """The cost of the last step of an episode in which our controller solves the task."""
+    monkeypatch.setattr(move_cube, "EPISODE_LENGTH", round(1000 * seconds))
     last = []
 
     def run(act, run=task.run):
@@ -64,8 +60,40 @@ def test_a_cube_is_at_its_goal_after_a_few_seconds(
 
     monkeypatch.setattr(task, "run", run)
     challenge_policy.solve(task)
+    return last[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", CUBE[:3])
+def test_a_cube_is_at_its_goal_after_a_few_seconds(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    task = task_of(kind, 2)
     # A cube on the table is a millimetre above its goal: surfaces of meshes touch from there.
-    assert last[0] < (0.006 if task.level == 1 else 0.001)
+    assert last_cost(task, monkeypatch, 8.0) < (0.006 if task.level == 1 else 0.001)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("cuboid, level 1", 2010), ("cuboid, level 2", 2008), ("cuboid, level 4", 1)]
+)
+def test_a_cuboid_that_stands_or_lies_out_of_reach_is_at_its_goal_after_a_while(
+    kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert last_cost(task_of(kind, seed), monkeypatch, 25.0) < 0.001
+
+
+def test_a_long_axis_is_laid_down_by_the_shortest_turn() -> None:
+    size = [0.02, 0.08, 0.02]
+    assert challenge_policy.long_axis(size) == 1
+    assert challenge_policy.long_axis([0.065] * 3) is None
+    for vector in ((0.3, 0.2, 0.1), (1.2, -0.4, 2.0), (np.pi / 2, 0.0, 0.0)):
+        pose = rotated(Pose(), vector)
+        along = rotation(pose)[:, 1]
+        turn = challenge_policy.to_lying(pose, 1)
+        laid = rotation(rotated(pose, turn))[:, 1]
+        assert laid[2] == pytest.approx(0, abs=1e-6)
+        assert np.linalg.norm(turn) == pytest.approx(np.arcsin(abs(along[2])), abs=1e-6)
 
 
 @pytest.mark.slow
@@ -119,3 +147,18 @@ def test_results_are_kept_and_a_program_that_fails_costs_what_doing_nothing_cost
     program.write_text("import sys\nopen(sys.argv[-1], 'w').write('no log')")
     challenge.main([str(program), *words])
     assert f"| cube, level 2 | 2 | {idle:.4f} |" in capfd.readouterr().out
+
+
+def test_a_program_that_hangs_is_ended_and_counts_as_failed(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "hangs.py"
+    program.write_text("import time\nwhile True:\n    time.sleep(1)")
+    words = ["--goals", "1", "--processes", "1", "--timeout", "1", "--only"]
+    challenge.main([str(program), "--output", str(tmp_path), *words, "cube, level 2"])
+    idle = task_of("cube, level 2", 1000).idle_cost
+    output = capfd.readouterr()
+    assert f"| cube, level 2 | 1 | {idle:.4f} | {idle:.4f} | {idle:.4f} | 1 |" in output.out
+    assert "longer than 1 s" in output.err
+    with pytest.raises(SystemExit):
+        challenge.main([str(program), "--timeout", "nan"])

@@ -17,10 +17,18 @@ class EvaluationError(Error):
     """A policy failed, or its log does not show what the simulation does."""
 
 
-def run_policy(words: Sequence[str], log: Path) -> None:
-    """Runs a policy, which must write its log; raises EvaluationError."""
+LONGEST = 3600.0  # time after which a policy hangs: an episode has 120 s [s]
+
+
+def run_policy(words: Sequence[str], log: Path, timeout: float = LONGEST) -> None:
+    """Runs a policy, which must write its log within `timeout` [s]; raises EvaluationError."""
     log.unlink(missing_ok=True)
-    done = subprocess.run(words, check=False)
+    try:
+        done = subprocess.run(words, check=False, timeout=timeout)
+    except subprocess.TimeoutExpired:
+        raise EvaluationError(
+            f"{' '.join(words[:2])} was ended because it took longer than {timeout:g} s"
+        ) from None
     if done.returncode != 0:
         raise EvaluationError(f"{' '.join(words[:2])} failed with the status {done.returncode}")
     if not log.is_file():
