@@ -273,15 +273,15 @@ class ToPositions:
         case = (*goals[0][1], is_weak)
         if case in self._unreached:
             return None
-        is_reached = False
-        for place, turn in itertools.product((np.zeros(2), 0.5 * goals[0][1][:2]), TURNS):
-            middle = turned(moved_to(rest, (*place, rest.position[2])), turn)
-            if self._leg(middle, goals, 1, is_weak) is not None:
-                is_reached = True
-                leg = self._planner.put_down(rest, [place], [turn])
-                if leg is not None:
+        places = list(itertools.product((np.zeros(2), 0.5 * goals[0][1][:2]), TURNS))
+        tested = 0
+        for place, turn in places:
+            leg = self._planner.put_down(rest, [place], [turn])
+            if leg is not None:
+                tested += 1
+                if self._leg(leg.stops[-1].pose, goals, 1, is_weak) is not None:
                     return leg
-        if not is_reached:
+        if tested == len(places):
             self._unreached.add(case)
         return None
 
@@ -454,12 +454,15 @@ class Push:
     RADIUS = 0.01  # of a tip, and a little more [m]
     BESIDE = (0.02, 0.008)  # distance from the face at which the tip comes down [m]
     SHORTEST, LONGEST = 0.03, 0.07  # motion of the object [m]
+    BORDER, FARTHEST = 0.05, 0.185  # height and distance at which the border leaves a tip room [m]
+    MOVED = 0.01  # distance by which an object has moved that was pushed [m]
     HEIGHT = 0.85  # at which a face is touched that is higher than wide, in shares of its height
 
     def __init__(self) -> None:
         self._kinematics = Kinematics(CONFIG)
         self._home = self._kinematics.tip_positions([0.0, 0.9, -1.7] * 3)
         self._points: list[Array] = []
+        self._rest, self._choice = np.zeros(3), 0
 
     @property
     def is_active(self) -> bool:
@@ -470,24 +473,37 @@ class Push:
         """Chooses a face on the outer side and a finger that reaches behind it, if there is one."""
         axes, up = rotation(rest), face_up(rest)[0]
         height = size[up] * (self.HEIGHT if up == long_axis(size) else 0.5)
-        sides = [(side * axes[:, k], size[k] / 2) for k in {0, 1, 2} - {up} for side in (1, -1)]
+        sides = [(side * axes[:, k], k) for k in {0, 1, 2} - {up} for side in (1, -1)]
         sides.sort(key=lambda side: -float(side[0] @ rest.position))
-        for (outward, half), beside in itertools.product(sides[:2], self.BESIDE):
-            length = np.clip(outward @ rest.position, self.SHORTEST, self.LONGEST)
-            touch = rest.position + (half + self.RADIUS) * outward
+        options = []
+        for (outward, k), shift, beside in itertools.product(sides[:2], (0.35, 0.0), self.BESIDE):
+            distance = float(outward @ rest.position)
+            touch = rest.position + (size[k] / 2 + self.RADIUS) * outward
+            if distance < 0.5 * np.linalg.norm(rest.position[:2]):
+                # A push at the outer end turns the face farther outwards.
+                along = axes[:, 3 - k - up]
+                touch = touch + shift * size[3 - k - up] * np.sign(along @ rest.position) * along
             touch[2] = max(height, self.RADIUS + 0.002)
+            length = np.clip(distance, self.SHORTEST, self.LONGEST)
             begin, end = touch + beside * outward, touch - length * outward
+            if touch[2] < self.BORDER and np.linalg.norm(begin[:2]) > self.FARTHEST:
+                continue
             over, after = (np.array([*point[:2], self.RAISED]) for point in (begin, end))
             way = [over, begin, end, end + 0.01 * outward, after]
             for finger in np.argsort(np.linalg.norm(self._home - begin, axis=1)):
                 if all(self._reaches(int(finger), point) for point in way):
-                    self._target = self._kinematics.tip_positions(joints)
-                    raised = self._target.copy()
-                    raised[:, 2] = self.RAISED
-                    self._points = [raised, *(self._home.copy() for _ in way), self._home]
-                    for points, point in zip(self._points[1:], way, strict=False):
-                        points[finger] = point
-                    return
+                    options.append((finger, way))
+        # What moved nothing is not tried again at once.
+        is_same = np.linalg.norm(rest.position - self._rest) < self.MOVED
+        self._choice, self._rest = self._choice + 1 if is_same else 0, rest.position
+        if options:
+            finger, way = options[self._choice % len(options)]
+            self._target = self._kinematics.tip_positions(joints)
+            raised = self._target.copy()
+            raised[:, 2] = self.RAISED
+            self._points = [raised, *(self._home.copy() for _ in way), self._home]
+            for points, point in zip(self._points[1:], way, strict=False):
+                points[finger] = point
 
     def _reaches(self, finger: int, point: Array) -> bool:
         return self._kinematics.inverse_kinematics(finger, point)[1] == "yes"
