@@ -13,7 +13,7 @@ What cannot be grasped is drawn towards the middle by one tip.
 
 import itertools
 import sys
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -230,11 +230,13 @@ class ToPositions:
     """
 
     NEARER = (1.0, 0.93, 0.86, 0.78, 0.7)  # shares of a goal's distance from the middle
+    FAR = 0.12  # distance of a goal that is at the edge of the reach [m]
 
     def __init__(self, planner: Planner, goals: Sequence[Goal]) -> None:
         self._planner = planner
         self._goals = goals
         self._unreached: set[tuple[object, ...]] = set()
+        self._tries: Counter[float] = Counter()  # to reach a goal that counts from a time [s] on
 
     def next_leg(self, rest: Pose, now: float) -> Leg | None:
         """A leg to as many goals as one grasp reaches."""
@@ -242,14 +244,21 @@ class ToPositions:
         goals = [goal for goal, end in zip(self._goals, times, strict=True) if now < end]
         if rest.position[2] > goals[0][1][2] + STANDING:
             return None
+        time, first = goals[0]
+        # What was lost at the edge of the reach is held nearer to the middle the next time.
+        losses = self._tries[time] if np.linalg.norm(first[:2]) > self.FAR else 0
+        shares = self.NEARER[min(losses, 2) :]
+        goals[0] = time, first * (shares[0], shares[0], 1.0)
         for count in range(len(goals), 0, -1):
             leg = self._leg(rest, goals, count)
             if leg is not None:
+                self._tries[time] += 1
                 return leg
-        time, first = goals[0]
-        for nearer, is_weak in itertools.product(self.NEARER, (False, True)):
+        for nearer, is_weak in itertools.product(shares, (False, True)):
             goals[0] = time, first * (nearer, nearer, 1.0)
-            leg = self._leg(rest, goals, 1, is_weak) or self._regrasp(rest, goals, is_weak)
+            leg = self._leg(rest, goals, 1, is_weak)
+            self._tries[time] += leg is not None
+            leg = leg or self._regrasp(rest, goals, is_weak)
             if leg is not None:
                 return leg
         return self._planner.put_down(rest, [0.6 * rest.position[:2], np.zeros(2)], TURNS)
