@@ -484,24 +484,8 @@ class Push:
         height = size[up] * (self.HEIGHT if up == long_axis(size) else 0.5)
         sides = [(side * axes[:, k], k) for k in {0, 1, 2} - {up} for side in (1, -1)]
         sides.sort(key=lambda side: -float(side[0] @ rest.position))
-        options = []
-        for (outward, k), shift, beside in itertools.product(sides[:2], (0.35, 0.0), self.BESIDE):
-            distance = float(outward @ rest.position)
-            touch = rest.position + (size[k] / 2 + self.RADIUS) * outward
-            if distance < 0.5 * np.linalg.norm(rest.position[:2]):
-                # A push at the outer end turns the face farther outwards.
-                along = axes[:, 3 - k - up]
-                touch = touch + shift * size[3 - k - up] * np.sign(along @ rest.position) * along
-            touch[2] = max(height, self.RADIUS + 0.002)
-            length = np.clip(distance, self.SHORTEST, self.LONGEST)
-            begin, end = touch + beside * outward, touch - length * outward
-            if touch[2] < self.BORDER and np.linalg.norm(begin[:2]) > self.FARTHEST:
-                continue
-            over, after = (np.array([*point[:2], self.RAISED]) for point in (begin, end))
-            way = [over, begin, end, end + 0.01 * outward, after]
-            for finger in np.argsort(np.linalg.norm(self._home - begin, axis=1)):
-                if all(self._reaches(int(finger), point) for point in way):
-                    options.append((finger, way))
+        options = self._options(sides[:2], rest, size, height, self.FARTHEST)
+        options = options or self._options(sides, rest, size, height, np.inf)
         # What moved nothing is not tried again at once.
         is_same = np.linalg.norm(rest.position - self._rest) < self.MOVED
         self._choice, self._rest = self._choice + 1 if is_same else 0, rest.position
@@ -513,6 +497,37 @@ class Push:
             self._points = [raised, *(self._home.copy() for _ in way), self._home]
             for points, point in zip(self._points[1:], way, strict=False):
                 points[finger] = point
+
+    def _options(
+        self,
+        sides: Sequence[tuple[Array, int]],
+        rest: Pose,
+        size: Sequence[float],
+        height: float,
+        farthest: float,
+    ) -> list[tuple[int, list[Array]]]:
+        """Fingers that can push some of the faces, and their points."""
+        options = []
+        up = face_up(rest)[0]
+        for (outward, k), shift, beside in itertools.product(sides, (0.35, 0.0), self.BESIDE):
+            distance = float(outward @ rest.position)
+            touch = rest.position + (size[k] / 2 + self.RADIUS) * outward
+            if distance < 0.5 * np.linalg.norm(rest.position[:2]):
+                # A push at the outer end turns the face farther outwards.
+                other = 3 - k - up
+                along = rotation(rest)[:, other]
+                touch = touch + shift * size[other] * np.sign(along @ rest.position) * along
+            touch[2] = max(height, self.RADIUS + 0.002)
+            length = np.clip(distance, self.SHORTEST, self.LONGEST)
+            begin, end = touch + beside * outward, touch - length * outward
+            if touch[2] < self.BORDER and np.linalg.norm(begin[:2]) > farthest:
+                continue
+            over, after = (np.array([*point[:2], self.RAISED]) for point in (begin, end))
+            way = [over, begin, end, end + 0.01 * outward, after]
+            for finger in np.argsort(np.linalg.norm(self._home - begin, axis=1)):
+                if all(self._reaches(int(finger), point) for point in way):
+                    options.append((int(finger), way))
+        return options
 
     def _reaches(self, finger: int, point: Array) -> bool:
         return self._kinematics.inverse_kinematics(finger, point)[1] == "yes"
