@@ -46,16 +46,12 @@ class Shot:
     speed: float  # of the film, 1 is real
     part: tuple[float, float, float] = (0.5, 0.5, 1.0)  # middle and size of what of it is shown
     still: float = 0.6  # when the still picture is taken, as a share of the film
-    condition: str = "as built"  # of the robot
     robot: tuple[str, ...] = ()  # settings of the robot
     skill: tuple[str, ...] = ()  # settings of the skill
 
 
 SHOTS = {
-    # The skill does not stand a robot as built.
-    "draw": Shot(
-        "sim_pen", "draw", "90,-50", 4.0, (0.5, 0.72, 0.5), 0.97, condition="as documented"
-    ),
+    "draw": Shot("sim_pen", "draw", "90,-50", 4.0, (0.5, 0.72, 0.5), 0.97),
     "flip": Shot("pushing", "flip", "front", 0.5, (0.5, 0.6, 0.8), 0.45),
     "throw": Shot("throw", "throw", "front", 0.5),
     "carry": Shot("pushing", "carry", "115,-20", 2.0, (0.5, 0.6, 0.85)),
@@ -78,7 +74,7 @@ def record(shot: Shot, folder: Path) -> Path:
     """Lets a simulated robot do what is filmed, and returns the folder of its log."""
     name = f"film_{shot.task}_{os.getpid()}"
     run = [PROGRAM, "run", shot.config, "--name", name, "--record", "logs", "--non-real-time"]
-    for setting in (f"simulation.condition={shot.condition}", *shot.robot):
+    for setting in ("simulation.condition=as built", *shot.robot):
         run += ["--set", setting]
     with subprocess.Popen(run, cwd=folder, stdout=subprocess.PIPE, text=True) as robot:
         try:
