@@ -452,7 +452,7 @@ class ToPose:
 
 
 class Push:
-    """Draws an object that cannot be grasped towards the middle, with one tip behind it.
+    """Draws an object towards the middle with one tip behind it, where no grasp reaches it.
 
     An object that stands on its end falls over. Tips follow points by position control.
     """
@@ -479,7 +479,10 @@ class Push:
         return bool(self._points)
 
     def begin(self, rest: Pose, size: Sequence[float], joints: Array) -> None:
-        """Chooses a face on the outer side and a finger that reaches behind it, if there is one."""
+        """Chooses a face that looks outwards and a finger that reaches behind it.
+
+        Without such a finger nothing begins.
+        """
         axes, up = rotation(rest), face_up(rest)[0]
         height = size[up] * (self.HEIGHT if up == long_axis(size) else 0.5)
         sides = [(side * axes[:, k], k) for k in {0, 1, 2} - {up} for side in (1, -1)]

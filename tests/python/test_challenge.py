@@ -153,7 +153,7 @@ def test_a_program_that_hangs_is_ended_and_counts_as_failed(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     program = tmp_path / "hangs.py"
-    program.write_text("import time\nwhile True:\n    time.sleep(1)")
+    program.write_text("import signal\nsignal.pause()")
     words = ["--goals", "1", "--processes", "1", "--timeout", "1", "--only"]
     challenge.main([str(program), "--output", str(tmp_path), *words, "cube, level 2"])
     idle = task_of("cube, level 2", 1000).idle_cost

@@ -211,7 +211,8 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   double squeeze_{0.0};                                  // [N]
   double press_{0.0};        // The nib presses on the paper with it [N].
   double extra_press_{0.0};  // Part of it that a floating nib needs [N].
-  double twist_{0.0};  // Of the tips about the direction of the grip since they lead the pen [rad].
+  // How far the tips have turned about the direction of the grip since they took the pen [rad].
+  double twist_{0.0};
   Closing closing_;
   Seconds numb_{0};
   Seconds hovers_{0};  // Over the beginning of a line,
