@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates a policy in episodes that it was not trained on: numbers, figures and a film."""
 
+import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -197,14 +198,18 @@ def evaluate(
     episodes: int = 50,
     seed: int = SEED,
     watch: Watch | None = None,
+    condition: str | None = None,
 ) -> Evaluation:
     """Evaluates a policy with the options and the robot that its file names.
 
-    If the file names none, they are the task's options and its usual robot. Raises
-    InvalidArgument if the policy does not fit the task.
+    If the file names none, they are the task's options and its usual robot. `condition` is that of
+    the simulated robots, if it shall not be that of the options. Raises InvalidArgument if the
+    policy does not fit the task, or if there is no such condition.
     """
     text = policy.metadata.get("options")
     options = Options.from_json(text) if text else Options.of(task)
+    if condition is not None:
+        options = dataclasses.replace(options, condition=condition)
     config = policy.metadata.get("robot")
     evaluator = Evaluator(task, options, episodes, seed, config)
     return evaluator(act_of(policy), evaluator.rows_of(policy), watch)

@@ -21,7 +21,9 @@ def summary(median):
 
 
 def runs(**changes):
-    figures = {"reach": 0.010, "reach_shared": 0.002, "early": 0.008, "time": 270.0} | changes
+    figures = {"reach": 0.010, "reach_shared": 0.002, "early": 0.008, "as_built": 0.015}
+    figures |= {"time": 270.0}
+    figures |= changes
     return [
         learning.Run(
             kind,
@@ -31,6 +33,7 @@ def runs(**changes):
                 (100, summary(figures["early"])),
                 (700, summary(figures[kind.name])),
             ],
+            {"as built": summary(figures["as_built"]), "worn": summary(0.03)},
             processor_time=figures["time"],
             wall_time=1000.0,  # beside others
         )
@@ -47,16 +50,20 @@ def test_the_table_holds_by_its_narrowest_row():
         "The table holds: the narrowest, 'three fingers, one network: processor time', is "
         "270.00 s of 300 s, 10 % below."
     )
-    assert len(rows) == 5
+    assert len(rows) == 7
     page = learning.page(runs(), rows, 3)
     assert "| three fingers, one network: after 700 episodes | 1.2 cm | 1.00 cm |" in page
-    assert "| three fingers, one network | 1 | 0.80 | 1.00 | 100.00 | 50 | 270 | 1000 |" in page
+    assert (
+        "| three fingers, one network | 1 | 0.80 | 1.00 | 100.00 | 50 | 1.50 | 50 | 3.00 | 50 "
+        in page
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "what"),
     [
         ({"reach": 0.013}, "three fingers, one network: after 700 episodes"),
+        ({"as_built": 0.021}, "three fingers, one network: on robots as built"),
         ({"reach_shared": 0.004}, "one policy shared by the fingers: after 700 episodes"),
         ({"early": 0.011}, "one policy shared by the fingers: after 100 episodes"),
         ({"time": 400.0}, "three fingers, one network: processor time"),
@@ -79,6 +86,7 @@ def test_the_times_of_a_training_are_its_own(tmp_path, monkeypatch):
     """They leave out the processor time of this process and of others that ended earlier."""
     monkeypatch.setattr(learning, "RUNS", tmp_path)
     monkeypatch.setattr(learning, "read_curve", lambda _: [(learning.EPISODES, summary(0.01))])
+    monkeypatch.setattr(learning, "judge", lambda _: {})
     burn = "import time\nwhile time.process_time() < 0.5: pass\n"
     subprocess.run([sys.executable, "-c", burn], check=True)
     kind = dataclasses.replace(learning.KINDS[0], words=("--help",))

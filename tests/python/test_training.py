@@ -74,8 +74,14 @@ def undisturbed(tmp_path_factory):
 def test_a_short_training_comes_within_4_cm(tmp_path):
     training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=20), tmp_path)
     assert training.run().median < 0.04
-    result = evaluation.evaluate(trifinger.Policy(training.policy_path), "reach")
-    assert result.summary().median < 0.04
+    policy = trifinger.Policy(training.policy_path)
+    perfect = evaluation.evaluate(policy, "reach")
+    assert perfect.summary().median < 0.04
+    as_built = evaluation.evaluate(policy, "reach", condition="as built")
+    assert not np.array_equal(as_built.distances, perfect.distances)
+    assert as_built.summary().median < 0.05
+    with pytest.raises(InvalidArgument, match="condition"):
+        evaluation.evaluate(policy, "reach", condition="broken")
 
 
 @pytest.mark.slow

@@ -19,7 +19,9 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = ArgumentParser(
         prog="trifinger evaluate",
         description="Let a policy act in simulations, and say how near it comes to its goals.",
-        epilog="Example:\n  trifinger evaluate reach/reach.policy",
+        epilog="Examples:\n"
+        "  trifinger evaluate reach/reach.policy\n"
+        '  trifinger evaluate reach/reach.policy --condition "as built"',
     )
     parser.add_argument("policy", type=Path, help="a file that `trifinger train` wrote")
     parser.add_argument(
@@ -29,6 +31,11 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--episodes", type=int, default=50, help="how many; default: 50")
     parser.add_argument(
         "--seed", type=int, default=1_000_000, help="of the first episode; each later one adds 1"
+    )
+    parser.add_argument(
+        "--condition",
+        choices=("as documented", "as built", "worn"),
+        help="of the simulated robots; default: that of the training",
     )
     add_json(parser)
     arguments = parser.parse_args(words)
@@ -47,7 +54,12 @@ def main(words: Sequence[str] | None = None) -> int:
         say(f"{task}: {policy.metadata.get('options', 'its own options')}", file=sys.stderr)
         with Progress("episodes") as progress:
             result = evaluation.evaluate(
-                policy, task, arguments.episodes, arguments.seed, progress.update
+                policy,
+                task,
+                arguments.episodes,
+                arguments.seed,
+                progress.update,
+                arguments.condition,
             )
         say(result.summary().to_json() if arguments.json else result.summary())
 
