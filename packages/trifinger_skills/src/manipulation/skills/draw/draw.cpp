@@ -27,6 +27,7 @@ constexpr Seconds kNumbTime{0.1};
 constexpr double kOver = 3e-4;  // A nib so near to the beginning of a line may go down [m].
 constexpr Seconds kOverTime{0.2};
 constexpr Seconds kLongestHover{2.0};
+constexpr Seconds kSettling{0.1};  // Of the nib on the paper, before a line begins.
 constexpr double kFit = 6e-3;      // Largest error of the distance of tips that hold [m].
 constexpr double kMaxLean = 0.35;  // A pen in its holder leans less [rad].
 const Vector3d kDown = -Vector3d::UnitZ();
@@ -171,6 +172,7 @@ bool Draw::is_over_line() const noexcept {
 
 void Draw::land() noexcept {
   extra_press_ = 0.0;
+  landed_ = Seconds(0);
   nib_trajectory_.begin({on_paper(nib_.position.head<2>(), 0.0)}, config_.hop_speed);
 }
 
@@ -263,6 +265,8 @@ void Draw::begin_carrying() noexcept {
 }
 
 void Draw::draw(Seconds elapsed) noexcept {
+  landed_ += elapsed;
+  if (landed_ < kSettling) clock_.begin_phase();
   if (clock_.in_phase() >= strokes_[stroke_][part_].duration()) finish_part();
   watch(elapsed);
 }

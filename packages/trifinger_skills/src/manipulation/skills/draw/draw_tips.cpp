@@ -33,6 +33,9 @@ constexpr double kSunk = 7e-5;           // [m]
 constexpr double kMaxExtraPress = 0.25;  // [N]
 // Each of the two tips on one side presses with at least this share of the first tip's force.
 constexpr double kMinShare = 0.4;
+// Faster tips are not damped more: a motor that hangs free in the play of its belt would be driven
+// to and fro by its own damping, which comes too late for so little inertia [m/s].
+constexpr double kMaxRate = 0.1;
 constexpr double kSafePress = 5.0;  // Largest force of a tip on the pen [N].
 
 }  // namespace
@@ -230,6 +233,7 @@ void Draw::press(TipsCommand& command, Seconds elapsed) noexcept {
   for (std::size_t k = 0; k < 3; ++k) {
     errors[k] = motions[k].position - now[k];
     rates[k] = motions[k].velocity - speeds[k];
+    rates[k] *= kMaxRate / std::max(rates[k].norm(), kMaxRate);
   }
   if (leads()) let_roll(errors, elapsed);
   const double gap_error = gap(errors);
