@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates a policy in episodes that it was not trained on: numbers, figures and a film."""
 
-import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -209,7 +208,7 @@ def evaluate(
     text = policy.metadata.get("options")
     options = Options.from_json(text) if text else Options.of(task)
     if condition is not None:
-        options = dataclasses.replace(options, condition=condition)
+        options = options.changed(condition=condition)
     config = policy.metadata.get("robot")
     evaluator = Evaluator(task, options, episodes, seed, config)
     return evaluator(act_of(policy), evaluator.rows_of(policy), watch)
