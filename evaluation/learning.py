@@ -227,8 +227,8 @@ Trainings run two at a time, each in one thread. Their times are those of the wh
 evaluations, figures and film. The processor time is judged: the wall time is the same on a quiet
 machine, and longer beside other programs.
 
-The columns *as built* and *worn* judge the same policies in the same episodes, each with another robot in this
-condition ([simulation.md](../simulation.md)); the trainings were on perfect joints.
+The columns *as built* and *worn* judge the same policies in the same episodes, each with another
+robot in this condition ([simulation.md](../simulation.md)); the trainings were on perfect joints.
 
 | training | seed | after {EARLY} [cm] | at the end [cm] | farthest [cm] | success [%] \
 | as built [cm] | success [%] | worn [cm] | success [%] | processor time [s] | wall time [s] |
