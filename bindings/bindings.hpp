@@ -30,6 +30,8 @@ void bind_replay(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 /// DirectSimulation.
 void bind_direct(nanobind::module_& m);
+/// FreeRun.
+void bind_free_run(nanobind::module_& m);
 /// Hand, hand.
 void bind_hand(nanobind::module_& m);
 /// CameraRenderer.

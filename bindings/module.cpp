@@ -25,6 +25,7 @@ NB_MODULE(_trifinger, m) {
   bind_recorder(m);
   bind_simulation(m);
   bind_direct(m);
+  bind_free_run(m);
   bind_hand(m);
   bind_rendering(m);
   bind_kinematics(m);

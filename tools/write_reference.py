@@ -36,6 +36,16 @@ objects:
     velocity: [0, 0, 0]
     angular_velocity: [0, 0, 0]
     colours: [red, green, blue, cyan, magenta, yellow]
+identified:
+  rotor_inertia: [3.6e-4, 3.6e-4, 3.6e-4, 3.6e-4, 3.6e-4, 3.6e-4, 3.6e-4, 3.6e-4, 3.6e-4]
+  damping: [0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001]
+  friction: [0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01]
+  torque_scale: [1, 1, 1, 1, 1, 1, 1, 1, 1]
+  backlash: [0, 0, 0, 0, 0, 0, 0, 0, 0]
+  zero_offset: [0, 0, 0, 0, 0, 0, 0, 0, 0]
+  link_mass: [1, 1, 1, 1, 1, 1, 1, 1, 1]
+  torque_delay: 0
+  measurement_delay: 0
 stop:
   damping_time: 0.5
   rest_position: [0, 0.9, -1.7]
@@ -46,7 +56,7 @@ stop:
 def meanings(text: str) -> dict[str, str]:
     """Returns the comments of a configuration by the paths of the keys that they precede.
 
-    Sections that are optional are in comments themselves: those of objects, and `stop`.
+    Sections that are optional are in comments themselves: those of objects, `stop`, `identified`.
     """
     found: dict[str, str] = {}
     waiting: list[str] = []
@@ -56,7 +66,7 @@ def meanings(text: str) -> dict[str, str]:
         if of_object:
             found[f"objects.0.{of_object[1]}"] = of_object[2]
             continue
-        line = re.sub(r"^# (?=stop:|  #|  \w+:)", "", line)
+        line = re.sub(r"^# (?=stop:|identified:|  #|  \w+:)", "", line)
         key = re.match(r"( *)(\w+):", line)
         if not key:
             comment = line.strip()

@@ -1042,6 +1042,45 @@ class DirectSimulation:
         Positions and velocities of joints and objects in MuJoCo's layout: `qpos`, and `qvel`.
         """
 
+class FreeRun:
+    """
+    Moves a simulated robot by the torques of a log, without safety checks, objects and contacts:
+    what it would have measured if it were like this. Threads may share one.
+    """
+
+    def __init__(self, config: str, overrides: dict[str, object] = {}) -> None:
+        """
+        `config` is the name of a configuration that comes with the package, or a file.
+        """
+
+    @staticmethod
+    def of_text(configuration: str) -> FreeRun:
+        """
+        The robot in the text of a configuration, which may name a file of a robot.
+        """
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the driven joints."""
+
+    @property
+    def trees(self) -> list[int]:
+        """Joints with the same number move each other."""
+
+    @property
+    def described(self) -> dict[str, list[float]]:
+        """
+        What the configuration says of each joint, by the names of `identified` in it.
+        """
+
+    def run(self, figures: Mapping[str, Sequence[float]], position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, begin: Sequence[int], torque: numpy.typing.ArrayLike, lead: int, length: int) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Positions that are measured after each step: pieces x `length` x joints. Piece i begins with step
+        `begin[i]` of `torque` (steps x joints), where joints are at `position[i, 1]` and have
+        `velocity[i, 1]`. `lead` steps before it they are at `position[i, 0]` and `velocity[i, 0]`; from there the
+        motors come to where they are in their play. Delays do not count. Raises InvalidArgument.
+        """
+
 class Hand:
     """
     The hand of a simulated robot that `trifinger run` runs in another process.

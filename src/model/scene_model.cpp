@@ -118,6 +118,16 @@ void SceneModel::set_position(std::size_t joint, double position,
   }
 }
 
+void SceneModel::set_velocity(std::size_t joint, double velocity, mjData_& data) const noexcept {
+  const Motor& motor = motors_[joint];
+  for (const Part& part : motor.parts) {
+    data.qvel[part.velocity] = part.share * velocity / motor.sum_of_squares;
+  }
+  for (const Follower& follower : motor.followers) {
+    data.qvel[follower.velocity] = follower.speed * velocity;
+  }
+}
+
 // A follower of a follower comes after it.
 void SceneModel::find_followers() {
   const mjModel& model = *model_;

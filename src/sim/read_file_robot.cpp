@@ -75,7 +75,8 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
     return value->as<double>({.unit = joint.is_slide ? "m" : "rad"});
   };
   try {
-    auto model = std::make_shared<const ModelFile>(std::move(options));
+    auto model = std::make_shared<ModelFile>(std::move(options));
+    model->adopt(detail::read_identified(root, model->joints().size(), model->period()));
     for (const ModelJoint& joint : model->model_joints()) detail::require_other_name(joint.name);
     for (const DrivenJoint& joint : model->joints()) detail::require_other_name(joint.name);
     return model;
@@ -109,6 +110,8 @@ RobotConfig read_file_robot(const File& file) {
     config.backend.period = simulation.file->period();
   }
   simulation.period = config.backend.period;
+  simulation.identified =
+      read_identified(root, simulation.file->joints().size(), simulation.period);
   simulation.limits = read_limits_by_name(root, joints_of(*simulation.file));
   simulation.stop = read_stop(root, simulation);
   if (const auto section = root.optional_section("simulation")) {

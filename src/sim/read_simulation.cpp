@@ -9,6 +9,7 @@
 #include "in_seconds.hpp"
 #include "trifinger/camera/options.hpp"
 #include "trifinger/model/robot_description.hpp"
+#include "trifinger/sim/variation.hpp"
 
 namespace trifinger::detail {
 namespace {
@@ -118,6 +119,28 @@ void read_simulation(const Node& section, Missing missing, SimulationOptions& op
   // Files of older versions do not have these keys.
   options.object_loss = section.optional<double>("object_loss", 0.0, {.min = 0, .max = 1});
   options.has_hand = section.optional<bool>("hand", false);
+}
+
+Identified read_identified(const Node& root, std::size_t joints, Nanoseconds period) {
+  Identified identified;
+  const auto section = root.optional_section("identified");
+  if (!section) return identified;
+  for (const IdentifiedField& field : Identified::fields()) {
+    const auto list = section->find(field.name);
+    if (!list) continue;
+    identified.*field.value =
+        list->as<std::vector<double>>({.unit = field.unit, .min = field.min, .max = field.max});
+    if ((identified.*field.value).size() == joints) continue;
+    list->fail(text_of("has ", (identified.*field.value).size(), " numbers, must have ", joints));
+  }
+  const auto read_delay = [&](std::string_view key, TimeIndex& delay) {
+    const auto node = section->find(key);
+    const double most = static_cast<double>(Variation::kMaxDelay) * in_seconds(period);
+    if (node) delay = read_steps(*node, period, {.unit = "s", .min = 0, .max = most});
+  };
+  read_delay("torque_delay", identified.torque_delay);
+  read_delay("measurement_delay", identified.measurement_delay);
+  return identified;
 }
 
 void read_sight(const Node& root, RobotConfig& config) {

@@ -33,6 +33,11 @@ enum class Missing : std::uint8_t {
 // Reads the section "simulation". `options` must have its period.
 void read_simulation(const config::Node& section, Missing missing, SimulationOptions& options);
 
+// Reads the section "identified" of a robot with so many driven joints, whose steps have this
+// period; without it, nothing was identified.
+[[nodiscard]] Identified read_identified(const config::Node& root, std::size_t joints,
+                                         Nanoseconds period);
+
 // Reads the section "cameras", how the robot knows its objects, and what simulated cameras need.
 void read_sight(const config::Node& root, RobotConfig& config);
 

@@ -105,6 +105,7 @@ SimulationOptions simulation_of(const Node& root, RobotDescription description,
   options.limits.emplace(static_cast<std::size_t>(num_joints(options.description)));
   read_joint_limits(root.section("safety"), *options.limits);
   options.period = period;
+  options.identified = detail::read_identified(root, options.limits->size(), period);
 
   options.initial_position =
       detail::read_pose(root.section("fingers"), "initial_position", options);

@@ -443,6 +443,13 @@ std::uint64_t SimulatedRobot::fingerprint() const {
   add(bytes.data(), bytes.size());
   add(&options().object_period, 1);
   add(&options().object_delay, 1);
+  const Identified& identified = options().identified;
+  for (const IdentifiedField& field : Identified::fields()) {
+    const std::vector<double>& list = identified.*field.value;
+    add(list.data(), list.size());
+  }
+  add(&identified.torque_delay, 1);
+  add(&identified.measurement_delay, 1);
   return hash;
 }
 

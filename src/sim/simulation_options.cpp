@@ -70,6 +70,7 @@ void validate_limits(const SimulationOptions& options) {
                   is_from_file ? "model" : "robot", " has ", joints));
   validate(limits);
   options.stop.validate(limits);
+  options.identified.validate(joints);
 }
 
 }  // namespace
@@ -166,7 +167,9 @@ const std::vector<ObjectDescription>& objects_of(const SimulationOptions& option
 
 std::shared_ptr<const SceneModel> make_model(const SimulationOptions& options, Detail detail) {
   if (options.file != nullptr) return options.file;
-  return std::make_shared<const RobotModel>(options.description, detail);
+  auto model = std::make_shared<RobotModel>(options.description, detail);
+  model->adopt(options.identified);
+  return model;
 }
 
 RobotTypes robot_types_of(const SimulationOptions& options) {

@@ -66,8 +66,11 @@ bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; 
 }  // namespace
 
 Simulator::Simulator(SimulationOptions options)
-    : options_((options.validate(), std::move(options))),
-      model_(make_model(options_)),
+    : Simulator((options.validate(), options), make_model(options)) {}
+
+Simulator::Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model)
+    : options_(std::move(options)),
+      model_(std::move(model)),
       described_(dynamic_cast<const RobotModel*>(model_.get())),
       safety_(options_.limits ? *options_.limits : default_limits(options_.description)),
       substeps_(options_.file != nullptr ? options_.file->substeps()
@@ -163,6 +166,13 @@ auto Simulator::make_state() const -> State {
 
 void Simulator::check(const Variation& variation) const {
   variation.validate();
+  const Identified& own = options_.identified;
+  for (const TimeIndex delay : {variation.torque_delay + own.torque_delay,
+                                variation.measurement_delay + own.measurement_delay}) {
+    require(delay <= Variation::kMaxDelay,
+            text_of("a delay is ", delay, " steps with the robot's own, must be at most ",
+                    Variation::kMaxDelay));
+  }
   if (described_ != nullptr) return;
   require(variation.pair_friction == Variation{}.pair_friction,
           "pair_friction is for TriFingers: surfaces of a robot from a file have no names");
@@ -262,7 +272,10 @@ SceneModel::Compiled Simulator::make_varied_model(const Variation& variation) co
     if (variation.varies(pair)) friction[pair] = sliding_friction(description.contact, pair);
   }
   const bool has_all = friction == options_.description.contact.friction;
-  return has_all ? model_->copy() : RobotModel(description).copy();
+  if (has_all) return model_->copy();
+  RobotModel changed(description);
+  changed.adopt(options_.identified);
+  return changed.copy();
 }
 
 void Simulator::reset(std::span<const double> position, const Random& random, mjData_& data,
@@ -360,7 +373,7 @@ void Simulator::read_encoders(State& state) const noexcept {
     seen.position[i] += memory.in_play[i];
     seen.velocity[i] += memory.play_speed[i];
   }
-  const auto delay = static_cast<std::uint64_t>(variation.measurement_delay);
+  const std::uint64_t delay = measurement_delay(memory);
   if (delay > 0 && memory.counters.num_measured > 0) {
     const std::size_t oldest = memory.counters.num_measured % delay * 2 * n;
     std::copy_n(memory.measured.data() + oldest, n, seen.position.begin());
@@ -370,6 +383,7 @@ void Simulator::read_encoders(State& state) const noexcept {
     if (variation.homing_error > 0.0) {
       seen.position[i] += variation.homing_error * share_of(Of::kHoming, i, variation.seed);
     }
+    seen.position[i] += Identified::of(options_.identified.zero_offset, i, 0.0);
     seen.velocity[i] += memory.velocity_noise[i];
   }
 }
@@ -394,7 +408,9 @@ bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjDa
   Memory::Counters& counters = memory.counters;
   ++counters.step;
   memory.torque = torque;
-  if (const auto delay = static_cast<std::uint64_t>(counters.variation.torque_delay); delay > 0) {
+  const auto delay = static_cast<std::uint64_t>(counters.variation.torque_delay +
+                                                options_.identified.torque_delay);
+  if (delay > 0) {
     const std::size_t n = num_joints();
     const auto slot_of = [&](std::uint64_t i) {
       return memory.sent.begin() + static_cast<std::ptrdiff_t>(i % delay * n);
@@ -411,13 +427,14 @@ bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjDa
     }
     model_->set_torque(i, delivered(i, data, memory), data);
   }
-  if (counters.variation.measurement_delay > 0) pass_on_measurements(data, state);
+  if (measurement_delay(memory) > 0) pass_on_measurements(data, state);
   if (puller != nullptr) {
     puller->step(model, data, substeps_);
   } else {
     for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
   }
-  if (counters.variation.backlash > 0.0) turn_in_play(model, data, memory);
+  if (counters.variation.backlash > 0.0 || !options_.identified.backlash.empty())
+    turn_in_play(model, data, memory);
   if (counters.variation.velocity_noise > 0.0) {
     for (double& noise : memory.velocity_noise) {
       noise = counters.variation.velocity_noise * counters.random.normal();
@@ -431,7 +448,7 @@ bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjDa
 void Simulator::pass_on_measurements(const mjData_& data, State& state) const noexcept {
   Memory& memory = state.memory;
   const std::size_t n = num_joints();
-  const auto delay = static_cast<std::uint64_t>(memory.counters.variation.measurement_delay);
+  const std::uint64_t delay = measurement_delay(memory);
   const auto note = [&](std::uint64_t number) {
     double* const slot = memory.measured.data() + number % delay * 2 * n;
     for (std::size_t i = 0; i < n; ++i) {
@@ -444,11 +461,24 @@ void Simulator::pass_on_measurements(const mjData_& data, State& state) const no
   note(memory.counters.num_measured++);
 }
 
+std::uint64_t Simulator::measurement_delay(const Memory& memory) const noexcept {
+  return static_cast<std::uint64_t>(memory.counters.variation.measurement_delay +
+                                    options_.identified.measurement_delay);
+}
+
+// The whole play of a joint.
+double Simulator::backlash(std::size_t joint, const Memory& memory) const noexcept {
+  return memory.counters.variation.backlash +
+         Identified::of(options_.identified.backlash, joint, 0.0);
+}
+
 // What a motor gives when it measures its torque.
 double Simulator::motor_torque(std::size_t joint, const mjData_& data,
                                const Memory& memory) const noexcept {
   const Variation& variation = memory.counters.variation;
-  double torque = variation.motor_gain * memory.torque[joint];
+  double torque = variation.motor_gain *
+                  Identified::of(options_.identified.torque_scale, joint, 1.0) *
+                  memory.torque[joint];
   if (variation.motor_spread > 0.0) {
     torque *= 1.0 + variation.motor_spread * share_of(Of::kGain, joint, variation.seed);
   }
@@ -464,7 +494,7 @@ double Simulator::motor_torque(std::size_t joint, const mjData_& data,
 double Simulator::delivered(std::size_t joint, const mjData_& data,
                             const Memory& memory) const noexcept {
   const double torque = motor_torque(joint, data, memory);
-  const double backlash = memory.counters.variation.backlash;
+  const double backlash = this->backlash(joint, memory);
   if (backlash == 0.0) return torque;
   // Within its play a motor turns alone, at one of its ends it can only push.
   const bool is_at_end = std::abs(memory.in_play[joint]) == 0.5 * backlash;
@@ -474,12 +504,12 @@ double Simulator::delivered(std::size_t joint, const mjData_& data,
 // Moves each motor against its joint by what its torque does to its rotor, after a step.
 void Simulator::turn_in_play(const mjModel_& model, const mjData_& data,
                              Memory& memory) const noexcept {
-  const double end = 0.5 * memory.counters.variation.backlash;
   const double step = std::chrono::duration<double>(options_.period).count();
   for (std::size_t i = 0; i < num_joints(); ++i) {
     const double inertia = std::max(model_->rotor_inertia(i, model), 1e-9);
     const double acceleration =
         motor_torque(i, data, memory) / inertia - model_->acceleration(i, data);
+    const double end = 0.5 * backlash(i, memory);
     double& place = memory.in_play[i];
     double& speed = memory.play_speed[i];
     speed += step * acceleration;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/model/identified.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 struct mjData_;
@@ -68,6 +69,14 @@ class SceneModel {
   /// The `mjData` of one simulation of this model or of a copy.
   /// @throws Error if there is no memory for it
   [[nodiscard]] Data make_data() const;
+  /// Makes `model`, a copy of this one, be like a robot that was measured.
+  /// @throws InvalidArgument if that makes no sense, or if what a motor moves is not one joint
+  void apply(const Identified& identified, mjModel_& model) const;
+  /// Makes this model be so, before others share it.
+  /// @throws InvalidArgument as above
+  void adopt(const Identified& identified);
+  /// What this model says of a driven joint, by the name of a row of `Identified::fields()`.
+  [[nodiscard]] double described(const char* field, std::size_t joint) const;
   /// Puts everything in a simulation of the model, or of a copy, where sessions begin.
   virtual void reset(mjData_& data) const noexcept = 0;
 
@@ -120,6 +129,7 @@ class SceneModel {
   /// Moves the joint in `configuration`, positions in the order of MuJoCo's `qpos`.
   void set_position(std::size_t joint, double position,
                     std::span<double> configuration) const noexcept;
+  void set_velocity(std::size_t joint, double velocity, mjData_& data) const noexcept;
   /// Sets the torque of its motor.
   void set_torque(std::size_t joint, double torque, mjData_& data) const noexcept;
   /// The torque that acts on this joint if `force` acts on the model's degrees of freedom. What

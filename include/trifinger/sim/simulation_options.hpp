@@ -14,6 +14,7 @@
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/read_limits.hpp"
+#include "trifinger/model/identified.hpp"
 #include "trifinger/model/model_file.hpp"
 #include "trifinger/model/robot_description.hpp"
 #include "trifinger/model/robot_model.hpp"
@@ -38,6 +39,8 @@ struct SimulationOptions {
   RobotDescription description{};
   /// The robot and the scene of this file, in place of `description`.
   std::shared_ptr<const ModelFile> file{};
+  /// What was measured on this robot. A `file` has adopted what concerns its model already.
+  Identified identified{};
   /// Limits of the joints; default: `default_limits`. A robot from a file has no default.
   std::optional<std::vector<JointLimit>> limits{};
   /// Positions of the driven joints at the beginning of every session [rad], [m]; default: the

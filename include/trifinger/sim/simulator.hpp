@@ -100,6 +100,8 @@ class Simulator {
 
   /// @throws InvalidArgument
   explicit Simulator(SimulationOptions options);
+  /// Shares a model that others have made of these options, which are valid.
+  Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model);
 
   [[nodiscard]] const SimulationOptions& options() const noexcept { return options_; }
   [[nodiscard]] const SceneModel& model() const noexcept { return *model_; }
@@ -187,6 +189,8 @@ class Simulator {
   void capture(const mjData_& data, State& state, Capture& capture) const noexcept;
   void read_encoders(State& state) const noexcept;
   void pass_on_measurements(const mjData_& data, State& state) const noexcept;
+  [[nodiscard]] std::uint64_t measurement_delay(const Memory& memory) const noexcept;
+  [[nodiscard]] double backlash(std::size_t joint, const Memory& memory) const noexcept;
   [[nodiscard]] double motor_torque(std::size_t joint, const mjData_& data,
                                     const Memory& memory) const noexcept;
   [[nodiscard]] double delivered(std::size_t joint, const mjData_& data,
