@@ -37,7 +37,7 @@ CONTENTS = {
     "How to: move objects": ["manipulation", "skills", "planning"],
     "How to: see": ["cameras", "simulated_cameras", "tracking"],
     "How to: learn": ["environments", "training", "policies", "data_sets"],
-    "How to: robots": ["hardware", "any_robot", "dclaw", "dynamixel"],
+    "How to: robots": ["hardware", "any_robot", "dclaw", "dynamixel", "howto/new_robot_to_policy"],
     "Explanation": [
         "explanation/timing_contract",
         "explanation/processes",
@@ -67,6 +67,7 @@ CONTENTS = {
 SEARCHED = {
     "howto/late_action": ["late action"],
     "howto/robot_stopped": ["fault", "recovery"],
+    "howto/new_robot_to_policy": ["identify", "identification", "sysid", "friction"],
     "howto/warm_motors": ["thermal", "overheating"],
     "tutorials/first_loop": ["control loop"],
     "tutorials/own_controller": ["own controller"],

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger identify`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from trifinger._trifinger import connect, read_joint_facts
+from trifinger.commands import command_line
+from trifinger.commands.command_line import (
+    ArgumentParser,
+    add_json,
+    add_output,
+    ended_by_signals,
+    names_of_robots,
+    say,
+    say_json,
+)
+from trifinger.commands.program import path as program
+from trifinger.errors import Error, InvalidArgument
+from trifinger.whole_file import whole_file
+
+CHUNK = 1000  # actions that are sent at once
+BEHIND = 3000  # steps from the last action that is sent to the position that is looked at
+SOFTER = 0.4  # share of the usual gains: with them a robot whose torques are late may tremble
+MOST_LAG = 0.5  # of a joint, before the robot is stopped [rad]
+HISTORY = "history.jsonl"
+LOGS = "logs"
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger identify`."""
+    arguments = parse(words)
+    return command_line.run(lambda: identify(arguments))
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments of the command line."""
+    parser = ArgumentParser(
+        prog="trifinger identify",
+        description="Find out what a robot is like: friction, rotor inertia, torques, play, "
+        "delays and masses, each with its interval. Writes a configuration of a simulation that "
+        "fits, and a page. With NAME, the robot moves for some minutes; logs are used as they are.",
+        epilog="Example:\n"
+        "  trifinger identify sim -o fitted          moves the robot 'sim' for five minutes\n"
+        "  trifinger identify logs -o fitted         from logs that are there\n"
+        "  trifinger identify --check today -o fitted   is it still what it was?",
+    )
+    parser.add_argument(
+        "what", nargs="+", metavar="NAME|LOG", help="a robot that runs, or logs of one robot"
+    )
+    add_output(parser, "folder of what is written; default: identified", "FOLDER")
+    parser.add_argument("--robot", default="", help="name of the robot in logs of several")
+    parser.add_argument(
+        "--robot-config",
+        metavar="NAME|FILE",
+        help="configuration that is extended; default: the one in the log",
+    )
+    parser.add_argument(
+        "--known",
+        choices=("link_mass", "torque_scale"),
+        default="",
+        help="what is as described; without a known one only ratios are told exactly",
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=300.0, help="how long the robot moves; default: 300"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the motion; default: 0")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="compare with what is in FOLDER; exit status 1 if something has changed",
+    )
+    add_json(parser)
+    arguments = parser.parse_args(words)
+    arguments.output = arguments.output or Path("identified")
+    return arguments
+
+
+def identify(arguments: argparse.Namespace) -> int:
+    """Records if need be, identifies, and writes or compares."""
+    from trifinger.identification import check, identify, read_motion, save
+    from trifinger.identification.check import figures_of
+    from trifinger.identification.page import FIGURES
+
+    before = None
+    if arguments.check:
+        saved = arguments.output / FIGURES
+        if not saved.is_file():
+            raise InvalidArgument(f"{saved} is not there: -o FOLDER is one that identify has made")
+        before = figures_of(json.loads(saved.read_text(encoding="utf-8")))
+    logs = arguments.what
+    if len(logs) == 1 and not Path(logs[0]).exists():
+        if logs[0] not in names_of_robots():
+            raise InvalidArgument(f"'{logs[0]}' is neither a log nor a robot that runs")
+        logs = [record(logs[0], arguments)]
+    motion = read_motion(logs, arguments.robot, arguments.robot_config)
+    tell = (lambda _text: None) if arguments.json else say
+    result = identify(motion, arguments.known, tell)
+    if before is not None:
+        changes = [str(change) for change in check(before, result.figures)]
+        _note(arguments.output / HISTORY, logs, changes)
+        if arguments.json:
+            say_json({"changed": changes})
+        else:
+            say(*changes or ["The robot still is what was identified."], sep="\n")
+        return 1 if changes else 0
+    base = arguments.robot_config or ""
+    save(result, arguments.output, str(Path(base).resolve()) if Path(base).is_file() else base)
+    told = len(result.told)
+    if arguments.json:
+        say_json(
+            {
+                "figures": told,
+                "not_told": len(result.figures) - told,
+                "free_run_ratio": result.ratio,
+                "folder": str(arguments.output),
+            }
+        )
+        return 0
+    say(
+        f"{told} of {len(result.figures)} figures are told. The error of a free run of 1 s is "
+        f"{result.ratio:.3f} of what it was.",
+        f"{arguments.output} has fitted.yml, vary.json and identified.html.",
+        sep="\n",
+    )
+    return 0
+
+
+def record(robot: str, arguments: argparse.Namespace) -> str:
+    """Moves a robot, and returns the folder of the log."""
+    from trifinger.identification.excitation import Excitation
+
+    folder: Path = arguments.output / LOGS / time.strftime("%Y%m%d-%H%M%S")
+    folder.mkdir(parents=True)
+    with ended_by_signals(), recorder(robot, folder), connect(robot) as frontend:
+        info, documents = frontend.session_info(), frontend.documents()
+        _, joints, limits = read_joint_facts(
+            documents["configuration.yml"], info.type, opens_file=True
+        )
+        start = np.array(frontend.latest_observation().position)
+        excitation = Excitation(documents["model.xml"], joints, limits, info.period, arguments.seed)
+        rows = excitation.plan(start, arguments.seconds)
+        say(f"The robot '{robot}' moves for {len(rows) * info.period:.0f} s; Ctrl-C ends it.")
+        gains = SOFTER * limits["default_kp"]
+        actions = np.repeat(np.array([frontend.new_action(position_kp=gains)]), CHUNK)
+        for first in range(0, len(rows), CHUNK):
+            part = actions[: len(rows) - first]
+            part["position"] = rows[first : first + CHUNK]
+            last = frontend.append_desired_actions(part)
+            seen = max(last - BEHIND, 0)
+            lag = np.abs(frontend.get_observation(seen).position - rows[seen])
+            if np.max(lag) > MOST_LAG:
+                frontend.finish()
+                joint = joints[int(np.argmax(lag))]
+                raise Error(
+                    f"joint '{joint}' of '{robot}' is {np.max(lag):.2f} rad from where it "
+                    "should be: something holds it"
+                )
+        frontend.get_observation(last)
+        frontend.finish()
+    return str(folder)
+
+
+@contextlib.contextmanager
+def recorder(robot: str, folder: Path) -> Iterator[None]:
+    """Records a robot in a process of its own."""
+    words = [program(), "record", robot, "-o", str(folder)]
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL) as process:
+        try:
+            while not any(folder.iterdir()):
+                if process.poll() is not None:
+                    raise Error(f"the recorder of '{robot}' has ended")
+                time.sleep(0.02)
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait()
+
+
+def _note(path: Path, logs: Sequence[str], changes: list[str]) -> None:
+    """Adds a line to what earlier checks have found."""
+    line = {"time": time.strftime("%Y-%m-%dT%H:%M:%S"), "logs": list(logs), "changed": changes}
+    old = path.read_text(encoding="utf-8") if path.exists() else ""
+    with whole_file(path) as part:
+        part.write_text(old + json.dumps(line) + "\n", encoding="utf-8")

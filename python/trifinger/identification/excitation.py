@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Motion that shows what a robot is like: each joint alone and all together, slow and fast."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from trifinger.arrays import Array
+from trifinger.errors import InvalidArgument
+
+# Between the robot and all else, itself included [m]: the largest that is kept where it begins.
+CLEARANCES = (0.02, 0.015, 0.01, 0.005)
+ALONE = 0.3  # share of the time in which joints of a finger move one by one
+SPEEDS = (0.05, 0.2, 0.5)  # of moves, as shares of the largest speed
+FASTEST = 5.0  # [rad/s]
+LEAST_MOVE = 0.3  # s
+REST = 0.1  # between two moves [s]
+TRIALS = 200  # to find a move that touches nothing
+SHAKE = (0.015, 0.05)  # of a move, besides where it goes [rad]
+SIZES = (1.0, 0.5, 0.2, 0.0)  # of a shake, until it touches nothing
+SHAKE_RATE = (1.0, 7.0)  # [1/s]
+LOOK = 0.03  # between two positions that are looked at [s]
+EDGE = 0.08  # share of a joint's range that is left at both ends
+
+
+class Excitation:
+    """Plans positions for all joints, step by step, that touch nothing in a model of the robot."""
+
+    def __init__(
+        self,
+        model: str,
+        joints: Sequence[str],
+        limits: Mapping[str, Array],
+        period: float,
+        seed: int = 0,
+    ) -> None:
+        """`model` is the text of a model in MuJoCo's format, `limits` are those of `safety`."""
+        self._model = mujoco.MjModel.from_xml_string(model)
+        self._data = mujoco.MjData(self._model)
+        if self._model.nkey:
+            mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
+        ids = [mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in joints]
+        if min(ids) < 0:
+            missing = joints[ids.index(min(ids))]
+            raise InvalidArgument(
+                f"'{missing}' is no joint of the model, but several: move such a robot yourself, "
+                "and identify it from the logs"
+            )
+        self._places = self._model.jnt_qposadr[ids]
+        bodies = self._model.jnt_bodyid[ids]
+        self._trees = self._model.body_treeid[bodies]
+        moves = np.isin(self._model.body_treeid, self._trees)
+        self._is_own = moves[self._model.geom_bodyid]
+        self._near_at_home: dict[tuple[int, int], float] = {}
+        self._period = period
+        self._random = np.random.default_rng(seed)
+        lower = np.maximum(limits["soft_lower"], -np.pi)
+        upper = np.minimum(limits["soft_upper"], np.pi)
+        self._lower = lower + EDGE * (upper - lower)
+        self._upper = upper - EDGE * (upper - lower)
+        self._speed = np.minimum(limits["max_velocity"], FASTEST)
+
+    def plan(self, start: Array, seconds: float) -> Array:
+        """Positions of all joints from `start` on, a row for each step [rad].
+
+        The motion itself begins there or where the model does, in a free pose.
+        """
+        home = self._data.qpos[self._places].copy()
+        home = self._free_pose(np.array(start, dtype=float), home)
+        rows = [self._home(np.array(start, dtype=float), home)]
+        count = 0
+        place = home
+        for part in self._alone(place, ALONE * seconds):
+            rows.append(part)
+            count += len(part)
+        while count < seconds / self._period:
+            target = self._target(place)
+            for size in SIZES:
+                part = self._move(place, target, size)
+                if all(map(self.is_free, part[:: round(LOOK / self._period)])):
+                    break
+            place = part[-1]
+            rows.append(part)
+            count += len(part)
+        rows.append(self._home(place, home))
+        return np.concatenate(rows)
+
+    def is_free(self, position: Array) -> bool:
+        """Whether the robot touches nothing there, nor nearly."""
+        near = self._near(position)
+        return all(self._near_at_home.get(pair, 0.0) > 0 and far > 0 for pair, far in near.items())
+
+    def _free_pose(self, *poses: Array) -> Array:
+        """The first of these poses that is free, with the largest clearance that one of them has.
+
+        Links of one robot may always be near each other: with the least one, such pairs may be so
+        elsewhere, too, as long as they do not touch.
+        """
+        inside = [np.clip(pose, self._lower, self._upper) for pose in poses]
+        for clearance in CLEARANCES:
+            self._model.geom_margin[:] = clearance
+            self._model.pair_margin[:] = clearance
+            self._model.body_margin[:] = clearance
+            for pose in inside:
+                if self.is_free(pose):
+                    return pose
+        for pose in inside:
+            self._near_at_home = self._near(pose)
+            if self.is_free(pose):
+                return pose
+        raise InvalidArgument(
+            "the robot touches something where it is, and in the pose in which sessions begin: "
+            "move it to a free pose"
+        )
+
+    def _near(self, position: Array) -> dict[tuple[int, int], float]:
+        """Distances of what the robot nearly touches, by pairs of geoms [m]."""
+        self._data.qpos[self._places] = position
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        contact = self._data.contact
+        near: dict[tuple[int, int], float] = {}
+        for (one, other), distance in zip(contact.geom, contact.dist, strict=True):
+            if self._is_own[one] or self._is_own[other]:
+                pair = (int(one), int(other))
+                near[pair] = min(float(distance), near.get(pair, np.inf))
+        return near
+
+    def _is_free_way(self, begin: Array, end: Array) -> bool:
+        count = max(int(np.max(np.abs(end - begin)) / 0.08), 2)
+        return all(self.is_free(begin + s * (end - begin)) for s in np.linspace(0, 1, count))
+
+    def _target(self, place: Array) -> Array:
+        for trial in range(TRIALS):
+            # Far goals are rarely free, so goals come nearer.
+            reach = 1.0 - 0.9 * trial / TRIALS
+            goal = self._random.uniform(self._lower, self._upper)
+            goal = np.clip(place + reach * (goal - place), self._lower, self._upper)
+            if self._is_free_way(place, goal):
+                return goal
+        return place
+
+    def _move(self, begin: Array, end: Array, shaken: float) -> Array:
+        """A move with a shake, and a rest."""
+        share = self._random.choice(SPEEDS)
+        seconds = max(LEAST_MOVE, 1.9 * float(np.max(np.abs(end - begin) / (share * self._speed))))
+        steps = round(seconds / self._period)
+        s = np.arange(1, steps + 1)[:, None] / steps
+        line = begin + s**3 * (10 - 15 * s + 6 * s**2) * (end - begin)
+        size = shaken * self._random.uniform(*SHAKE, len(begin))
+        rate = self._random.uniform(*SHAKE_RATE, len(begin))
+        phase = self._random.uniform(0, 2 * np.pi, len(begin))
+        shake = size * np.sin(2 * np.pi * rate * s * seconds + phase) * np.sin(np.pi * s) ** 0.5
+        moved = np.clip(line + shake, self._lower, self._upper)
+        rest = np.repeat(moved[-1:], round(REST / self._period), axis=0)
+        return np.concatenate([moved, rest])
+
+    def _alone(self, home: Array, seconds: float) -> Iterator[Array]:
+        """Moves the first joint of each finger, then the second, and so on."""
+        ranks = np.array([np.sum(self._trees[:i] == tree) for i, tree in enumerate(self._trees)])
+        each = seconds / (ranks.max() + 1)
+        for rank in range(ranks.max() + 1):
+            moving = ranks == rank
+            low, high = self._free_range(home, moving, -1.0), self._free_range(home, moving, 1.0)
+            middle, half = (low + high) / 2, (high - low) / 2
+            begin = home.copy()
+            begin[moving] = middle[moving]
+            yield self._home(home, begin)
+            for share, speed in ((0.55, SPEEDS[0]), (0.15, SPEEDS[1]), (0.3, SPEEDS[2])):
+                steps = round(share * each / self._period)
+                time = self._period * np.arange(1, steps + 1)[:, None]
+                # Smaller turns for faster motion, so that torques suffice.
+                size = np.minimum(half, 0.4 * self._speed * speed)
+                if share > 0.5:
+                    size = half
+                angle = np.where(size > 1e-3, speed * self._speed / np.maximum(size, 1e-3), 0.0)
+                angle = np.minimum(angle, 2 * np.pi * SHAKE_RATE[1])
+                fade = np.minimum(1.0, np.minimum(time, time[-1] - time) / 0.2)
+                rows = begin + np.where(moving, fade * size * np.sin(angle * time), 0.0)
+                yield np.clip(rows, self._lower, self._upper)
+            yield self._home(begin, home)
+
+    def _free_range(self, home: Array, moving: Array, sign: float) -> Array:
+        """How far these joints may go together, each from home."""
+        end = np.where(sign > 0, self._upper, self._lower)
+        free = home.copy()
+        for s in np.linspace(0, 1, 40):
+            tried = np.where(moving, home + s * (end - home), home)
+            if not self.is_free(tried):
+                break
+            free = tried
+        return free
+
+    def _home(self, begin: Array, end: Array) -> Array:
+        """A slow straight move."""
+        seconds = max(LEAST_MOVE, 1.9 * float(np.max(np.abs(end - begin) / (0.15 * self._speed))))
+        steps = round(seconds / self._period)
+        s = np.arange(1, steps + 1)[:, None] / steps
+        moved: Array = begin + s**3 * (10 - 15 * s + 6 * s**2) * (end - begin)
+        return moved

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The simulation that fits one robot, from logs of it."""
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import StartProgram
+from trifinger._trifinger import FreeRun, configuration_text, read_joint_facts
+from trifinger.environments import Options
+from trifinger.identification import check, identify, read_motion, save
+from trifinger.identification.check import figures_of
+from trifinger.identification.excitation import Excitation
+from trifinger.identification.fit import Figure
+from trifinger.identification.page import FIGURES, ranges
+
+TRUE = {
+    "friction": [0.004, 0.012, 0.009],
+    "damping": [0.004, 0.002, 0.006],
+    "rotor_inertia": [5e-4, 2.5e-4, 4e-4],
+    "torque_scale": [0.9, 1.05, 1.1],
+    "backlash": [0.003, 0.006, 0.002],
+    "zero_offset": [0.004, -0.006, 0.005],
+    "link_mass": [1.0, 1.0, 1.0],
+    "torque_delay": 0.002,
+    "measurement_delay": 0.001,
+}
+
+
+def finger(folder: Path, name: str = "robot.yml", **identified: object) -> Path:
+    """The configuration of a single finger that is like this."""
+    path = folder / name
+    path.write_text(f"extends: finger_edu\nobjects: []\nidentified: {json.dumps(identified)}\n")
+    return path
+
+
+def recorded(config: Path, folder: Path, seconds: float, seed: int = 0) -> Path:
+    """Moves a simulated robot as `trifinger identify` does, and returns its log."""
+    simulation = trifinger.Simulation(str(config))
+    simulation.vary(velocity_noise=0.02)
+    _, joints, limits = read_joint_facts(configuration_text(str(config)), "finger")
+    with simulation.record(folder), simulation.connect() as robot:
+        start = np.array(robot.latest_observation().position)
+        plan = Excitation(trifinger.export_mjcf(str(config)), joints, limits, 1e-3, seed)
+        rows = plan.plan(start, seconds)
+        actions = np.repeat(np.array([robot.new_action()]), len(rows))
+        actions["position"] = rows
+        for first in range(0, len(rows), 1000):
+            last = robot.append_desired_actions(actions[first : first + 1000])
+        robot.get_observation(last)
+        robot.finish()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("identification")
+    return recorded(finger(folder, **TRUE), folder / "log", 40.0)
+
+
+def test_a_free_run_moves_like_the_robot_if_all_figures_are_true(log: Path) -> None:
+    motion = read_motion([log], robot_config=str(log.parent / "robot.yml"))
+    begins = np.arange(2000, 12000, 500)
+    two = begins[:, None] + np.array([-50, 0])
+    speed = np.gradient(motion.position, axis=0) / motion.period
+    lists = {name: value for name, value in TRUE.items() if isinstance(value, list)}
+    late = np.concatenate([motion.torque[:3], motion.torque[:-3]])
+
+    def errors(figures: dict[str, list[float]]) -> float:
+        run = FreeRun.of_text(motion.configuration).run(
+            figures, motion.position[two], speed[two], begins.tolist(), late, 50, 100
+        )
+        return float(np.median(np.abs(run[:, -1] - motion.position[begins + 100])))
+
+    assert errors(lists) < 1e-4
+    assert errors(lists | {"friction": [0.0] * 3}) > 10 * errors(lists)
+    assert errors(lists | {"torque_scale": [1.0] * 3}) > 10 * errors(lists)
+    assert errors(lists | {"link_mass": [1.2] * 3}) > 10 * errors(lists)
+
+
+@pytest.mark.slow
+def test_logs_tell_what_a_robot_is_like_and_its_simulation_then_moves_like_it(
+    log: Path, tmp_path: Path
+) -> None:
+    described = finger(tmp_path, "described.yml")
+    # Otherwise the scale of masses and torques together would be told by 4 % only.
+    result = identify(read_motion([log], robot_config=str(described)), known="link_mass")
+    joints = result.motion.joints
+    inside = []
+    for figure in result.told:
+        true = 0.003 if figure.name == "delay" else TRUE[figure.name][joints.index(figure.joint)]
+        # Intervals are of 95 %; this is not the place to count them.
+        half = 2 * (figure.high - figure.value)
+        inside.append(figure.value - half <= true <= figure.value + half)
+    assert len(result.told) >= 19
+    assert sum(inside) >= 0.95 * len(inside)
+    assert (result.torque_delay, result.measurement_delay) == (2, 1)
+    assert result.ratio < 0.1
+
+    save(result, tmp_path / "fitted", str(described))
+    fitted = FreeRun(str(tmp_path / "fitted" / "fitted.yml")).described
+    assert fitted["friction"] == pytest.approx(TRUE["friction"], rel=0.15)
+    assert fitted["backlash"] == pytest.approx(TRUE["backlash"], abs=2e-4)
+    page = (tmp_path / "fitted" / "identified.html").read_text()
+    assert "Measured and simulated" in page
+    assert all(joint in page for joint in joints)
+    trifinger.simulate(str(tmp_path / "fitted" / "fitted.yml")).latest_observation()
+    factors = ranges(result)
+    assert 0 < factors["motor_gain"][0] < 1 < factors["motor_gain"][1]
+    Options.of("reach", **{k: tuple(v) for k, v in factors.items()})
+    saved = json.loads((tmp_path / "fitted" / FIGURES).read_text())
+    assert figures_of(saved) == result.figures
+    assert not check(result.figures, figures_of(saved))
+
+
+def test_a_configuration_says_what_was_identified(tmp_path: Path) -> None:
+    config = finger(tmp_path, zero_offset=[0.1, 0.2, 0.3], measurement_delay=0.002)
+    plain = trifinger.Simulation(str(finger(tmp_path, "plain.yml")))
+    assert plain.connect().latest_observation().position == pytest.approx([0.0, 0.9, -1.7])
+    robot = trifinger.Simulation(str(config)).connect()
+    assert robot.latest_observation().position == pytest.approx([0.1, 1.1, -1.4])
+
+
+@pytest.mark.parametrize(
+    ("identified", "why"),
+    [
+        ({"friction": [0.1]}, "identified.friction has 1 numbers, must have 3"),
+        ({"friction": [-0.1, 0, 0]}, "must be at least 0|must be 0 to"),
+        ({"torque_delay": 0.0005}, "must be a whole number of steps"),
+        ({"frictions": [0, 0, 0]}, "identified.frictions"),
+    ],
+)
+def test_a_configuration_that_makes_no_sense_is_refused(
+    tmp_path: Path, identified: dict[str, object], why: str
+) -> None:
+    with pytest.raises(trifinger.Error, match=why):
+        trifinger.Simulation(str(finger(tmp_path, **identified)))
+
+
+def test_logs_of_no_use_are_refused_with_a_sentence(tmp_path: Path, log: Path) -> None:
+    still = trifinger.Simulation(str(finger(tmp_path)))
+    with still.record(tmp_path / "still"), still.connect() as robot:
+        rest = np.repeat(np.array([robot.new_action()]), 12000)
+        rest["position"] = robot.latest_observation().position
+        for first in range(0, 12000, 1000):
+            last = robot.append_desired_actions(rest[first : first + 1000])
+        robot.get_observation(last)
+        robot.finish()
+    with pytest.raises(trifinger.InvalidArgument, match="nothing moves"):
+        read_motion([tmp_path / "still"])
+    with pytest.raises(trifinger.InvalidArgument, match="another robot"):
+        read_motion([log], robot_config="trifinger_edu")
+    with still.record(tmp_path / "short"), still.connect() as robot:
+        robot.get_observation(robot.append_desired_actions(rest[:1000]))
+        robot.finish()
+    with pytest.raises(trifinger.InvalidArgument, match="too short"):
+        read_motion([tmp_path / "short"])
+    strict = {"safety.plausibility.max_velocity_error": 1e-3}
+    faulty = trifinger.Simulation(str(finger(tmp_path)), strict)
+    faulty.vary(velocity_noise=1.0)
+    recorder = faulty.record(tmp_path / "fault")
+    robot = faulty.connect()
+    with pytest.raises(trifinger.RobotStopped):
+        robot.get_observation(robot.append_desired_actions(rest[:1000]))
+    recorder.stop()
+    with pytest.raises(trifinger.InvalidArgument, match="stopped with a fault in step"):
+        read_motion([tmp_path / "fault"])
+
+
+def test_saturated_motors_are_refused(tmp_path: Path) -> None:
+    warm = {"safety.continuous_torque": float("inf")}
+    simulation = trifinger.Simulation(str(finger(tmp_path)), warm)
+    with simulation.record(tmp_path / "log"), simulation.connect() as robot:
+        push = np.repeat(np.array([robot.new_action()]), 12000)
+        push["torque"] = np.sign(np.sin(np.arange(12000) / 20))[:, None] * [1.0, 0.0, 0.0]
+        for first in range(0, 12000, 1000):
+            last = robot.append_desired_actions(push[first : first + 1000])
+        robot.get_observation(last)
+        robot.finish()
+    with pytest.raises(trifinger.InvalidArgument, match="gets its largest torque in"):
+        read_motion([tmp_path / "log"])
+
+
+def test_planned_motion_stays_within_limits_and_touches_nothing() -> None:
+    config = "trifinger_edu"
+    text, model = configuration_text(config), trifinger.export_mjcf(config)
+    _, joints, limits = read_joint_facts(text, "trifinger")
+    start = np.array([0, 0.9, -1.7] * 3)
+    plan = Excitation(model, joints, limits, 1e-3, seed=3)
+    rows = plan.plan(start, 20.0)
+    assert len(rows) >= 20_000
+    assert (rows > limits["soft_lower"]).all()
+    assert (rows < limits["soft_upper"]).all()
+    assert rows[-1] == pytest.approx(start)
+    assert np.abs(np.diff(rows, axis=0)).max() < 1e-3 * limits["max_velocity"].max()
+    assert (np.ptp(rows, axis=0) > 0.5).all()
+    assert all(map(plan.is_free, rows[::97]))
+    assert not plan.is_free(np.zeros(9))  # the fingers hang through the table
+
+
+def test_a_check_names_what_has_changed_by_more_than_chance() -> None:
+    def friction(value: float, half: float) -> Figure:
+        return Figure("friction", "a", value, value - half, value + half, 0.0, True, "")
+
+    before, near, far = friction(0.01, 1e-3), friction(0.0105, 1e-3), friction(0.02, 1e-3)
+    assert not check([before], [near])
+    assert not check([before], [replace(far, is_told=False)])
+    assert not check([before], [friction(0.02, 1e-2)])
+    (change,) = check([before], [far])
+    assert str(change).startswith("friction of joint 'a' is 0.02 (0.019 to 0.021), was 0.01")
+
+
+@pytest.mark.slow
+def test_the_command_writes_a_simulation_and_says_later_that_a_robot_has_changed(
+    log: Path, tmp_path: Path
+) -> None:
+    described, folder = finger(tmp_path, "described.yml"), tmp_path / "fitted"
+    words = ["trifinger", "identify", str(log), "-o", str(folder), "--robot-config", str(described)]
+    said = subprocess.run(words, check=True, capture_output=True, text=True).stdout
+    assert "figures are told" in said
+    assert f"extends: {json.dumps(str(described))}" in (folder / "fitted.yml").read_text()
+    worn = finger(tmp_path, "worn.yml", **(TRUE | {"friction": [0.004, 0.03, 0.009]}))
+    later = recorded(worn, tmp_path / "later", 40.0, seed=1)
+    words = ["trifinger", "identify", "--check", str(later), "-o", str(folder)]
+    words += ["--robot-config", str(described), "--json"]
+    ended = subprocess.run(words, capture_output=True, text=True)
+    assert ended.returncode == 1
+    changed = json.loads(ended.stdout)["changed"]
+    assert any("friction of joint 'finger_upper_to_middle_joint" in one for one in changed)
+    assert len((folder / "history.jsonl").read_text().splitlines()) == 1
+
+
+def test_the_command_refuses_what_is_neither_log_nor_robot() -> None:
+    ended = subprocess.run(
+        ["trifinger", "identify", "nobody"], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 2
+    assert ended.stderr == ("trifinger identify: 'nobody' is neither a log nor a robot that runs\n")
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_page_identify_a_robot(
+    tmp_path: Path, start_program: StartProgram
+) -> None:
+    worn = ("--set", "simulation.condition=worn")
+    robot = start_program("run", "finger_edu", "--name", "mine", "--non-real-time", *worn)
+    robot.wait_for("waits for a user")
+    words = ["trifinger", "identify", "mine", "-o", str(tmp_path / "fitted"), "--seconds", "30"]
+    ended = subprocess.run(words, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert "The robot 'mine' moves for 3" in ended.stdout
+    assert "The error of a free run of 1 s is 0." in ended.stdout
+    assert 'extends: "robot.yml"' in (tmp_path / "fitted" / "fitted.yml").read_text()
+
+
+@pytest.mark.slow
+def test_a_fitted_simulation_trains(tmp_path: Path) -> None:
+    nine = {name: value * 3 for name, value in TRUE.items() if isinstance(value, list)}
+    config = tmp_path / "fitted.yml"
+    config.write_text(f"extends: trifinger_edu\nidentified: {json.dumps(nine)}\n")
+    words = ["trifinger", "train", "reach", "--robot-config", str(config), "--episodes", "2"]
+    words += ["-o", str(tmp_path / "reach"), "--set", "motor_gain=(0.92, 1.08)"]
+    ended = subprocess.run(words, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert (tmp_path / "reach" / "reach.policy").exists()
