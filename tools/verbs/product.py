@@ -58,6 +58,7 @@ EVALUATIONS = {
     "cliffs": "evaluation/cliffs.py",
     "control": "evaluation/skills.py",
     "environments": "evaluation/evaluate_environments.py",
+    "identify": "evaluation/identify.py",
     "learn-on-robot": "evaluation/learn_on_robot.py",
     "learning": "evaluation/learning.py",
     "push": "evaluation/push.py",
