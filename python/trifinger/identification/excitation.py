@@ -73,6 +73,7 @@ class Excitation:
         rows = [self._home(np.array(start, dtype=float), home)]
         count = 0
         place = home
+        visited: list[Array] = []
         for part in self._alone(place, ALONE * seconds):
             rows.append(part)
             count += len(part)
@@ -80,11 +81,18 @@ class Excitation:
             target = self._target(place)
             for size in SIZES:
                 part = self._move(place, target, size)
-                if all(map(self.is_free, part[:: round(LOOK / self._period)])):
+                if self._are_free(part):
                     break
+            else:
+                part = self._home(place, place)
+            visited.append(place)
             place = part[-1]
             rows.append(part)
             count += len(part)
+        while visited and not self._is_free_way(place, home):
+            before = visited.pop()  # back the way that it came
+            rows.append(self._home(place, before))
+            place = before
         rows.append(self._home(place, home))
         return np.concatenate(rows)
 
@@ -92,6 +100,9 @@ class Excitation:
         """Whether the robot touches nothing there, nor nearly."""
         near = self._near(position)
         return all(self._near_at_home.get(pair, 0.0) > 0 and far > 0 for pair, far in near.items())
+
+    def _are_free(self, rows: Array) -> bool:
+        return all(map(self.is_free, rows[:: round(LOOK / self._period)]))
 
     def _free_pose(self, *poses: Array) -> Array:
         """The first of these poses that is free, with the largest clearance that one of them has.
@@ -131,7 +142,7 @@ class Excitation:
         return near
 
     def _is_free_way(self, begin: Array, end: Array) -> bool:
-        count = max(int(np.max(np.abs(end - begin)) / 0.08), 2)
+        count = max(int(np.max(np.abs(end - begin)) / 0.03), 2)
         return all(self.is_free(begin + s * (end - begin)) for s in np.linspace(0, 1, count))
 
     def _target(self, place: Array) -> Array:
@@ -169,20 +180,22 @@ class Excitation:
             middle, half = (low + high) / 2, (high - low) / 2
             begin = home.copy()
             begin[moving] = middle[moving]
-            yield self._home(home, begin)
-            for share, speed in ((0.55, SPEEDS[0]), (0.15, SPEEDS[1]), (0.3, SPEEDS[2])):
-                steps = round(share * each / self._period)
-                time = self._period * np.arange(1, steps + 1)[:, None]
-                # Smaller turns for faster motion, so that torques suffice.
-                size = np.minimum(half, 0.4 * self._speed * speed)
-                if share > 0.5:
-                    size = half
-                angle = np.where(size > 1e-3, speed * self._speed / np.maximum(size, 1e-3), 0.0)
-                angle = np.minimum(angle, 2 * np.pi * SHAKE_RATE[1])
-                fade = np.minimum(1.0, np.minimum(time, time[-1] - time) / 0.2)
-                rows = begin + np.where(moving, fade * size * np.sin(angle * time), 0.0)
-                yield np.clip(rows, self._lower, self._upper)
-            yield self._home(begin, home)
+            for shrunk in SIZES[:-1]:
+                parts = [self._home(home, begin)]
+                for share, speed in ((0.55, SPEEDS[0]), (0.15, SPEEDS[1]), (0.3, SPEEDS[2])):
+                    steps = round(share * each / self._period)
+                    time = self._period * np.arange(1, steps + 1)[:, None]
+                    # Smaller turns for faster motion, so that torques suffice.
+                    fast = np.minimum(half, 0.4 * self._speed * speed)
+                    size = np.maximum(shrunk * (half if share > 0.5 else fast), 1e-3)
+                    rate = np.minimum(speed * self._speed / size, 2 * np.pi * SHAKE_RATE[1])
+                    fade = np.minimum(1.0, np.minimum(time, time[-1] - time) / 0.2)
+                    rows = begin + np.where(moving, fade * size * np.sin(rate * time), 0.0)
+                    parts.append(np.clip(rows, self._lower, self._upper))
+                whole = np.concatenate([*parts, self._home(begin, home)])
+                if self._are_free(whole):
+                    yield whole
+                    break
 
     def _free_range(self, home: Array, moving: Array, sign: float) -> Array:
         """How far these joints may go together, each from home."""
