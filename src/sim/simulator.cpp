@@ -66,7 +66,7 @@ bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; 
 }  // namespace
 
 Simulator::Simulator(SimulationOptions options)
-    : Simulator((options.validate(), options), make_model(options)) {}
+    : Simulator(options, (options.validate(), make_model(options))) {}
 
 Simulator::Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model)
     : options_(std::move(options)),
