@@ -30,8 +30,8 @@ FreeRun::FreeRun(SimulationOptions options)
 std::vector<double> FreeRun::described(const IdentifiedField& field) const {
   const std::vector<double>& own = options_.identified.*field.value;
   if (!own.empty()) return own;
-  std::vector<double> values;
-  for (std::size_t i = 0; i < num_joints(); ++i) values.push_back(model_->described(field.name, i));
+  std::vector<double> values(num_joints());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = model_->described(field.name, i);
   return values;
 }
 
@@ -44,8 +44,8 @@ std::vector<int> FreeRun::trees() const {
   for (std::size_t i = 0; i < num_joints(); ++i) {
     std::fill_n(data->qvel, model.nv, 0.0);
     model_->set_velocity(i, 1.0, *data);
-    const auto moved = std::find_if(data->qvel, data->qvel + model.nv,
-                                    [](double velocity) { return velocity != 0.0; });
+    const double* const moved = std::find_if(data->qvel, data->qvel + model.nv,
+                                             [](double velocity) { return velocity != 0.0; });
     trees.push_back(model.dof_treeid[moved - data->qvel]);
   }
   return trees;

@@ -65,7 +65,7 @@ bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; 
 
 }  // namespace
 
-Simulator::Simulator(SimulationOptions options)
+Simulator::Simulator(const SimulationOptions& options)
     : Simulator(options, (options.validate(), make_model(options))) {}
 
 Simulator::Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model)
