@@ -3,6 +3,7 @@
 
 import json
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +30,15 @@ TRUE = {
     "torque_delay": 0.002,
     "measurement_delay": 0.001,
 }
+
+
+def python_command(name: str) -> list[str]:
+    """How to run `trifinger NAME`, which may not be installed."""
+    program = f"import sys; from trifinger.commands.{name} import main; sys.exit(main())"
+    return [sys.executable, "-c", program]
+
+
+IDENTIFY = python_command("identify")
 
 
 def finger(folder: Path, name: str = "robot.yml", **identified: object) -> Path:
@@ -219,13 +229,13 @@ def test_the_command_writes_a_simulation_and_says_later_that_a_robot_has_changed
     log: Path, tmp_path: Path
 ) -> None:
     described, folder = finger(tmp_path, "described.yml"), tmp_path / "fitted"
-    words = ["trifinger", "identify", str(log), "-o", str(folder), "--robot-config", str(described)]
+    words = [*IDENTIFY, str(log), "-o", str(folder), "--robot-config", str(described)]
     said = subprocess.run(words, check=True, capture_output=True, text=True).stdout
     assert "figures are told" in said
     assert f"extends: {json.dumps(str(described))}" in (folder / "fitted.yml").read_text()
     worn = finger(tmp_path, "worn.yml", **(TRUE | {"friction": [0.004, 0.03, 0.009]}))
     later = recorded(worn, tmp_path / "later", 40.0, seed=1)
-    words = ["trifinger", "identify", "--check", str(later), "-o", str(folder)]
+    words = [*IDENTIFY, "--check", str(later), "-o", str(folder)]
     words += ["--robot-config", str(described), "--json"]
     ended = subprocess.run(words, capture_output=True, text=True)
     assert ended.returncode == 1
@@ -235,9 +245,7 @@ def test_the_command_writes_a_simulation_and_says_later_that_a_robot_has_changed
 
 
 def test_the_command_refuses_what_is_neither_log_nor_robot() -> None:
-    ended = subprocess.run(
-        ["trifinger", "identify", "nobody"], capture_output=True, text=True, check=False
-    )
+    ended = subprocess.run([*IDENTIFY, "nobody"], capture_output=True, text=True, check=False)
     assert ended.returncode == 2
     assert ended.stderr == ("trifinger identify: 'nobody' is neither a log nor a robot that runs\n")
 
@@ -249,7 +257,7 @@ def test_the_commands_of_the_page_identify_a_robot(
     worn = ("--set", "simulation.condition=worn")
     robot = start_program("run", "finger_edu", "--name", "mine", "--non-real-time", *worn)
     robot.wait_for("waits for a user")
-    words = ["trifinger", "identify", "mine", "-o", str(tmp_path / "fitted"), "--seconds", "30"]
+    words = [*IDENTIFY, "mine", "-o", str(tmp_path / "fitted"), "--seconds", "30"]
     ended = subprocess.run(words, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     assert "The robot 'mine' moves for 3" in ended.stdout
@@ -262,7 +270,7 @@ def test_a_fitted_simulation_trains(tmp_path: Path) -> None:
     nine = {name: value * 3 for name, value in TRUE.items() if isinstance(value, list)}
     config = tmp_path / "fitted.yml"
     config.write_text(f"extends: trifinger_edu\nidentified: {json.dumps(nine)}\n")
-    words = ["trifinger", "train", "reach", "--robot-config", str(config), "--episodes", "2"]
+    words = [*python_command("train"), "reach", "--robot-config", str(config), "--episodes", "2"]
     words += ["-o", str(tmp_path / "reach"), "--set", "motor_gain=(0.92, 1.08)"]
     ended = subprocess.run(words, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
