@@ -65,7 +65,9 @@ bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; 
 
 }  // namespace
 
-Simulator::Simulator(const SimulationOptions& options)
+// Not moved: the options are checked, and make a model, in no known order with the copy.
+// NOLINTNEXTLINE(performance-unnecessary-value-param): callers move their options.
+Simulator::Simulator(SimulationOptions options)
     : Simulator(options, (options.validate(), make_model(options))) {}
 
 Simulator::Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model)

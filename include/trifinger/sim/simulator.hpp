@@ -99,7 +99,7 @@ class Simulator {
   };
 
   /// @throws InvalidArgument
-  explicit Simulator(const SimulationOptions& options);
+  explicit Simulator(SimulationOptions options);
   /// Shares a model that others have made of these options, which are valid.
   Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model);
 
