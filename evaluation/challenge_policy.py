@@ -452,7 +452,7 @@ class ToPose:
 
 
 class Push:
-    """Draws an object towards the middle with one tip behind it, where no grasp reaches it.
+    """Drags an object that no grasp reaches towards the middle, with one tip behind it.
 
     An object that stands on its end falls over. Tips follow points by position control.
     """
@@ -479,7 +479,7 @@ class Push:
         return bool(self._points)
 
     def begin(self, rest: Pose, size: Sequence[float], joints: Array) -> None:
-        """Chooses a face that looks outwards and a finger that reaches behind it.
+        """Chooses a face on the far side from the middle, and a finger that reaches behind it.
 
         Without such a finger nothing begins.
         """

@@ -27,11 +27,6 @@ void Identified::validate(std::size_t joints) const {
                       field.max));
     }
   }
-  constexpr TimeIndex kMost = 10;  // what a simulation keeps room for
-  for (const TimeIndex delay : {torque_delay, measurement_delay}) {
-    require(delay >= 0 && delay <= kMost,
-            text_of("a delay in identified is ", delay, " steps, must be 0 to ", kMost));
-  }
 }
 
 void SceneModel::apply(const Identified& identified, mjModel_& model) const {

@@ -77,7 +77,7 @@ void FreeRun::run(const Identified& robot, const LoggedPieces& pieces,
   model_->apply(change, *model);
   model->opt.disableflags |= mjDSBL_CONTACT;
 
-  const Simulator simulator(options, model_);
+  const Simulator simulator(model_, options);
   const SceneModel::Data data = model_->make_data();
   Simulator::State state = simulator.make_state();
   PerJoint<double> torque(n, 0.0);

@@ -41,7 +41,9 @@ Node file_node(const Node& robot) {
   return mjcf ? *mjcf : *urdf;
 }
 
-std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optional<Node>& period) {
+// Reads the model, and what was identified of its joints.
+void read_model(const Node& root, const std::optional<Node>& period,
+                SimulationOptions& simulation) {
   const Node robot = root.section("robot");
   const Node path = file_node(robot);
   ModelFileOptions options{.path = path.as<std::string>()};
@@ -76,10 +78,11 @@ std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optiona
   };
   try {
     auto model = std::make_shared<ModelFile>(std::move(options));
-    model->adopt(detail::read_identified(root, model->joints().size(), model->period()));
+    simulation.identified = detail::read_identified(root, model->joints().size(), model->period());
+    model->adopt(simulation.identified);
     for (const ModelJoint& joint : model->model_joints()) detail::require_other_name(joint.name);
     for (const DrivenJoint& joint : model->joints()) detail::require_other_name(joint.name);
-    return model;
+    simulation.file = model;
   } catch (const InvalidArgument& error) {
     throw config::ConfigError(path.location(), error.what());
   }
@@ -98,7 +101,7 @@ RobotConfig read_file_robot(const File& file) {
   config.name = root.required<std::string>("name");
   const auto backend = root.optional_section("backend");
   const std::optional<Node> period = backend ? backend->find("period") : std::nullopt;
-  simulation.file = read_model(root, period);
+  read_model(root, period, simulation);
   if (backend) {
     config.backend = read_backend(*backend, config.session);
   } else {
@@ -110,8 +113,6 @@ RobotConfig read_file_robot(const File& file) {
     config.backend.period = simulation.file->period();
   }
   simulation.period = config.backend.period;
-  simulation.identified =
-      read_identified(root, simulation.file->joints().size(), simulation.period);
   simulation.limits = read_limits_by_name(root, joints_of(*simulation.file));
   simulation.stop = read_stop(root, simulation);
   if (const auto section = root.optional_section("simulation")) {

@@ -14,6 +14,7 @@
 #include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/sim/object_observation.hpp"
+#include "trifinger/sim/variation.hpp"
 
 namespace trifinger {
 namespace {
@@ -70,7 +71,13 @@ void validate_limits(const SimulationOptions& options) {
                   is_from_file ? "model" : "robot", " has ", joints));
   validate(limits);
   options.stop.validate(limits);
-  options.identified.validate(joints);
+  const Identified& identified = options.identified;
+  identified.validate(joints);
+  for (const TimeIndex delay : {identified.torque_delay, identified.measurement_delay}) {
+    require(
+        delay >= 0 && delay <= Variation::kMaxDelay,
+        text_of("a delay in identified is ", delay, " steps, must be 0 to ", Variation::kMaxDelay));
+  }
 }
 
 }  // namespace

@@ -65,12 +65,11 @@ bool has_time_constant(const double* solref) noexcept { return solref[0] > 0.0; 
 
 }  // namespace
 
-// Not moved: the options are checked, and make a model, in no known order with the copy.
-// NOLINTNEXTLINE(performance-unnecessary-value-param): callers move their options.
+// Braces: what makes the model comes before the move.
 Simulator::Simulator(SimulationOptions options)
-    : Simulator(options, (options.validate(), make_model(options))) {}
+    : Simulator{(options.validate(), make_model(options)), std::move(options)} {}
 
-Simulator::Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model)
+Simulator::Simulator(std::shared_ptr<const SceneModel> model, SimulationOptions options)
     : options_(std::move(options)),
       model_(std::move(model)),
       described_(dynamic_cast<const RobotModel*>(model_.get())),

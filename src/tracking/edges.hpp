@@ -27,8 +27,8 @@ struct Fit {
   // where the colour of a face goes on beyond its edge. Something may hide an edge, but nothing
   // paints a face where there is none.
   double ending{1};
-  // Of the image that contradicts the pose most: the number of places where an edge agrees, divided
-  // by the number of those where there is an edge or where the colour of a face goes on.
+  // The image that contradicts the pose most has this share: of the places where there is an edge,
+  // or where the colour of a face goes on, those where the edge agrees.
   double image_agreeing{1};
   double growth{0};  // how far all edges seem to lie outside of where they are [pixel]
 };

@@ -48,6 +48,14 @@ def finger(folder: Path, name: str = "robot.yml", **identified: object) -> Path:
     return path
 
 
+def play(robot: trifinger.Frontend, actions: np.ndarray) -> None:
+    """Lets a robot carry out all actions, and ends its session."""
+    for first in range(0, len(actions), 1000):
+        last = robot.append_desired_actions(actions[first : first + 1000])
+    robot.get_observation(last)
+    robot.finish()
+
+
 def recorded(config: Path, folder: Path, seconds: float, seed: int = 0) -> Path:
     """Moves a simulated robot as `trifinger identify` does, and returns its log."""
     simulation = trifinger.Simulation(str(config))
@@ -59,10 +67,7 @@ def recorded(config: Path, folder: Path, seconds: float, seed: int = 0) -> Path:
         rows = plan.plan(start, seconds)
         actions = np.repeat(np.array([robot.new_action()]), len(rows))
         actions["position"] = rows
-        for first in range(0, len(rows), 1000):
-            last = robot.append_desired_actions(actions[first : first + 1000])
-        robot.get_observation(last)
-        robot.finish()
+        play(robot, actions)
     return folder
 
 
@@ -156,17 +161,13 @@ def test_logs_of_no_use_are_refused_with_a_sentence(tmp_path: Path, log: Path) -
     with still.record(tmp_path / "still"), still.connect() as robot:
         rest = np.repeat(np.array([robot.new_action()]), 12000)
         rest["position"] = robot.latest_observation().position
-        for first in range(0, 12000, 1000):
-            last = robot.append_desired_actions(rest[first : first + 1000])
-        robot.get_observation(last)
-        robot.finish()
+        play(robot, rest)
     with pytest.raises(trifinger.InvalidArgument, match="nothing moves"):
         read_motion([tmp_path / "still"])
     with pytest.raises(trifinger.InvalidArgument, match="another robot"):
         read_motion([log], robot_config="trifinger_edu")
     with still.record(tmp_path / "short"), still.connect() as robot:
-        robot.get_observation(robot.append_desired_actions(rest[:1000]))
-        robot.finish()
+        play(robot, rest[:1000])
     with pytest.raises(trifinger.InvalidArgument, match="too short"):
         read_motion([tmp_path / "short"])
     strict = {"safety.plausibility.max_velocity_error": 1e-3}
@@ -187,10 +188,7 @@ def test_saturated_motors_are_refused(tmp_path: Path) -> None:
     with simulation.record(tmp_path / "log"), simulation.connect() as robot:
         push = np.repeat(np.array([robot.new_action()]), 12000)
         push["torque"] = np.sign(np.sin(np.arange(12000) / 20))[:, None] * [1.0, 0.0, 0.0]
-        for first in range(0, 12000, 1000):
-            last = robot.append_desired_actions(push[first : first + 1000])
-        robot.get_observation(last)
-        robot.finish()
+        play(robot, push)
     with pytest.raises(trifinger.InvalidArgument, match="gets its largest torque in"):
         read_motion([tmp_path / "log"])
 

@@ -46,6 +46,7 @@ struct Identified {
                       IdentifiedField{"link_mass", "", &Identified::link_mass, 0.1, 10}};
   }
 
+  /// Checks the lists; how late a simulation may be is its own matter.
   /// @throws InvalidArgument that names the value found and the values allowed
   void validate(std::size_t joints) const;
 

@@ -101,7 +101,7 @@ class Simulator {
   /// @throws InvalidArgument
   explicit Simulator(SimulationOptions options);
   /// Shares a model that others have made of these options, which are valid.
-  Simulator(SimulationOptions options, std::shared_ptr<const SceneModel> model);
+  Simulator(std::shared_ptr<const SceneModel> model, SimulationOptions options);
 
   [[nodiscard]] const SimulationOptions& options() const noexcept { return options_; }
   [[nodiscard]] const SceneModel& model() const noexcept { return *model_; }

@@ -4,11 +4,13 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 from trifinger import extras
 from trifinger._trifinger import Policy
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_json, say
+from trifinger.environment_options import OptionFields
 from trifinger.errors import InvalidArgument
 from trifinger.own_class import name_of_file
 from trifinger.progress import Progress
@@ -34,7 +36,7 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     parser.add_argument(
         "--condition",
-        choices=("as documented", "as built", "worn"),
+        choices=get_args(get_type_hints(OptionFields)["condition"]),
         help="of the simulated robots; default: that of the training",
     )
     add_json(parser)

@@ -157,11 +157,9 @@ class Excitation:
 
     def _move(self, begin: Array, end: Array, shaken: float) -> Array:
         """A move with a shake, and a rest."""
-        share = self._random.choice(SPEEDS)
-        seconds = max(LEAST_MOVE, 1.9 * float(np.max(np.abs(end - begin) / (share * self._speed))))
-        steps = round(seconds / self._period)
-        s = np.arange(1, steps + 1)[:, None] / steps
-        line = begin + s**3 * (10 - 15 * s + 6 * s**2) * (end - begin)
+        line = self._straight(begin, end, self._random.choice(SPEEDS))
+        seconds = len(line) * self._period
+        s = np.arange(1, len(line) + 1)[:, None] / len(line)
         size = shaken * self._random.uniform(*SHAKE, len(begin))
         rate = self._random.uniform(*SHAKE_RATE, len(begin))
         phase = self._random.uniform(0, 2 * np.pi, len(begin))
@@ -210,7 +208,11 @@ class Excitation:
 
     def _home(self, begin: Array, end: Array) -> Array:
         """A slow straight move."""
-        seconds = max(LEAST_MOVE, 1.9 * float(np.max(np.abs(end - begin) / (0.15 * self._speed))))
+        return self._straight(begin, end, 0.15)
+
+    def _straight(self, begin: Array, end: Array, share: float) -> Array:
+        """A move of least jerk with at most this share of the largest speed (Flash, Hogan 1985)."""
+        seconds = max(LEAST_MOVE, 1.9 * float(np.max(np.abs(end - begin) / (share * self._speed))))
         steps = round(seconds / self._period)
         s = np.arange(1, steps + 1)[:, None] / steps
         moved: Array = begin + s**3 * (10 - 15 * s + 6 * s**2) * (end - begin)

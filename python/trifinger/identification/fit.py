@@ -327,17 +327,14 @@ class _Fit:
             widths = np.ones(len(self.trees))
             for i in members:
                 share = (rows[0, i] - rows[1, i]) / self.step(i)
-                one = self.parameters[i]
-                widths[self.trees == self.trees[one.joint] if one.kind else slice(None)] = share
+                widths[self.felt(i)] = share
             change: Array = (ahead - behind) / widths
             return change
 
         columns: dict[int, Array] = {}
         for members, change in zip(colours, self.pool.map(differ, colours), strict=True):
             for i in members:
-                one = self.parameters[i]
-                mask = self.trees == self.trees[one.joint] if one.kind else np.ones_like(self.trees)
-                columns[i] = change * (mask.astype(float) * self.spread[i] / self.step(i))
+                columns[i] = change * (self.felt(i).astype(float) * self.spread[i] / self.step(i))
         for direction in self.scales(pieces, values, base, columns):
             # Differences are not exact enough to say that this direction changes nothing.
             along = sum(columns[i] * share for i, share in direction.items())
@@ -382,6 +379,12 @@ class _Fit:
         """The name of a parameter."""
         kind = self.parameters[i].kind
         return kind.name if kind else DELAY
+
+    def felt(self, i: int) -> Array:
+        """Which joints feel a parameter: those that move each other, or all feel the delay."""
+        one = self.parameters[i]
+        felt: Array = (self.trees == self.trees[one.joint]) | (one.kind is None)
+        return felt
 
     def step(self, i: int) -> float:
         kind = self.parameters[i].kind

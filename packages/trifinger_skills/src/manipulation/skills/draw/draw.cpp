@@ -27,7 +27,7 @@ constexpr Seconds kNumbTime{0.1};
 constexpr double kOver = 3e-4;  // A nib so near to the beginning of a line may go down [m].
 constexpr Seconds kOverTime{0.2};
 constexpr Seconds kLongestHover{2.0};
-constexpr Seconds kSettling{0.1};  // Of the nib on the paper, before a line begins.
+constexpr Seconds kSettling{0.1};  // The nib rests on the paper so long before a line begins.
 constexpr double kFit = 6e-3;      // Largest error of the distance of tips that hold [m].
 constexpr double kMaxLean = 0.35;  // A pen in its holder leans less [rad].
 const Vector3d kDown = -Vector3d::UnitZ();

@@ -217,7 +217,7 @@ class Draw final : public TipsSkill<Draw, DrawPhase> {
   Seconds numb_{0};
   Seconds hovers_{0};  // Over the beginning of a line,
   Seconds over_{0};    // and of this the nib has been near to it.
-  Seconds landed_{0};  // On the paper since a line's beginning was reached.
+  Seconds landed_{0};  // Time since the nib has come down to begin a line.
   bool is_lost_{false};
   std::size_t stroke_{0};
   std::size_t part_{0};
