@@ -29,6 +29,8 @@ struct Options {
   std::string condition{name_of(Condition::kAsDocumented)};
   std::vector<std::string> changes;
   std::vector<std::string> settings;
+  std::string robot;
+  std::string known;
 };
 
 // "backlash=0.004". Throws InvalidArgument if it is anything else.
@@ -106,6 +108,10 @@ int run(const Options& options) {
       SkillTrial trial = row.trial;
       trial.condition = condition;
       trial.changes = changes;
+      if (!options.robot.empty())
+        trial.simulation.identified = load_robot_config(options.robot).simulation.identified;
+      if (!options.known.empty())
+        trial.known = load_robot_config(options.known).simulation.identified;
       trial.settings.insert(trial.settings.end(), options.settings.begin(), options.settings.end());
       for (const std::uint64_t seed : options.seeds) print(run(row, trial, seed));
       return 0;
@@ -127,6 +133,9 @@ int run_program(int argument_count, char** arguments) {
       ->allow_extra_args(false);
   program.add_option("--set", options.settings, "KEY=VALUE of the skill, to try it; repeatable")
       ->allow_extra_args(false);
+  program.add_option("--robot", options.robot,
+                     "Configuration whose section `identified` says how the joints are");
+  program.add_option("--known", options.known, "And what the skill knows of that");
   CLI11_PARSE(program, argument_count, arguments);
   if (!options.row.empty()) return run(options);
   print_rows();

@@ -213,11 +213,11 @@ SkillTrialResult run_on_boards(const SkillTrial& trial) {
   StrainObserver strain(trial);
   SkillTrialResult result;
   result.trace = manipulation::run_skill(
-      robot, *skill, {.on_step = [&](TimeIndex t) {
-        strain.look(robot.get_observation(t), robot.get_applied_action(t));
-        result.truth.push_back(
-            {.step = t + 1, .object = pose_of(world.plant().object_pose(object))});
-      }});
+      robot, *skill, {.identified = trial.known, .on_step = [&](TimeIndex t) {
+                        strain.look(robot.get_observation(t), robot.get_applied_action(t));
+                        result.truth.push_back(
+                            {.step = t + 1, .object = pose_of(world.plant().object_pose(object))});
+                      }});
   result.strain = strain.strain();
   result.end = result.truth.size();
   result.figures = figures_of(*skill, result);
@@ -257,7 +257,8 @@ SkillTrialResult run_in_real_time(const SkillTrial& trial) {
       Frontend<TriFinger> frontend(host);
       session.emplace(frontend.session());
       // One below the back-end, as `trifinger manipulate` runs.
-      result.trace = manipulation::run_skill(frontend, *skill, {.realtime = {.priority = 70}});
+      result.trace = manipulation::run_skill(
+          frontend, *skill, {.realtime = {.priority = 70}, .identified = trial.known});
     }
     leave_realtime();
     result.timing = session->timing();
@@ -368,14 +369,14 @@ SkillTrialResult run_skill_trial(const SkillTrial& trial) {
   const auto after = static_cast<TimeIndex>(trial.after / trial.simulation.period);
   {
     auto robot = simulation.connect();
-    result.trace =
-        manipulation::run_skill(robot, *skill, {.on_step = [&](TimeIndex t) {
-                                  strain.look(robot.get_observation(t), robot.get_applied_action(t),
-                                              simulation.robot().contact_depth());
-                                  result.truth.push_back(observer.look(t));
-                                  if (trial.interfere)
-                                    trial.interfere(simulation.robot(), t, skill->state());
-                                }});
+    result.trace = manipulation::run_skill(
+        robot, *skill, {.identified = trial.known, .on_step = [&](TimeIndex t) {
+                          strain.look(robot.get_observation(t), robot.get_applied_action(t),
+                                      simulation.robot().contact_depth());
+                          result.truth.push_back(observer.look(t));
+                          if (trial.interfere)
+                            trial.interfere(simulation.robot(), t, skill->state());
+                        }});
   }
   result.end = result.truth.size();
   result.strain = strain.strain();

@@ -33,6 +33,7 @@ struct SkillTrial {
   Condition condition{Condition::kAsDocumented};
   std::vector<std::pair<std::string, double>> changes{};  // Beside it: values of `Variation`.
   RobotDescription believed;
+  Identified known{};  // What the controller knows of the joints.
   // How the back-end keeps time; nothing if time stands still while the skill computes.
   std::optional<BackendOptions> real_time{};
   control::Seconds after{1.0};  // Time to watch when the skill has ended: the robot holds its pose.

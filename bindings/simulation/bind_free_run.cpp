@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
 #include <cstddef>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bindings.hpp"
@@ -96,6 +98,12 @@ void bind_free_run(nb::module_& m) {
             return nb::typed<nb::list, nb::str>(names);
           },
           "Names of the driven joints.")
+      .def_prop_ro(
+          "delays",
+          [](const FreeRun& self) {
+            return std::pair(self.torque_delay(), self.measurement_delay());
+          },
+          "How late torques and measurements are by the configuration [steps].")
       .def_prop_ro("trees", &FreeRun::trees, "Joints with the same number move each other.")
       .def_prop_ro(
           "described",
@@ -110,12 +118,10 @@ void bind_free_run(nb::module_& m) {
           "run", &run_pieces, "figures"_a, "position"_a, "velocity"_a, "begin"_a, "torque"_a,
           "lead"_a, "length"_a,
           "Positions that are measured after each step: pieces x `length` x joints. Piece i begins "
-          "with step\n`begin[i]` of `torque` (steps x joints), where joints are at `position[i, "
-          "1]` "
+          "with step\n`begin[i]` of `torque` (steps x joints), where joints are at `position[i, 1]` "
           "and have\n`velocity[i, 1]`. `lead` steps before it they are at `position[i, 0]` and "
-          "`velocity[i, 0]`; from there the\nmotors come to where they are in their play. Delays "
-          "do "
-          "not count. Raises InvalidArgument.");
+          "`velocity[i, 0]`; from\nthere the motors come to where they are in their play. Delays do "
+          "not count. Raises\nInvalidArgument.");
 }
 
 }  // namespace trifinger::bindings

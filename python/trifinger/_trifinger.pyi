@@ -1064,6 +1064,10 @@ class FreeRun:
         """Names of the driven joints."""
 
     @property
+    def delays(self) -> tuple[int, int]:
+        """How late torques and measurements are by the configuration [steps]."""
+
+    @property
     def trees(self) -> list[int]:
         """Joints with the same number move each other."""
 
@@ -1077,8 +1081,9 @@ class FreeRun:
         """
         Positions that are measured after each step: pieces x `length` x joints. Piece i begins with step
         `begin[i]` of `torque` (steps x joints), where joints are at `position[i, 1]` and have
-        `velocity[i, 1]`. `lead` steps before it they are at `position[i, 0]` and `velocity[i, 0]`; from there the
-        motors come to where they are in their play. Delays do not count. Raises InvalidArgument.
+        `velocity[i, 1]`. `lead` steps before it they are at `position[i, 0]` and `velocity[i, 0]`; from
+        there the motors come to where they are in their play. Delays do not count. Raises
+        InvalidArgument.
         """
 
 class Hand:

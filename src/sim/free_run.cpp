@@ -25,7 +25,10 @@ SimulationOptions bare(SimulationOptions options) {
 }  // namespace
 
 FreeRun::FreeRun(SimulationOptions options)
-    : options_(bare(std::move(options))), model_(make_model(options_)) {}
+    : torque_delay_(options.identified.torque_delay),
+      measurement_delay_(options.identified.measurement_delay),
+      options_(bare(std::move(options))),
+      model_(make_model(options_)) {}
 
 std::vector<double> FreeRun::described(const IdentifiedField& field) const {
   const std::vector<double>& own = options_.identified.*field.value;

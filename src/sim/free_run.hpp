@@ -36,6 +36,9 @@ class FreeRun {
   [[nodiscard]] std::size_t num_joints() const noexcept { return model_->joints().size(); }
   // What the robot's configuration says, by the name of a row of `Identified::fields()`.
   [[nodiscard]] std::vector<double> described(const IdentifiedField& field) const;
+  // How late torques and measurements are by the configuration, which does not count in `run`.
+  [[nodiscard]] TimeIndex torque_delay() const noexcept { return torque_delay_; }
+  [[nodiscard]] TimeIndex measurement_delay() const noexcept { return measurement_delay_; }
   // Joints with the same number move each other.
   [[nodiscard]] std::vector<int> trees() const;
 
@@ -45,6 +48,8 @@ class FreeRun {
   void run(const Identified& robot, const LoggedPieces& pieces, std::span<double> position) const;
 
  private:
+  TimeIndex torque_delay_;
+  TimeIndex measurement_delay_;
   SimulationOptions options_;
   std::shared_ptr<const SceneModel> model_;
 };

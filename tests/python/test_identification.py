@@ -2,6 +2,7 @@
 """The simulation that fits one robot, from logs of it."""
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,11 +13,14 @@ import pytest
 import trifinger
 from conftest import StartProgram
 from trifinger._trifinger import FreeRun, configuration_text, read_joint_facts
+from trifinger.commands.identify import recorder
+from trifinger.commands.program import path as program
 from trifinger.environments import Options
 from trifinger.identification import check, identify, read_motion, save
 from trifinger.identification.check import figures_of
-from trifinger.identification.excitation import Excitation
+from trifinger.identification.excitation import Excitation, Gains, strokes
 from trifinger.identification.fit import Figure
+from trifinger.identification.handling import HANDLED, smooth
 from trifinger.identification.page import FIGURES, ranges
 
 TRUE = {
@@ -208,6 +212,108 @@ def test_planned_motion_stays_within_limits_and_touches_nothing() -> None:
     assert (np.ptp(rows, axis=0) > 0.3).all()
     assert all(map(plan.is_free, rows[::97]))
     assert not plan.is_free(np.zeros(9))  # the fingers hang through the table
+
+
+def test_gains_grow_until_a_joint_trembles() -> None:
+    _, _, limits = read_joint_facts(configuration_text("finger_edu"), "finger")
+    gains = Gains(limits)
+    calm = np.zeros((1000, 3))
+    trembling = calm.copy()
+    trembling[:, 1] = np.resize([1, -1], 1000) * limits["max_torque"][1]
+    for _ in range(20):
+        gains.look(calm)
+    assert gains.kp == pytest.approx(limits["default_kp"])
+    gains.look(trembling)
+    softer = gains.kp[1]
+    assert softer < 0.7 * limits["default_kp"][1]
+    for _ in range(20):
+        gains.look(calm)
+    assert gains.kp == pytest.approx([limits["default_kp"][0], softer, limits["default_kp"][2]])
+
+
+def test_strokes_move_one_finger_at_a_time_and_press_down() -> None:
+    kinematics = trifinger.ModelKinematics("pushing")
+    _, _, limits = read_joint_facts(configuration_text("pushing"), "trifinger")
+    start = kinematics.initial_position
+    rows = strokes(kinematics, limits, 1e-3, start, 0.0095, np.array([0.0, 0.0, 0.065]))
+    place = rows["position"]
+    assert (place >= limits["soft_lower"]).all()
+    assert (place <= limits["soft_upper"]).all()
+    assert np.max(np.abs(np.diff(place, axis=0))) < 1e-3 * np.min(limits["max_velocity"])
+    moves = (place != start).reshape(len(place), 3, 3).any(axis=2)
+    assert moves.sum(axis=1).max() == 1
+    pressed = np.flatnonzero(np.any(rows["torque"] != 0, axis=1))[::200]
+    forces = []
+    for t in pressed:
+        finger = int(np.argmax(moves[t])) if moves[t].any() else 0
+        mine = slice(3 * finger, 3 * finger + 3)
+        lever = kinematics.jacobian(kinematics.frames[finger], place[t])[:3, mine]
+        torque = rows["torque"][t] - kinematics.gravity_torques(place[t])
+        forces.append(np.linalg.solve(lever.T, torque[mine]))
+    assert np.min(forces, axis=0)[2] == pytest.approx(-1.0, abs=0.05)
+    assert np.all(np.abs(rows["torque"]) < limits["max_torque"])
+
+
+def test_a_cubic_through_a_cubic_is_exact() -> None:
+    t = 1e-3 * np.arange(200)[:, None]
+    place, rate, bent = smooth(2 + t - 3 * t**2 + 40 * t**3, 10, 1e-3)
+    inner = slice(10, -10)
+    assert place[inner] == pytest.approx((2 + t - 3 * t**2 + 40 * t**3)[inner])
+    assert rate[inner] == pytest.approx((1 - 6 * t + 120 * t**2)[inner])
+    assert bent[inner] == pytest.approx((-6 + 240 * t)[inner], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
+    tmp_path: Path, start_program: StartProgram
+) -> None:
+    mass, friction = 0.12, 0.4
+    config = tmp_path / "heavy.yml"
+    config.write_text(
+        "extends: pushing\n"
+        f"objects: [{{name: cube, type: cube, size: [0.065], mass: {mass}}}]\n"
+        "contact: {tip_friction: 1.0, tip_torsional_friction: 0.005, floor_friction: 0.5, "
+        f"friction: {{object_table: {friction}}}}}\n"
+        "simulation: {seed: 1, object_period: 0.01, object_delay: 0.02, object_position_noise: 0.0005, "
+        "object_orientation_noise: 0.005}\n"
+    )
+    logs = []
+    for task in ("lift", "slide"):
+        name = f"handled-{task}"
+        robot = start_program("run", str(config), "--name", name, "--non-real-time")
+        robot.wait_for("waits for a user")
+        (tmp_path / task).mkdir()
+        with recorder(name, tmp_path / task):
+            words = ["manipulate", task, "--robot", name, "-o", str(tmp_path / "report")]
+            words += ["--identified", str(config)]
+            subprocess.run([program(), *words], check=True)
+        logs.append(str(tmp_path / task))
+    output = tmp_path / "found"
+    words = ["--object", "cube", "--robot-config", "pushing", "-o", str(output)]
+    subprocess.run([*IDENTIFY, *logs, *words], check=True)
+    found = configuration_text(str(output / HANDLED))
+
+    def value(key: str) -> float:
+        return float(re.findall(rf"^ +{key}: (\S+)", found, re.MULTILINE)[0])
+
+    assert value("mass") == pytest.approx(mass, rel=0.1)
+    assert value("object_table") == pytest.approx(friction, rel=0.1)
+    assert value("object_delay") == pytest.approx(0.02)
+    assert value("object_position_noise") == pytest.approx(0.0005, rel=0.2)
+
+
+def test_an_object_needs_a_robot_that_is_known(tmp_path: Path, log: Path) -> None:
+    def error(*words: str) -> str:
+        done = subprocess.run(
+            [*IDENTIFY, str(log), "--object", "cube", "-o", str(tmp_path), *words],
+            check=False, capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 2
+        return done.stderr
+
+    assert "--robot-config" in error()
+    assert "nothing says where" in error("--robot-config", str(log.parent / "robot.yml"))
+    assert not (tmp_path / HANDLED).exists()
 
 
 def test_a_check_names_what_has_changed_by_more_than_chance() -> None:

@@ -41,6 +41,7 @@ using manipulation::SkillTrace;
 struct ManipulateOptions {
   std::string task;
   std::string config;
+  std::string identified;
   std::string robot;
   bool needs_cameras{false};
   bool is_taught{false};
@@ -140,6 +141,10 @@ void require_task(const std::string& task) {
                                                     : fmt::format("perhaps '{}'", similar)));
 }
 
+Identified identified_in(const std::string& config) {
+  return config.empty() ? Identified{} : load_robot_config(config).simulation.identified;
+}
+
 int manipulate(const ManipulateOptions& options) {
   require_task(options.task);
   auto robot = connect<TriFinger>(options.robot);
@@ -154,6 +159,7 @@ int manipulate(const ManipulateOptions& options) {
       robot, *skill,
       {.realtime = realtime_beside(robot.session().info(), options.scheduling),
        .stop = &stop,
+       .identified = identified_in(options.identified),
        .on_step = {},
        .on_update = {},
        .on_phase = report_state,
@@ -259,6 +265,11 @@ int manipulate_command(const std::vector<std::string>& words) {
       ->option_text("SOURCE");
   program.add_flag("--taught", options.is_taught,
                    "Plays the motion that was taught, whatever the object does");
+  program
+      .add_option("--identified", options.identified,
+                  "Configuration that 'trifinger identify' has written of this robot: torques "
+                  "and zeros are made up for")
+      ->option_text("FILE");
   add_overrides(program, options.settings, "lift.height=0.1", "Change a setting");
   add_output(program, options.output, "Folder of the report", "FOLDER")->capture_default_str();
   add_user_scheduling(program, options.scheduling);

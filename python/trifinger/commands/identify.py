@@ -9,12 +9,14 @@ import json
 import signal
 import subprocess
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from trifinger._trifinger import connect, read_joint_facts
+from trifinger._trifinger import Frontend, ModelKinematics, connect, read_joint_facts
+from trifinger.arrays import Array
 from trifinger.commands import command_line
 from trifinger.commands.command_line import (
     ArgumentParser,
@@ -30,8 +32,7 @@ from trifinger.errors import Error, InvalidArgument
 from trifinger.whole_file import whole_file
 
 CHUNK = 1000  # actions that are sent at once
-BEHIND = 3000  # steps from the last action that is sent to the position that is looked at
-SOFTER = 0.4  # share of the usual gains: with them a robot whose torques are late may tremble
+BEHIND = 3000  # steps from the last action that is sent to those that are looked at
 MOST_LAG = 0.5  # of a joint, before the robot is stopped [rad]
 HISTORY = "history.jsonl"
 LOGS = "logs"
@@ -60,6 +61,13 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     )
     add_output(parser, "folder of what is written; default: identified", "FOLDER")
     parser.add_argument("--robot", default="", help="name of the robot in logs of several")
+    parser.add_argument(
+        "--object",
+        default="",
+        metavar="OBJECT",
+        help="identify this object and its contacts, with a robot that was identified before: its "
+        "mass from lifts, friction from what slides. NAME slides its tips over table and object",
+    )
     parser.add_argument(
         "--robot-config",
         metavar="NAME|FILE",
@@ -99,10 +107,14 @@ def identify(arguments: argparse.Namespace) -> int:
             raise InvalidArgument(f"{saved} is not there: -o FOLDER is one that identify has made")
         before = figures_of(json.loads(saved.read_text(encoding="utf-8")))
     logs = arguments.what
+    if arguments.object and not arguments.robot_config:
+        raise InvalidArgument("--object needs the robot that was identified: --robot-config")
     if len(logs) == 1 and not Path(logs[0]).exists():
         if logs[0] not in names_of_robots():
             raise InvalidArgument(f"'{logs[0]}' is neither a log nor a robot that runs")
         logs = [record(logs[0], arguments)]
+    if arguments.object:
+        return _identify_object(logs, arguments)
     motion = read_motion(logs, arguments.robot, arguments.robot_config)
     tell = (lambda _text: None) if arguments.json else say
     result = identify(motion, arguments.known, tell)
@@ -136,9 +148,24 @@ def identify(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _identify_object(logs: Sequence[str], arguments: argparse.Namespace) -> int:
+    from trifinger.identification.handling import identify_handling, save_handling
+
+    figures = identify_handling(logs, arguments.robot_config, arguments.object, arguments.robot)
+    path = save_handling(figures, arguments.output, arguments.robot_config)
+    if arguments.json:
+        say_json({"figures": [asdict(one) for one in figures if one.is_told]})
+        return 0
+    for one in figures:
+        said = f"{one.value:.4g} ({one.low:.4g} to {one.high:.4g})"
+        say(f"{one.name} of {one.joint}: {said if one.is_told else 'not told: ' + one.shown_by}")
+    say(f"{path} has them.")
+    return 0
+
+
 def record(robot: str, arguments: argparse.Namespace) -> str:
     """Moves a robot, and returns the folder of the log."""
-    from trifinger.identification.excitation import Excitation
+    from trifinger.identification.excitation import Excitation, Gains
 
     folder: Path = arguments.output / LOGS / time.strftime("%Y%m%d-%H%M%S")
     folder.mkdir(parents=True)
@@ -148,18 +175,29 @@ def record(robot: str, arguments: argparse.Namespace) -> str:
             documents["configuration.yml"], info.type, opens_file=True
         )
         start = np.array(frontend.latest_observation().position)
-        excitation = Excitation(documents["model.xml"], joints, limits, info.period, arguments.seed)
-        rows = excitation.plan(start, arguments.seconds)
-        say(f"The robot '{robot}' moves for {len(rows) * info.period:.0f} s; Ctrl-C ends it.")
-        gains = SOFTER * limits["default_kp"]
-        actions = np.repeat(np.array([frontend.new_action(position_kp=gains)]), CHUNK)
-        for first in range(0, len(rows), CHUNK):
-            part = actions[: len(rows) - first]
-            part["position"] = rows[first : first + CHUNK]
+        gains = None
+        if arguments.object:
+            rows = _strokes(frontend, limits, start, arguments)
+        else:
+            model, seed = documents["model.xml"], arguments.seed
+            excitation = Excitation(model, joints, limits, info.period, seed)
+            rows = {"position": excitation.plan(start, arguments.seconds)}
+            gains = Gains(limits)
+        count = len(rows["position"])
+        say(f"The robot '{robot}' moves for {count * info.period:.0f} s; Ctrl-C ends it.")
+        actions = np.repeat(np.array([frontend.new_action()]), CHUNK)
+        for first in range(0, count, CHUNK):
+            part = actions[: count - first]
+            for field, values in rows.items():
+                part[field] = values[first : first + CHUNK]
+            if gains:
+                part["position_kp"] = gains.kp
             last = frontend.append_desired_actions(part)
             seen = max(last - BEHIND, 0)
-            lag = np.abs(frontend.get_observation(seen).position - rows[seen])
-            if np.max(lag) > MOST_LAG:
+            if gains:
+                gains.look(frontend.get_applied_actions(seen, seen + CHUNK)["torque"])
+            lag = np.abs(frontend.get_observation(seen).position - rows["position"][seen])
+            if np.max(lag) > MOST_LAG and gains:
                 frontend.finish()
                 joint = joints[int(np.argmax(lag))]
                 raise Error(
@@ -169,6 +207,27 @@ def record(robot: str, arguments: argparse.Namespace) -> str:
         frontend.get_observation(last)
         frontend.finish()
     return str(folder)
+
+
+def _strokes(
+    frontend: Frontend, limits: Mapping[str, Array], start: Array, arguments: argparse.Namespace
+) -> dict[str, Array]:
+    """Slides the tips over the table and over the object where it lies."""
+    import mujoco
+
+    from trifinger.identification.excitation import strokes
+
+    kinematics = ModelKinematics(arguments.robot_config)
+    model = mujoco.MjModel.from_xml_string(frontend.documents()["model.xml"])
+    tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, kinematics.frames[0])
+    if tip < 0 or model.geom_type[tip] != mujoco.mjtGeom.mjGEOM_SPHERE:
+        raise InvalidArgument("only tips that are spheres slide: let the robot handle the object")
+    seen = frontend.companion("object").latest_observation()
+    place = np.array(getattr(seen, arguments.object).position)
+    top = place * np.array([1, 1, 2])  # it lies on the table, at z = 0
+    radius = float(model.geom_size[tip, 0])
+    period = frontend.session_info().period
+    return strokes(kinematics, limits, period, start, radius, top)
 
 
 @contextlib.contextmanager

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from trifinger._trifinger import ModelKinematics
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 
@@ -24,6 +27,36 @@ SIZES = (1.0, 0.5, 0.2, 0.0)  # of a shake, until it touches nothing
 SHAKE_RATE = (1.0, 7.0)  # [1/s]
 LOOK = 0.03  # between two positions that are looked at [s]
 EDGE = 0.08  # share of a joint's range that is left at both ends
+SOFTEST = 0.4  # share of the usual gains at first
+STIFFER = 1.15  # factor on gains as long as nothing trembles
+SOFTER = 0.6  # and for good, of a joint that has trembled
+TREMBLES = 0.25  # share of steps in which a joint gets its largest torque
+
+
+class Gains:
+    """Gains as large as a robot bears: with them it moves fast, but if its torques are late it
+    trembles.
+    """
+
+    def __init__(self, limits: Mapping[str, Array]) -> None:
+        """`limits` are those of `safety`."""
+        self._usual, self._most_torque = limits["default_kp"], 0.98 * limits["max_torque"]
+        self._share = np.full(len(self._usual), SOFTEST)
+        self._has_trembled = np.zeros(len(self._usual), dtype=bool)
+
+    @property
+    def kp(self) -> Array:
+        """Of each joint [Nm/rad]."""
+        kp: Array = self._share * self._usual
+        return kp
+
+    def look(self, torque: Array) -> None:
+        """Changes the gains by torques that were applied, a row for each step."""
+        trembles = np.mean(np.abs(torque) >= self._most_torque, axis=0) > TREMBLES
+        self._share[trembles & ~self._has_trembled] *= SOFTER
+        self._has_trembled |= trembles
+        stiffer = np.minimum(STIFFER * self._share, 1.0)
+        self._share = np.where(self._has_trembled, self._share, stiffer)
 
 
 class Excitation:
@@ -211,9 +244,104 @@ class Excitation:
         return self._straight(begin, end, 0.15)
 
     def _straight(self, begin: Array, end: Array, share: float) -> Array:
-        """A move of least jerk with at most this share of the largest speed (Flash, Hogan 1985)."""
+        """A move with at most this share of the largest speed."""
         seconds = max(LEAST_MOVE, 1.9 * float(np.max(np.abs(end - begin) / (share * self._speed))))
-        steps = round(seconds / self._period)
-        s = np.arange(1, steps + 1)[:, None] / steps
-        moved: Array = begin + s**3 * (10 - 15 * s + 6 * s**2) * (end - begin)
+        way = _least_jerk(round(seconds / self._period))[:, None]
+        moved: Array = begin + way * (end - begin)
         return moved
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """How a tip slides to and fro over a level surface on which it is pressed."""
+
+    way: float
+    """Of the desired position to each side [m]; the tip itself goes further or less far."""
+    drag: float
+    """Force along, as a share of the force that presses."""
+    kd: float
+    """Of the joints [Nms/rad]."""
+    seconds: float
+    """For once to and fro."""
+    turns: int
+
+
+# On a table a force alone moves the tip; what is loose would be flung by that.
+ON_TABLE = Stroke(way=0.0, drag=1.4, kd=0.05, seconds=1.5, turns=2)
+ON_OBJECT = Stroke(way=0.02, drag=1.1, kd=0.2, seconds=1.5, turns=3)
+PRESSES = (0.7, 1.0)  # [N]
+YIELDING = 0.15  # share of the usual gains, while a tip is pressed
+LIFT = 0.05  # over a surface, before and after [m]
+APPROACH = 0.1  # [m/s]
+FADE = 0.4  # [s]
+SIGN = 0.02  # of a desired motion at which the force along has most of its value [m/s]
+
+
+def strokes(
+    kinematics: ModelKinematics,
+    limits: Mapping[str, Array],
+    period: float,
+    start: Array,
+    radius: float,
+    top: Array,
+) -> dict[str, Array]:
+    """Actions with which each finger slides over the table, at z = 0, and over an object.
+
+    Tips are spheres of this `radius` [m]; `top` is the middle of the object's top [m]. Fields are
+    those of an action, a row for each step.
+    """
+    usual_kp, usual_kd = limits["default_kp"], limits["default_kd"]
+    rows: list[tuple[Array, Array, Array, Array]] = []
+
+    def move(frame: str, mine: Array, path: Sequence[Array], joints: Array) -> Array:
+        for begin, end in itertools.pairwise(path):
+            way = float(np.linalg.norm(end - begin))
+            for s in _least_jerk(max(round(1.9 * way / APPROACH / period), 1)):
+                point = begin + s * (end - begin)
+                found = kinematics.inverse_kinematics(frame, point, near=joints).position
+                joints = np.where(mine, found, start)
+                rows.append((joints, np.zeros_like(start), usual_kp, usual_kd))
+        return joints
+
+    def slide(frame: str, mine: Array, middle: Array, stroke: Stroke, joints: Array) -> Array:
+        count = round(stroke.turns * stroke.seconds / period)
+        turned = 2 * np.pi * stroke.turns * np.arange(count) / count
+        share = np.minimum(1, np.minimum(np.arange(count), np.arange(count)[::-1]) * period / FADE)
+        out = middle[:2] - top[:2] if stroke is ON_TABLE else kinematics.pose(frame, start)[0][:2]
+        out = np.append(out / max(float(np.linalg.norm(out)), 1e-9), 0.0)
+        for press, along in itertools.product(PRESSES, (out, np.cross([0, 0, 1], out))):
+            for a, angle in zip(share, turned, strict=True):
+                speed = 2 * np.pi / stroke.seconds * stroke.way * np.cos(angle)
+                sense = np.tanh(speed / SIGN) if stroke.way else np.sin(angle)
+                point = middle + stroke.way * np.sin(angle) * along
+                found = kinematics.inverse_kinematics(frame, point, near=joints).position
+                joints = np.where(mine, found, start)
+                force = press * (stroke.drag * sense * along - np.array([0, 0, 1]))
+                torque = kinematics.jacobian(frame, joints)[:3].T @ force
+                torque += kinematics.gravity_torques(joints)
+                kp = np.where(mine, usual_kp * (1 - a + a * YIELDING), usual_kp)
+                kd = np.where(mine, np.maximum(usual_kd, a * stroke.kd), usual_kd)
+                rows.append((joints, np.where(mine, a * torque, 0.0), kp, kd))
+        return joints
+
+    for frame in kinematics.frames:
+        mine = np.any(kinematics.jacobian(frame, start)[:3] != 0, axis=0)
+        beside, _ = kinematics.pose(frame, start)
+        for stroke in (ON_TABLE, ON_OBJECT):
+            middle = np.array([*beside[:2], 0.0]) if stroke is ON_TABLE else top
+            middle = middle + np.array([0.0, 0.0, radius])
+            above = np.array([*middle[:2], top[2] + radius + LIFT])
+            path = [beside, np.array([*beside[:2], above[2]]), above, middle]
+            joints = slide(frame, mine, middle, stroke, move(frame, mine, path, start))
+            move(frame, mine, path[::-1], joints)
+    names = ("position", "torque", "position_kp", "position_kd")
+    return {
+        name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)
+    }
+
+
+def _least_jerk(steps: int) -> Array:
+    """The way along a straight move, as shares of it (Flash, Hogan 1985)."""
+    s = np.arange(1, steps + 1) / steps
+    way: Array = s**3 * (10 - 15 * s + 6 * s**2)
+    return way

@@ -30,11 +30,12 @@ BLOCKS = 40  # of the log, between which errors count as independent
 SCALED = ("rotor_inertia", "damping", "friction", "torque_scale", "link_mass")
 LEAST_CHANGE = 0.02  # share of what torques alone change, up to which nothing has changed
 SURE = 1.96  # standard deviations of a 95 % interval
-WIDER = 2.0  # factor on what is seen of errors, which is not all of them
+WIDER = 2.5  # factor on what is seen of errors, which is not all of them
 TOLD = 0.6  # what the logs leave of the spread that was assumed, for a figure to be told
 MOST_PIECES = 1200
 TOUCHED = (1e-3, 2e-4)  # errors that are not yet those of a touch, at first and at last [rad]
 FIRST_PLAY = 0.4  # of the spread
+PLAYS = (0.1, 0.3, 0.6, 1.0)  # that are tried, in spreads
 TRUSTS = (0.01, 0.1)  # how much the pieces count against what is assumed, in the first steps
 FEW_PIECES = 250  # with which figures come near their values
 STEPS = 8  # of Gauss-Newton at most
@@ -424,9 +425,15 @@ def _system(
     return _System(matrix, gradients.sum(axis=0), noise, _cost(pieces, base, scale, far))
 
 
-def _cost(pieces: _Pieces, compared: Array, scale: Array, far: Array) -> float:
+def _costs(pieces: _Pieces, compared: Array, scale: Array, far: Array) -> Array:
+    """Of each joint."""
     square = np.mean(compared**2, axis=1)
-    return float(np.sum(square / scale**2 / (1 + square / far) * pieces.is_engaged))
+    costs: Array = np.sum(square / scale**2 / (1 + square / far) * pieces.is_engaged, axis=0)
+    return costs
+
+
+def _cost(pieces: _Pieces, compared: Array, scale: Array, far: Array) -> float:
+    return float(np.sum(_costs(pieces, compared, scale, far)))
 
 
 def _scale(pieces: _Pieces, compared: Array) -> Array:
@@ -552,8 +559,10 @@ def identify(
     for trust in TRUSTS:
         values = _best_delay(fit, few, values)
         values, _ = _descend(fit, few, values, first, report, 3, trust)
+        values = _best_plays(fit, few, values)
     fit.is_exact = True
     values, _ = _descend(fit, few, values, free, report)
+    values = _best_plays(fit, few, values)
     fit.touched = TOUCHED[1]  # reversals fit by now
     values, free = _without_faint_masses(fit, few, values, free)
     values, system = _descend(fit, few, values, free, report)
@@ -643,6 +652,25 @@ def _best_delay(fit: _Fit, pieces: _Pieces, values: Array) -> Array:
 
     best: Array = tried[np.argmin(list(fit.pool.map(cost, tried)))]
     return best
+
+
+def _best_plays(fit: _Fit, pieces: _Pieces, values: Array) -> Array:
+    """With plays that are better than those found, which steps along a slope may not reach."""
+    scale = _scale(pieces, fit.compared(fit.errors(pieces, values)))
+
+    def costs(row: Array) -> Array:
+        return _costs(pieces, fit.compared(fit.errors(pieces, row)), scale, fit.far(scale))
+
+    values = values.copy()
+    for members in fit.colours():
+        if any(fit.kind(i) != "backlash" for i in members):
+            continue
+        tried = np.repeat(values[None], 1 + len(PLAYS), axis=0)
+        tried[1:, members] = np.outer(PLAYS, fit.spread[members])
+        found = np.array(list(fit.pool.map(costs, tried)))
+        for i in members:
+            values[i] = tried[np.argmin(found[:, fit.felt(i)].sum(axis=1)), i]
+    return values
 
 
 def _figures(

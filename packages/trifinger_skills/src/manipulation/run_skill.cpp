@@ -67,11 +67,36 @@ class BackgroundPlanner {
   std::thread thread_;  // Last member, because the thread uses the others.
 };
 
-control::JointState joints_of(const TriFinger::Observation& observation) {
-  return {.position = joint_values(observation.position),
-          .velocity = joint_values(observation.velocity),
-          .torque = joint_values(observation.torque)};
-}
+// Between what a skill thinks in, true torques and positions, and what the robot measures and
+// takes.
+class Corrections {
+ public:
+  explicit Corrections(const Identified& robot) {
+    robot.validate(TriFinger::kJoints);
+    for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      offset_[k] = Identified::of(robot.zero_offset, i, 0.0);
+      scale_[k] = Identified::of(robot.torque_scale, i, 1.0);
+    }
+  }
+
+  [[nodiscard]] control::JointState seen(const TriFinger::Observation& observation) const {
+    return {.position = joint_values(observation.position) - offset_,
+            .velocity = joint_values(observation.velocity),
+            .torque = joint_values(observation.torque).cwiseProduct(scale_)};
+  }
+  [[nodiscard]] TriFinger::Action commanded(TriFinger::Action action) const {
+    for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+      action.torque[i] /= scale_[static_cast<Eigen::Index>(i)];
+      action.position[i] += offset_[static_cast<Eigen::Index>(i)];
+    }
+    return action;
+  }
+
+ private:
+  JointValues offset_{JointValues::Zero(TriFinger::kJoints)};
+  JointValues scale_{JointValues::Ones(TriFinger::kJoints)};
+};
 
 // Gives the skill the plan that it waits for. In real time the loop goes on meanwhile.
 void plan(BackgroundPlanner& planner, bool is_real_time) {
@@ -114,6 +139,7 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
   std::optional<ObjectReader> object;
   if (!skill.object().empty()) object.emplace(robot, std::string(skill.object()));
   BackgroundPlanner planner(skill);
+  const Corrections corrections(options.identified);
   SkillTrace trace;
   trace.period = session.period;
   const auto most = static_cast<std::size_t>(skill.max_duration() / trace.period);
@@ -133,7 +159,7 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
       skill.see(new_pose->step, new_pose->pose);
       if (trace.seen.size() < most) trace.seen.push_back(*new_pose);
     }
-    const TriFinger::Action& action = skill.update(t, joints_of(y));
+    const TriFinger::Action& action = skill.update(t, corrections.seen(y));
     const SkillState& state = skill.state();
     const SkillStep step{.step = t,
                          .phase = state.phase,
@@ -160,7 +186,7 @@ SkillTrace run_skill(Frontend<TriFinger>& robot, Skill& skill, const SkillRunOpt
       if (options.on_visibility) options.on_visibility(skill);
     }
 
-    t = robot.append_desired_action(action);
+    t = robot.append_desired_action(corrections.commanded(action));
     y = robot.get_observation(t);
     if (options.on_step) options.on_step(t);
   }

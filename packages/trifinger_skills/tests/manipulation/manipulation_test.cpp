@@ -69,6 +69,40 @@ TEST(Manipulation, LiftsAndPutsBack) {
   EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
 }
 
+// How high a lift brings the cube at each step, on a robot whose joints are like `robot`.
+std::vector<double> heights(const Identified& robot, const Identified& known) {
+  SkillTrial trial = short_lift();
+  trial.simulation.identified = robot;
+  const Simulation simulation(trial.simulation);
+  std::vector<double> heights;
+  SkillRunOptions options;
+  options.identified = known;
+  options.on_step = [&](TimeIndex) { heights.push_back(height_of(simulation)); };
+  run_on(simulation, trial, options);
+  return heights;
+}
+
+TEST(Manipulation, OnARobotThatIsIdentifiedIsLikeOnOneAsDescribed) {
+  Identified robot;
+  for (std::size_t i = 0; i < TriFinger::kJoints; ++i) {
+    const auto k = static_cast<double>(i);
+    robot.torque_scale.push_back(0.85 + 0.03 * k);
+    robot.zero_offset.push_back(0.02 * std::cos(k));
+  }
+  const std::vector<double> as_described = heights({}, {});
+  const std::vector<double> identified = heights(robot, robot);
+  const std::vector<double> unknown = heights(robot, {});
+  const auto differ = [&](const std::vector<double>& one) {
+    double most = 0.0;
+    for (std::size_t i = 0; i < std::min(one.size(), as_described.size()); ++i)
+      most = std::max(most, std::abs(one[i] - as_described[i]));
+    return most;
+  };
+  // Where joints begin is measured, so offsets move the first poses.
+  EXPECT_LT(differ(identified), 1e-3);
+  EXPECT_GT(differ(unknown), 3e-3);
+}
+
 // Returns whether the controller reports a slipping tip at any step of a lift.
 bool is_felt_to_slip(double true_friction) {
   SkillTrial trial = short_lift();

@@ -7,6 +7,7 @@
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/manipulation/skill.hpp"
+#include "trifinger/model/identified.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::manipulation {
@@ -17,6 +18,9 @@ struct SkillRunOptions {
   RealtimeOptions realtime{.demand = Demand::kOff};
   /// A signal handler or another thread sets this: the skill is stopped, then the run ends.
   const std::atomic<bool>* stop{nullptr};
+  /// What was measured on this robot's joints: the skill sees positions without zero offsets, and
+  /// its torques are those that act. The rest does not count.
+  Identified identified{};
   /// Called in every step when its observation has arrived.
   std::function<void(TimeIndex step)> on_step{};
   /// Called in every step when its action is known.
