@@ -16,6 +16,7 @@ import json
 import math
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -23,10 +24,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from trifinger._trifinger import FreeRun, list_sessions
+from trifinger._trifinger import (
+    FreeRun,
+    Policy,
+    configuration_text,
+    list_sessions,
+    read_joint_facts,
+)
+from trifinger.arrays import Array
 from trifinger.commands.command_line import say
 from trifinger.commands.identify import parse, record as move, recorder
-from trifinger.identification import Figure, Identification, identify, read_motion
+from trifinger.environments import Options
+from trifinger.evaluation import Evaluator, act_of
+from trifinger.identification import Figure, Identification, Motion, identify, read_motion, save
 from trifinger.identification.fit import DELAY, errors_of
 from trifinger.identification.handling import identify_handling
 
@@ -39,14 +49,23 @@ FIRST = 201  # seed of the first robot: no other has been looked at while the me
 SECONDS = 300.0
 JUDGED = 60.0  # of motion that is not fitted [s]
 JOINTS = 9
-BOARDS_DELAY = 0.001  # desired currents act from the next tick of a board on [s]
 ROTOR, DAMPING, FRICTION = 3.645e-4, 0.005, 0.01  # about which figures are drawn
+BOARDS_DELAY = 0.001  # desired currents act from the next tick of a board on [s]
+RUN_TRIAL = ROOT / "build" / "release" / "evaluation" / "run_trial"
 TRIFINGER = ROOT / "build" / "release" / "apps" / "trifinger"
 MASS, MASS_SHARE = 0.094, 0.3  # [kg]
 FRICTIONS = {"tip_object": (0.6, 1.1), "object_table": (0.3, 0.6), "tip_table": (0.5, 1.0)}
 LATE = 2e-3  # at most, so that the cube can be lifted [s]
 # How far figures are off that were identified: standard deviations, as shares.
 KNOWN = {"friction": 0.1, "damping": 0.13, "rotor_inertia": 0.13, "torque_scale": 0.05}
+# Figures at their edge, of a robot that skills and a policy move before and after identification.
+EDGE = {"friction": 0.018, "damping": 0.009, "backlash": 0.005, "rotor_inertia": ROTOR}
+EDGE_LATE = 4e-3  # [s]
+SKILLS = ("lift", "flip", "place")
+TRIALS = 40
+FIRST_TRIAL = 63000
+FILES = ("panda", "shadow")  # robots of others, in tests/robots
+FILE_SECONDS = 120.0
 POSES = {
     "object_period": 0.01,
     "object_delay": 0.02,
@@ -79,6 +98,26 @@ A cube is lifted and slid, and tips slide over it and over the table. Its mass d
 are identified: errors are drawn of the size of the intervals above. Poses come every 10 ms, 20 ms
 late, with noise of 0.5 mm and 5 mrad.
 
+"""
+FILES_HEAD = """
+## A robot from a file: {name}
+
+{joints} joints, identified from {seconds:.0f} s of motion. Figures are drawn as above, about those
+of the file or, if they are larger, about 3 % of the largest torque (dry friction), 1 % of it at the
+largest speed (damping) and 1e-3 s^2 times it (rotor inertia); nothing is late.
+
+"""
+EDGE_HEAD = """
+## Used
+
+A robot whose friction and delay are at their edge: {friction} Nm of dry friction, {damping}
+Nms/rad of damping, play of {backlash} rad, torque scales that differ by up to 15 %, {late:.0f} ms
+late each way. Skills know its torque scales and zeros afterwards, {trials} trials each with seeds
+that nothing was tuned for; success is as in the tables of skills and control. The policy is trained
+for the robot as described, and for the one that was fitted; 50 goals.
+
+| | before | after |
+|---|---|---|
 """
 
 
@@ -134,17 +173,61 @@ def run(seed: int, seconds: float, judged: float) -> dict[str, Any]:
         with robot(name, BOARDS, described, true, name):
             fitted = record(name, folder / "fitted", "--seconds", seconds, "--seed", seed)
             other = record(name, folder / "judged", "--seconds", judged, "--seed", seed + 1_000_000)
-        begin, used = time.monotonic(), time.process_time()
-        result = identify(read_motion([fitted]))
-        took, used = time.monotonic() - begin, time.process_time() - used
-        motion = read_motion([other])
-        free = FreeRun.of_text(motion.configuration)
-        delay = result.torque_delay + result.measurement_delay
-        before = errors_of(free, motion, free.described, 0.0, 0)
-        after = errors_of(free, motion, result.values, delay, 0)
+        row = judge(read_motion([fitted]), read_motion([other]), figures)
+    return {"seed": seed, "seconds": seconds} | row
+
+
+def run_file(name: str, seed: int, seconds: float, judged: float) -> dict[str, Any]:
+    """Draws, moves and identifies a robot from a file."""
+    random = np.random.default_rng(seed)
+    base = ROOT / "tests" / "robots" / f"{name}.yml"
+    free = FreeRun(str(base))
+    text = configuration_text(str(base))
+    _, joints, limits = read_joint_facts(text, name, opens_file=True)
+    count, torque = len(joints), limits["max_torque"]
+    speed = np.minimum(limits["max_velocity"], 5.0)
+    described = {key: np.array(value) for key, value in free.described.items()}
+
+    def around(middle: Array, share: float) -> list[float]:
+        values: list[float] = (middle * random.uniform(1 - share, 1 + share, count)).tolist()
+        return values
+
+    one = np.ones(count)
+    figures: dict[str, Any] = {
+        "friction": around(np.maximum(described["friction"], 0.03 * torque), 0.8),
+        "damping": around(np.maximum(described["damping"], 0.01 * torque / speed), 0.8),
+        "rotor_inertia": around(np.maximum(described["rotor_inertia"], 1e-3 * torque), 0.5),
+        "torque_scale": around(one, 0.15),
+        "link_mass": around(one, 0.15),
+        "backlash": random.uniform(0.0, 0.01, count).tolist(),
+    }
+    session = f"identify-{os.getpid()}"
+    with tempfile.TemporaryDirectory() as path:
+        folder = Path(path)
+        true = folder / "true.yml"
+        true.write_text(
+            f"extends: {base}\nname: {session}\nidentified: {json.dumps(figures)}\n",
+            encoding="utf-8",
+        )
+        logs = []
+        for what, length in (("fitted", seconds), ("judged", judged)):
+            with robot(session, TRIFINGER, "run", true, "--non-real-time"):
+                options = ("--seconds", length, "--seed", seed + len(logs))
+                logs.append(record(session, folder / what, *options))
+        fitted, other = (read_motion([log], robot_config=str(base)) for log in logs)
+        return judge(fitted, other, figures) | {"what": name, "seed": seed, "seconds": seconds}
+
+
+def judge(fitted: Motion, other: Motion, figures: dict[str, Any]) -> dict[str, Any]:
+    """Identifies a robot from one motion, and compares with another one and with what is true."""
+    begin, used = time.monotonic(), time.process_time()
+    result = identify(fitted)
+    took, used = time.monotonic() - begin, time.process_time() - used
+    free = FreeRun.of_text(other.configuration)
+    delay = result.torque_delay + result.measurement_delay
+    before = errors_of(free, other, free.described, 0.0, 0)
+    after = errors_of(free, other, result.values, delay, 0)
     return {
-        "seed": seed,
-        "seconds": seconds,
         "took": took,
         "processor": used,
         "before": before.free_run.tolist(),
@@ -206,6 +289,63 @@ def run_object(seed: int) -> dict[str, Any]:
     }
 
 
+def run_edge(seed: int) -> dict[str, Any]:
+    """How well skills and a policy do on a robot at the edge, before and after identification."""
+    random = np.random.default_rng(seed)
+    figures: dict[str, Any] = {name: [value] * JOINTS for name, value in EDGE.items()}
+    figures["torque_scale"] = random.uniform(0.85, 1.15, JOINTS).tolist()
+    figures |= {"torque_delay": EDGE_LATE, "measurement_delay": EDGE_LATE}
+    name = f"identify-{os.getpid()}"
+    with tempfile.TemporaryDirectory() as path:
+        folder = Path(path)
+        described, true, real = (folder / f"{one}.yml" for one in ("described", "true", "real"))
+        base = BASE.format(extends="trifinger_edu_emulated", name=name)
+        section = f"identified: {json.dumps(figures)}\n"
+        described.write_text(base, encoding="utf-8")
+        true.write_text(base + section, encoding="utf-8")
+        real.write_text(f"extends: trifinger_edu\nobjects: []\n{section}", encoding="utf-8")
+        with robot(name, BOARDS, described, true, name):
+            log = record(name, folder, "--seconds", SECONDS, "--seed", seed)
+        save(identify(read_motion([log])), folder / "fitted")
+        fitted = folder / "fitted" / "fitted.yml"
+        known = (("before", ()), ("after", ("--known", fitted)))
+        successes: dict[str, dict[str, int]] = {}
+        for skill in SKILLS:
+            words: list[str | Path] = [RUN_TRIAL, skill, "--robot", real, "--seeds"]
+            words += [str(FIRST_TRIAL + i) for i in range(TRIALS)]
+            trials = {
+                when: subprocess.Popen([*words, *more], stdout=subprocess.PIPE, text=True)
+                for when, more in known
+            }
+            successes[skill] = {
+                when: sum(
+                    json.loads(line)["succeeds"] for line in trial.communicate()[0].splitlines()
+                )
+                for when, trial in trials.items()
+            }
+        return {
+            "what": "edge",
+            "seed": seed,
+            "seconds": SECONDS,
+            "successes": successes,
+            "reach": {
+                "before": reach("trifinger_edu", real, folder),
+                "after": reach(str(fitted), real, folder),
+            },
+        }
+
+
+def reach(trained_on: str, real: Path, folder: Path) -> float:
+    """Trains a shared policy for one robot; its median distance on another one [m]."""
+    words = ["reach", "--shared", "--robot-config", trained_on, "-o", str(folder / "reach")]
+    train = "import sys; from trifinger.commands.train import main; sys.exit(main())"
+    subprocess.run([sys.executable, "-c", train, *words], check=True, capture_output=True)
+    policy = Policy(folder / "reach" / "reach.policy")
+    options = Options.from_json(policy.metadata["options"])
+    evaluator = Evaluator("reach", options, config=str(real))
+    return float(np.median(evaluator(act_of(policy), evaluator.rows_of(policy)).distances))
+
+
 def row_of(figure: Figure, true: float) -> dict[str, Any]:
     """A figure with its interval and what it truly is."""
     return {
@@ -223,7 +363,8 @@ def compare(result: Identification, figures: dict[str, Any]) -> Iterator[dict[st
     """Each figure with its interval and what it truly is."""
     for figure in result.figures:
         if figure.name == DELAY:
-            true = figures["torque_delay"] + figures["measurement_delay"] + BOARDS_DELAY
+            late = ("torque_delay", "measurement_delay")
+            true = sum(figures[name] for name in late) + BOARDS_DELAY if late[0] in figures else 0.0
         elif figure.name in figures:
             true = figures[figure.name][result.motion.joints.index(figure.joint)]
         else:
@@ -234,8 +375,30 @@ def compare(result: Identification, figures: dict[str, Any]) -> Iterator[dict[st
 def write(rows: list[dict[str, Any]]) -> None:
     """Writes the page."""
     robots = [row for row in rows if "what" not in row]
-    text = HEAD.format(seconds=SECONDS) + table(robots)
-    text += "\n| robot | free run before [mrad] | after | ratio | told within intervals | time | "
+    text = HEAD.format(seconds=SECONDS) + table(robots) + runs(robots)
+    objects = [row for row in rows if row.get("what") == "object"]
+    text += OBJECTS.format(late=1e3 * LATE) + table(objects)
+    for name in FILES:
+        others = [row for row in rows if row.get("what") == name]
+        if others:
+            head = FILES_HEAD.format(
+                name=name, joints=len(others[0]["after"]), seconds=FILE_SECONDS
+            )
+            text += head + table(others) + runs(others)
+    for row in (row for row in rows if row.get("what") == "edge"):
+        text += EDGE_HEAD.format(late=1e3 * EDGE_LATE, trials=TRIALS, **EDGE)
+        for skill, counts in row["successes"].items():
+            text += (
+                f"| {skill} | {counts['before']} of {TRIALS} | {counts['after']} of {TRIALS} |\n"
+            )
+        before, after = (f"{1e3 * row['reach'][when]:.1f} mm" for when in ("before", "after"))
+        text += f"| the shared reach policy: median distance | {before} | {after} |\n"
+    PAGE.write_text(text, encoding="utf-8")
+
+
+def runs(robots: list[dict[str, Any]]) -> str:
+    """A line for each robot."""
+    text = "\n| robot | free run before [mrad] | after | ratio | told within intervals | time | "
     text += "of processors |\n"
     text += "|---|---|---|---|---|---|---|\n"
     for row in robots:
@@ -246,8 +409,7 @@ def write(rows: list[dict[str, Any]]) -> None:
             f"{len(inside(told))} of {len(told)} | {row['took']:.0f} s | "
             f"{row.get('processor', math.nan):.0f} s |\n"
         )
-    text += OBJECTS.format(late=1e3 * LATE) + table([row for row in rows if "what" in row])
-    PAGE.write_text(text, encoding="utf-8")
+    return text
 
 
 def inside(figures: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -291,10 +453,18 @@ def main() -> None:
         rows = [json.loads(line) for line in ROWS.read_text(encoding="utf-8").splitlines()]
     done = {(row.get("what", ""), row["seed"], row["seconds"]) for row in rows}
     for seed in range(FIRST, FIRST + arguments.robots):
-        for what in ("", "object"):
-            if (what, seed, arguments.seconds) in done:
+        for what in ("", "object", *((*FILES, "edge") if seed == FIRST else ())):
+            seconds = FILE_SECONDS if what in FILES else arguments.seconds
+            if (what, seed, seconds) in done:
                 continue
-            row = run_object(seed) if what else run(seed, arguments.seconds, arguments.judged)
+            if what in FILES:
+                row = run_file(what, seed, seconds, arguments.judged)
+            elif what == "object":
+                row = run_object(seed)
+            elif what == "edge":
+                row = run_edge(seed)
+            else:
+                row = run(seed, seconds, arguments.judged)
             rows.append(row)
             with ROWS.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")

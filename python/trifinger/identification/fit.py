@@ -37,6 +37,7 @@ TOUCHED = (1e-3, 2e-4)  # errors that are not yet those of a touch, at first and
 FIRST_PLAY = 0.4  # of the spread
 PLAYS = (0.1, 0.3, 0.6, 1.0)  # that are tried, in spreads
 TRUSTS = (0.01, 0.1)  # how much the pieces count against what is assumed, in the first steps
+USUAL_CHAIN = 3  # joints that move each other, for which these numbers of pieces are
 FEW_PIECES = 250  # with which figures come near their values
 STEPS = 8  # of Gauss-Newton at most
 ENOUGH = 0.01  # share by which a last step makes the cost less
@@ -247,6 +248,8 @@ class _Fit:
         self.start = np.array([one.described for one in parameters])
         self.low = np.array([one.kind.low if one.kind else 0.0 for one in parameters])
         self.touched, self.is_exact = TOUCHED[0], False
+        # A chain of many joints is changed as many times, so it gets fewer pieces.
+        self.share = USUAL_CHAIN / max(USUAL_CHAIN, *np.bincount(self.trees).tolist())
         threads = len(os.sched_getaffinity(0))
         self.pool = ThreadPoolExecutor(threads)
 
@@ -546,10 +549,10 @@ def identify(
     ]
     fit = _Fit(motion, robot, parameters)
     split = int(len(motion) * (1 - HELD_OUT))
-    pieces = _pieces(motion, PIECE, 0, split)
+    pieces = _pieces(motion, PIECE, 0, split, fit.share)
     free = [i for i, one in enumerate(parameters) if one.is_fitted]
     # Far from the values a part of the pieces says enough.
-    few = _thinned(pieces, FEW_PIECES)
+    few = _thinned(pieces, max(round(FEW_PIECES * fit.share), 2 * BLOCKS))
     values = fit.start.copy()
     plays = [i for i in free if fit.kind(i) == "backlash"]
     # Little play is no play in a few steps, so slopes are of use only with some.
@@ -575,7 +578,7 @@ def identify(
     values, _ = _descend(fit, few, values, free, report, 4)
     values, system = _descend(fit, pieces, values, free, report, 2)
     # What another length of pieces says differently is no noise, but an error of the method.
-    other = _pieces(motion, 0.5 * PIECE, 0, split)
+    other = _pieces(motion, 0.5 * PIECE, 0, split, fit.share)
     scale = _scale(other, fit.compared(fit.errors(other, values)))
     offset = fit.offset(values, free)
     shift, _ = _solve(_system(fit, other, values, scale, free), offset)
@@ -624,13 +627,13 @@ def _without_faint_masses(
     return values, left
 
 
-def _pieces(motion: Motion, seconds: float, first: int, last: int) -> _Pieces:
+def _pieces(motion: Motion, seconds: float, first: int, last: int, share: float) -> _Pieces:
     length = max(round(seconds / motion.period), 5)
     begins = motion.pieces(length, length, _BEFORE, _AFTER)
     begins = begins[(begins >= first) & (begins + length < last)]
     if len(begins) < 2 * BLOCKS:
         raise InvalidArgument("the logs have too little motion without gaps")
-    return _thinned(_Pieces(motion, begins, length), MOST_PIECES)
+    return _thinned(_Pieces(motion, begins, length), max(round(MOST_PIECES * share), 2 * BLOCKS))
 
 
 def _thinned(pieces: _Pieces, most: int) -> _Pieces:
