@@ -209,7 +209,7 @@ def run_file(name: str, seed: int, seconds: float, judged: float) -> dict[str, A
             f"extends: {base}\nname: {session}\nidentified: {json.dumps(figures)}\n",
             encoding="utf-8",
         )
-        logs = []
+        logs: list[Path] = []
         for what, length in (("fitted", seconds), ("judged", judged)):
             with robot(session, TRIFINGER, "run", true, "--non-real-time"):
                 options = ("--seconds", length, "--seed", seed + len(logs))

@@ -41,6 +41,7 @@ struct EnduranceOptions {
   DriveOptions drive;
   std::optional<Nanoseconds> duration;
   std::filesystem::path output{"endurance"};
+  std::filesystem::path identified{};
   Nanoseconds write_every{std::chrono::seconds(10)};
   Demand scheduling{Demand::kTry};
 
@@ -73,6 +74,7 @@ class HealthRecorder {
  public:
   HealthRecorder(const EnduranceOptions& options, const Owner& owner)
       : name_(owner.robot), every_(options.write_every), folder_(options.output) {
+    if (!options.identified.empty()) checks_ = options.identified / "history.jsonl";
     std::optional<History> history = folder_.read(owner);
     if (!folder_.damage().empty()) console_.print(name_, folder_.damage(), Style::kWarning);
     if (history) {
@@ -165,7 +167,8 @@ class HealthRecorder {
     return make_page(*history_, {.state = state,
                                  .needs_operator = needs_operator,
                                  .is_over = is_over,
-                                 .now = wall_clock()});
+                                 .now = wall_clock(),
+                                 .checks = checks_});
   }
 
   void draw() {
@@ -178,6 +181,7 @@ class HealthRecorder {
 
   std::string name_;
   Nanoseconds every_;
+  std::filesystem::path checks_;
   HistoryFolder folder_;
   std::optional<History> history_;
   std::vector<Event> events_;
@@ -282,6 +286,10 @@ int endurance_command(const std::vector<std::string>& words) {
   add_output(program, options.output,
              "Folder of the page and the counts; earlier counts there go on", "FOLDER")
       ->capture_default_str();
+  program
+      .add_option("--identified", options.identified,
+                  "Folder of 'trifinger identify': the page shows what its checks have found")
+      ->option_text("FOLDER");
   Nanoseconds duration{0};
   add_duration(program, "--duration", duration, "How long, as in 12h or 7d; default: until Ctrl-C");
   double steps = 0.0;

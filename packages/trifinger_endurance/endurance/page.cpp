@@ -9,8 +9,11 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <deque>
+#include <fstream>
 #include <functional>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
 #include <string_view>
@@ -417,6 +420,32 @@ std::string joints_table(const History& history) {
   return table + "</table>";
 }
 
+// The newest checks of whether the robot still is as it was identified.
+std::string checks_table(const std::filesystem::path& checks) {
+  constexpr std::size_t kMost = 50;
+  std::string table = "<h2>Is it as it was identified?</h2>";
+  std::deque<std::string> rows;
+  std::ifstream file(checks);
+  for (std::string line; std::getline(file, line);) {
+    const nlohmann::json check = nlohmann::json::parse(line, nullptr, false);
+    if (!check.is_object()) continue;
+    const auto when = check.find("time");
+    const auto changed = check.find("changed");
+    if (when == check.end() || !when->is_string()) continue;
+    if (changed == check.end() || !changed->is_array()) continue;
+    std::string found;
+    for (const nlohmann::json& change : *changed)
+      if (change.is_string()) found += escaped(change.get<std::string>()) + "<br>";
+    rows.push_back(fmt::format("<tr><th>{}</th><td class=\"text\">{}</td></tr>",
+                               escaped(when->get<std::string>()), found.empty() ? "yes" : found));
+    if (rows.size() > kMost) rows.pop_front();
+  }
+  if (rows.empty()) return table + "<p class=\"none\">No check yet.</p>";
+  table += "<table><tr><th>when</th><th>what has changed</th></tr>";
+  for (const std::string& row : rows) table += row;
+  return table + "</table>";
+}
+
 constexpr std::string_view kStyle = R"(
 body{font:15px/1.45 system-ui,sans-serif;max-width:960px;margin:1.5em auto;padding:0 1em;color:#222;background:#fff}
 h1{font-size:1.5em;margin-bottom:.2em}h2{font-size:1.15em;margin-top:1.6em}
@@ -463,6 +492,7 @@ std::string make_page(const History& history, const PageState& state) {
   }
   page += counts_table(history) + failures_table(history) + reasons_table(history) +
           joints_table(history);
+  if (!state.checks.empty()) page += checks_table(state.checks);
   return page + "</body></html>\n";
 }
 

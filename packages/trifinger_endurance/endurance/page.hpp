@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 
 #include "endurance/history.hpp"
@@ -14,6 +15,8 @@ struct PageState {
   bool needs_operator{false};
   bool is_over{false};  // nobody writes this page any more
   std::int64_t now{0};  // wall clock, seconds since 1970
+  // What `trifinger identify --check` has found, a line of JSON each; empty: nobody checks.
+  std::filesystem::path checks{};
 };
 
 // A page of a robot's health over time: one file of HTML with its plots, of a bounded size.

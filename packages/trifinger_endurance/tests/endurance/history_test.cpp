@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "endurance/history.hpp"
 
+#include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -157,6 +158,27 @@ TEST(Page, ShowsTextsOfRobotsAsTexts) {
   EXPECT_EQ(page.find("<script>"), std::string::npos);
   EXPECT_EQ(page.find("<i>"), std::string::npos);
   EXPECT_NE(page.find("&lt;b&gt;&amp;"), std::string::npos);
+}
+
+TEST(Page, ShowsTheNewestChecksAndNothingThatIsNone) {
+  const Folder folder;
+  std::filesystem::create_directories(folder.path);
+  const std::filesystem::path checks = folder.path / "history.jsonl";
+  const History history(kOwner);
+  const auto page = [&] {
+    return make_page(history, {.state = "moves", .now = 0, .checks = checks});
+  };
+  EXPECT_NE(page().find("No check yet"), std::string::npos);
+  std::ofstream file(checks);
+  for (int i = 0; i < 60; ++i)
+    file << fmt::format(R"({{"time": "day {}", "changed": []}})", i) << '\n';
+  file << R"({"time": "today", "changed": ["<b> is 2, was 1"]})" << "\nno JSON\n[]\n{}\n";
+  file.close();
+  const std::string text = page();
+  EXPECT_EQ(text.find("day 10<"), std::string::npos);
+  EXPECT_NE(text.find("day 59<"), std::string::npos);
+  EXPECT_NE(text.find("&lt;b&gt; is 2, was 1"), std::string::npos);
+  EXPECT_EQ(make_page(history, {.state = "moves", .now = 0}).find("identified"), std::string::npos);
 }
 
 TEST(Times, KnowQuantilesToTheRootOfTwo) {
