@@ -426,9 +426,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     figures = [one for row in rows for one in row["figures"]]
 
     def kind(one: dict[str, Any]) -> str:
-        return str(
-            one["joint"] if one["name"] == "friction" and "_" in one["joint"][:7] else one["name"]
-        )
+        return str(one["joint"] if one["joint"] in FRICTIONS else one["name"])
 
     for name in [*dict.fromkeys(map(kind, figures)), "all"]:
         of_kind = [one for one in figures if name in (kind(one), "all")]
