@@ -10,7 +10,6 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -149,12 +148,12 @@ def identify(arguments: argparse.Namespace) -> int:
 
 
 def _identify_object(logs: Sequence[str], arguments: argparse.Namespace) -> int:
-    from trifinger.identification.handling import identify_handling, save_handling
+    from trifinger.identification.handling import as_rows, identify_handling, save_handling
 
     figures = identify_handling(logs, arguments.robot_config, arguments.object, arguments.robot)
     path = save_handling(figures, arguments.output, arguments.robot_config)
     if arguments.json:
-        say_json({"figures": [asdict(one) for one in figures if one.is_told]})
+        say_json({"figures": as_rows(figures), "configuration": str(path)})
         return 0
     for one in figures:
         said = f"{one.value:.4g} ({one.low:.4g} to {one.high:.4g})"

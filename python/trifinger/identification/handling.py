@@ -8,10 +8,11 @@ before, because friction of joints looks like force.
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -28,6 +29,7 @@ EVERY = 0.01  # between two moments [s]
 HALF = 0.03  # of the cubic through measured positions of joints [s]
 HALF_POSE = 0.1  # and through poses [s]
 NEAR = 0.004  # of a surface that is touched [m]
+FAR = 0.1  # beyond which distances do not count [m]
 RAISED = 0.006  # of an object in the air [m]
 LOWERED = 0.003  # of one that lies [m]
 SLIDING = 0.01  # of an object [m/s]
@@ -36,7 +38,7 @@ ALONG = 0.7  # cosine of the least angle between slip and drag
 PRESSED = 0.15  # of a contact whose friction is looked at [N]
 TURNS = 0.02  # of a joint, at which dry friction has most of its value [rad/s]
 USUAL = 0.05  # errors of a force, beside the doubt [N]
-WEIGHT = 9.81  # [m/s^2]
+GRAVITY = 9.81  # [m/s^2]
 TREMBLES = 0.1  # of a tip's friction: a tip that slides trembles, which no filter resolves
 LEAST_MOMENTS = 30
 BLOCKS = 10  # of moments, of which each is left out once
@@ -50,8 +52,8 @@ _KEYS = {
     "pose_noise": "simulation.object_position_noise",
     "turn_noise": "simulation.object_orientation_noise",
 }
-# What is not known of an identified robot, in its forces: shares of friction and of torques.
 _MEDIAN_OF_THREE = 2.366 / 3  # of the mean square of three normal numbers (chi-squared)
+# What is not known of an identified robot, in its forces: shares of friction and of torques.
 _UNSURE = {"friction": 0.2, "torque_scale": 0.04}
 
 
@@ -147,95 +149,154 @@ def smooth(values: Array, half: int, period: float) -> tuple[Array, Array, Array
     return place, rate, acceleration
 
 
+@dataclass(frozen=True)
+class _Touch:
+    what: str
+    normal: Array
+    """Into what is touched."""
+    slip: Array
+    """[m/s]"""
+    lever: Array
+    """Torques of the finger's joints that a force of 1 N needs: joints x 3 [m]."""
+
+
+class _Scene:
+    """A model of the robot as it was identified, and of the object."""
+
+    def __init__(
+        self, text: str, joints: Sequence[str], known: Mapping[str, Array], object_name: str
+    ) -> None:
+        self.model = model = mujoco.MjModel.from_xml_string(text)
+        self.data = mujoco.MjData(model)
+        self.body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, object_name)
+        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in joints]
+        if self.body < 0 or model.body_jntnum[self.body] != 1 or min(ids) < 0:
+            raise InvalidArgument(f"the robot's configuration has no object '{object_name}'")
+        self.dofs, self.places = model.jnt_dofadr[ids], model.jnt_qposadr[ids]
+        links = model.jnt_bodyid[ids]
+        # If several joints move the same link, the last one says its mass.
+        scaled, last = np.unique(links[::-1], return_index=True)
+        share = known["link_mass"][::-1][last]
+        model.body_mass[scaled] *= share
+        model.body_inertia[scaled] *= share[:, None]
+        model.dof_armature[self.dofs] = known["rotor_inertia"]
+        mujoco.mj_setConst(model, self.data)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        trees = model.body_treeid[links]
+        self.fingers = [np.flatnonzero(trees == tree) for tree in np.unique(trees)]
+        """The joints of each."""
+        carriers = model.body_weldid[model.geom_bodyid]
+        touchable = model.geom_contype + model.geom_conaffinity > 0
+        self.object = np.flatnonzero((model.geom_bodyid == self.body) & touchable)
+        self.ground = np.flatnonzero((carriers == 0) & touchable)
+        self.surfaces = [
+            np.flatnonzero(np.isin(carriers, links[finger]) & touchable) for finger in self.fingers
+        ]
+        free = int(model.body_jntadr[self.body])
+        pose, speed = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
+        self.pose, self.moves = slice(pose, pose + 7), slice(speed, speed + 3)
+        self.turns = slice(speed + 3, speed + 6)
+
+    def set(self, position: Array, velocity: Array, pose: Array, rate: Array) -> None:
+        """Puts joints and object there."""
+        self.data.qpos[self.places], self.data.qvel[self.dofs] = position, velocity
+        self.data.qpos[self.pose], self.data.qvel[self.moves] = pose, rate[:3]
+        self.data.qvel[self.turns] = _turning(pose[3:], rate[3:])
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+
+    def inverse_dynamics(self, acceleration: Array) -> Array:
+        """Torques that joints without friction need [Nm]."""
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.data, full)
+        inertial = full[np.ix_(self.dofs, self.dofs)] @ acceleration
+        torques: Array = inertial + self.data.qfrc_bias[self.dofs]
+        return torques
+
+    def height(self) -> float:
+        """Of the object above the ground [m]; not more than `FAR`."""
+        return self._nearest(self.object, self.ground)[0]
+
+    def touch(self, finger: int) -> _Touch | None:
+        """What a finger touches."""
+        mine = self.surfaces[finger]
+        on_object, on_ground = (self._nearest(mine, one) for one in (self.object, self.ground))
+        distance, line, geom = min(on_object, on_ground, key=lambda found: found[0])
+        if distance > NEAR:
+            return None
+        point = line[:3]
+        normal = (line[3:] - point) * (1 if distance > 0 else -1)
+        normal /= max(float(np.linalg.norm(normal)), 1e-9)
+        jacobian = self._jacobian(point, int(self.model.geom_bodyid[geom]))
+        speed = jacobian @ self.data.qvel
+        is_object = distance == on_object[0]
+        if is_object:
+            speed = speed - self._jacobian(point, self.body) @ self.data.qvel
+        slip = speed - normal * (speed @ normal)
+        lever = jacobian[:, self.dofs[self.fingers[finger]]].T
+        return _Touch("object" if is_object else "table", normal, slip, lever)
+
+    def _jacobian(self, point: Array, body: int) -> Array:
+        jacobian = np.zeros((3, self.model.nv))
+        mujoco.mj_jac(self.model, self.data, jacobian, None, point, body)
+        return jacobian
+
+    def _nearest(self, mine: Array, others: Array) -> tuple[float, Array, int]:
+        """The least distance of two geoms, the points between which it is, and the own geom."""
+        best, points, nearest = FAR, np.zeros(6), -1
+        line = np.zeros(6)
+        for one, other in itertools.product(mine.tolist(), others.tolist()):
+            distance = mujoco.mj_geomDistance(self.model, self.data, one, other, FAR, line)
+            if distance < best:
+                best, points, nearest = distance, line.copy(), one
+        return best, points, nearest
+
+
 def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -> Moments:
-    model = mujoco.MjModel.from_xml_string(model_text)
-    data = mujoco.MjData(model)
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, object_name)
-    joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in motion.joints]
-    if body < 0 or model.body_jntnum[body] != 1 or min(joints) < 0:
-        raise InvalidArgument(f"the robot's configuration has no object '{object_name}'")
+    if motion.segment[-1] != 0:
+        raise InvalidArgument(f"{motion.logs[0]}: steps are missing")
     robot = FreeRun.of_text(motion.configuration)
     known = {name: np.array(values) for name, values in robot.described.items()}
-    torque_late, measured_late = robot.delays
-    dofs, places = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
-    links = model.jnt_bodyid[joints]
-    scaled, first = np.unique(links[::-1], return_index=True)
-    share = known["link_mass"][::-1][first]
-    model.body_mass[scaled] *= share
-    model.body_inertia[scaled] *= share[:, None]
-    model.dof_armature[dofs] = known["rotor_inertia"]
-    mujoco.mj_setConst(model, data)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    scene = _Scene(model_text, motion.joints, known, object_name)
 
-    half = max(round(HALF / motion.period), 2)
-    q, v, a = smooth(motion.position - known["zero_offset"], half, motion.period)
-    pushed, _, _ = smooth(motion.torque, half, motion.period)
+    half, every = (max(round(one / motion.period), 1) for one in (HALF, EVERY))
+    position = motion.position - known["zero_offset"]
     # Friction changes its sign within a moment where something sticks and slips.
-    _, quick, _ = smooth(motion.position, half // 6, motion.period)
-    dry, _, _ = smooth(known["friction"] * np.tanh(quick / TURNS), half, motion.period)
-    every = max(round(EVERY / motion.period), 1)
+    _, quick, _ = smooth(position, max(half // 6, 2), motion.period)
+    friction = known["friction"] * np.tanh(quick / TURNS)
+    torque_late, measured_late = robot.delays
     room = half + torque_late + measured_late
     last = min(len(motion) - room, int(poses.grid[-1]))
     steps = np.arange(max(room, int(poses.grid[0]) + 1), last, every)
-    q, v, a, dry = (rows[steps + measured_late] for rows in (q, v, a, dry))
-    resting = known["damping"] * v + dry
-    scaled_torque = known["torque_scale"] * pushed[steps - torque_late]
-    unsure = np.stack(
-        [np.zeros_like(dry), _UNSURE["friction"] * dry, -_UNSURE["torque_scale"] * scaled_torque],
-        axis=2,
+    q, v, a = (rows[steps + measured_late] for rows in smooth(position, half, motion.period))
+    dry = smooth(friction, half, motion.period)[0][steps + measured_late]
+    acts = (
+        known["torque_scale"] * smooth(motion.torque, half, motion.period)[0][steps - torque_late]
     )
-    external = np.repeat((resting - scaled_torque)[:, :, None], 3, axis=2) + unsure
-    place, moved, bent = poses.at(steps)
+    # Three versions: as identified, with more friction, with larger torques.
+    more = [np.zeros_like(dry), _UNSURE["friction"] * dry, -_UNSURE["torque_scale"] * acts]
+    missing = np.stack([known["damping"] * v + dry - acts + one for one in more], axis=2)
+    unknown = known["friction"] - np.abs(dry)
+    place, rate, bent = poses.at(steps)
 
-    trees = [model.body_treeid[links] == tree for tree in np.unique(model.body_treeid[links])]
-    touchable = model.geom_contype + model.geom_conaffinity > 0
-    own = np.flatnonzero((model.geom_bodyid == body) & touchable)
-    carriers = model.body_weldid[model.geom_bodyid]
-    ground = np.flatnonzero((carriers == 0) & touchable)
-    count = (len(steps), len(trees))
-    force, touches = np.zeros((*count, 3, 3)), np.full(count, "", dtype="U6")
+    count = (len(steps), len(scene.fingers))
+    force, touches = np.zeros((*count, 3, len(more))), np.full(count, "", dtype="U6")
     normal, slip = np.zeros((*count, 3)), np.zeros((*count, 3))
     doubt, height = np.zeros(count), np.zeros(len(steps))
-    unknown = known["friction"] - np.abs(dry)
-    full = np.zeros((model.nv, model.nv))
-    free = int(model.body_jntadr[body])
-    address, speed_address = model.jnt_qposadr[free], model.jnt_dofadr[free]
     for t in range(len(steps)):
-        data.qpos[places], data.qvel[dofs] = q[t], v[t]
-        data.qpos[address : address + 7] = place[t]
-        data.qvel[speed_address : speed_address + 3] = moved[t, :3]
-        data.qvel[speed_address + 3 : speed_address + 6] = _turning(place[t, 3:], moved[t, 3:])
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fullM(model, data, full)
-        inertial = full[np.ix_(dofs, dofs)] @ a[t] + data.qfrc_bias[dofs]
-        height[t] = min(_nearest(model, data, own, ground)[0], 1.0)
-        for finger, members in enumerate(trees):
-            mine = np.flatnonzero(
-                touchable & np.isin(model.body_weldid[model.geom_bodyid], links[members])
-            )
-            near = [_nearest(model, data, mine, there) for there in (own, ground)]
-            what = 0 if near[0][0] <= near[1][0] else 1
-            distance, line, geom = near[what]
-            if distance > NEAR:
+        scene.set(q[t], v[t], place[t], rate[t])
+        needed = scene.inverse_dynamics(a[t])[:, None] + missing[t]
+        height[t] = scene.height()
+        for finger, joints in enumerate(scene.fingers):
+            touch = scene.touch(finger)
+            if touch is None:
                 continue
-            touches[t, finger] = ("object", "table")[what]
-            point, link = line[:3], model.geom_bodyid[geom]
-            direction = (line[3:] - point) * (1 if distance > 0 else -1)
-            normal[t, finger] = direction / max(np.linalg.norm(direction), 1e-9)
-            jacobian = np.zeros((3, model.nv))
-            mujoco.mj_jac(model, data, jacobian, None, point, link)
-            speed = jacobian @ data.qvel
-            if what == 0:
-                of_object = np.zeros((3, model.nv))
-                mujoco.mj_jac(model, data, of_object, None, point, body)
-                speed -= of_object @ data.qvel
-            slip[t, finger] = speed - normal[t, finger] * (speed @ normal[t, finger])
-            felt = external[t, members] + inertial[members][:, None]
-            solve = np.linalg.pinv(jacobian[:, dofs[members]].T, rcond=1e-6)
-            force[t, finger] = -solve @ felt
-            doubt[t, finger] = np.linalg.norm(solve * unknown[t, members])
-    return Moments(force, touches, normal, slip, doubt, height, moved[:, :3], bent[:, :3])
+            touches[t, finger] = touch.what
+            normal[t, finger], slip[t, finger] = touch.normal, touch.slip
+            solve = np.linalg.pinv(touch.lever, rcond=1e-6)
+            force[t, finger] = -solve @ needed[joints]
+            doubt[t, finger] = np.linalg.norm(solve * unknown[t, joints])
+    return Moments(force, touches, normal, slip, doubt, height, rate[:, :3], bent[:, :3])
 
 
 def _turning(orientation: Array, rate: Array) -> Array:
@@ -246,27 +307,13 @@ def _turning(orientation: Array, rate: Array) -> Array:
     return turning
 
 
-def _nearest(
-    model: mujoco.MjModel, data: mujoco.MjData, mine: Array, others: Array
-) -> tuple[float, Array, int]:
-    """The least distance of two geoms, the points between which it is, and the own geom."""
-    best, points, nearest = np.inf, np.zeros(6), -1
-    line = np.zeros(6)
-    for one in mine:
-        for other in others:
-            distance = mujoco.mj_geomDistance(model, data, int(one), int(other), 0.1, line)
-            if distance < min(best, 0.1):
-                best, points, nearest = distance, line.copy(), int(one)
-    return best, points, nearest
-
-
 def _contacts(moments: Moments, object_name: str) -> Iterator[Figure]:
     on_object, on_table = moments.touches == "object", moments.touches == "table"
     is_held = on_object.any(axis=1) & ~on_table.any(axis=1)
     # The sum of what fingers do with the object, in the three versions.
     total = np.sum(moments.force * on_object[:, :, None, None], axis=1)
     doubt = np.linalg.norm(moments.doubt * on_object, axis=1)
-    rises = (moments.acceleration[:, 2] + WEIGHT)[:, None]
+    rises = (moments.acceleration[:, 2] + GRAVITY)[:, None]
     lifted = is_held & (moments.height > RAISED)
     mass = _ratio(
         "object_mass", object_name, total[lifted, 2], rises[lifted], doubt[lifted],
@@ -343,6 +390,15 @@ def _errors_of_poses(poses: Sequence[_Poses], object_name: str) -> Iterator[Figu
         yield Figure(name, object_name, usual, 0.9 * usual, 1.1 * usual, np.nan, True, "")
 
 
+def as_rows(figures: Sequence[Figure]) -> list[dict[str, object]]:
+    """All figures for programs; of one that is not told, which motion would show it."""
+    told = ("name", "joint", "value", "low", "high")
+    untold = ("name", "joint", "shown_by")
+    return [
+        {key: getattr(one, key) for key in (told if one.is_told else untold)} for one in figures
+    ]
+
+
 def save_handling(figures: Sequence[Figure], folder: Path, base: str) -> Path:
     """Writes a configuration that extends `base`, with what is told, and all figures as JSON."""
     text = configuration_text(base)
@@ -367,8 +423,7 @@ def save_handling(figures: Sequence[Figure], folder: Path, base: str) -> Path:
         lines = [*head, *(_section(text, name) for name in sections)]
         part.write_text("\n".join(lines), encoding="utf-8")
     with whole_file(folder / FIGURES) as part:
-        figures_as_json = json.dumps({"figures": [asdict(one) for one in figures]}, indent=1)
-        part.write_text(figures_as_json + "\n", encoding="utf-8")
+        part.write_text(json.dumps(as_rows(figures), indent=1) + "\n", encoding="utf-8")
     return folder / HANDLED
 
 
