@@ -32,6 +32,7 @@ struct Element {
   std::unordered_map<std::string, std::size_t> places;  // in `entries`, by key
   // The keys that readers have asked for, whether or not they exist. Not a part of the value.
   mutable std::set<std::string, std::less<>> asked;
+  mutable bool is_left_out{false};  // Nobody needs to ask for what is in it. Not a part either.
   // What the last reader of this value allowed, as in "0.2 to 0.6 m". Not a part of it either.
   mutable std::string allowed;
 

@@ -214,6 +214,7 @@ class UnknownKeys {
  public:
   // Looks at `element` and everything below it.
   void find(const Element& element, const std::string& path) {
+    if (element.is_left_out) return;
     for (std::size_t i = 0; i < element.items.size(); ++i) {
       find(element.items[i], detail::join(path, std::to_string(i)));
     }

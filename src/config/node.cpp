@@ -177,6 +177,10 @@ std::optional<Node> Node::optional_section(std::string_view key) const {
   return value;
 }
 
+void Node::leave_out(std::string_view key) const {
+  if (const std::optional<Node> value = find(key)) value->element_->is_left_out = true;
+}
+
 std::vector<Node> Node::items() const {
   if (!is_list()) fail("is " + text_of(*element_) + ", must be a list");
   std::vector<Node> nodes;

@@ -118,7 +118,11 @@ void read_motors(const Node& root, RobotConfig& config) {
   const auto kind = root.required_choice<Kind>(
       "driver",
       {{"simulation", Kind::kSimulation}, {"boards", Kind::kBoards}, {"dynamixel", Kind::kServos}});
-  if (kind == Kind::kSimulation) return;
+  if (kind == Kind::kSimulation) {
+    // A simulation may extend the configuration of a robot that has motors.
+    for (const char* const motors : {"boards", "dynamixel"}) root.leave_out(motors);
+    return;
+  }
   // What hardware needs must not be guessed.
   static_cast<void>(root.section("backend"));
   if (kind == Kind::kBoards) {

@@ -316,6 +316,18 @@ def test_an_object_needs_a_robot_that_is_known(tmp_path: Path, log: Path) -> Non
     assert not (tmp_path / HANDLED).exists()
 
 
+def test_what_is_fitted_simulates_a_robot_that_has_boards(tmp_path: Path) -> None:
+    config = tmp_path / "fitted.yml"
+    config.write_text("extends: trifinger_edu_emulated\ndriver: simulation\n")
+    assert "boards:" in configuration_text(str(config))
+    simulation = trifinger.Simulation(str(config))
+    with simulation.connect() as robot:
+        assert robot.latest_observation().position.shape == (9,)
+    config.write_text("extends: trifinger_edu_emulated\ndriver: simulation\nboard: {}\n")
+    with pytest.raises(trifinger.Error, match="board is not a known key"):
+        trifinger.Simulation(str(config))
+
+
 def test_a_check_names_what_has_changed_by_more_than_chance() -> None:
     def friction(value: float, half: float) -> Figure:
         return Figure("friction", "a", value, value - half, value + half, 0.0, True, "")

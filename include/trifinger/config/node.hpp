@@ -101,6 +101,8 @@ class Node {
   [[nodiscard]] Node section(std::string_view key) const;
   /// The section under `key`, if it exists. @throws ConfigError if it is not a section.
   [[nodiscard]] std::optional<Node> optional_section(std::string_view key) const;
+  /// Says that the value under `key`, whatever it is, does not count here.
+  void leave_out(std::string_view key) const;
   /// The entries of this list. @throws ConfigError if this is not a list.
   [[nodiscard]] std::vector<Node> items() const;
 

@@ -34,6 +34,7 @@ RAISED = 0.006  # of an object in the air [m]
 LOWERED = 0.003  # of one that lies [m]
 SLIDING = 0.01  # of an object [m/s]
 SLIPPING = 0.04  # of a finger [m/s]
+STILL = 10  # moments to each side, in which an object rests over which a finger slips
 ALONG = 0.7  # cosine of the least angle between slip and drag
 PRESSED = 0.15  # of a contact whose friction is looked at [N]
 TURNS = 0.02  # of a joint, at which dry friction has most of its value [rad/s]
@@ -113,10 +114,11 @@ class _Poses:
             raise InvalidArgument(f"{log}: nothing says where '{name}' is")
         capture, chosen = np.unique(elements["stamp"]["capture_index"], return_index=True)
         chosen = chosen[capture >= 0]
-        self.step: Array = elements["stamp"]["capture_index"][chosen].astype(float)
-        self.delay: Array = (
-            elements["stamp"]["arrival_index"][chosen] - self.step
-        ) * session.period
+        self.step: Array = capture[capture >= 0].astype(float)
+        self.time_index: Array = session.time_index
+        """Of each row of the motion."""
+        arrival = elements["stamp"]["arrival_index"][chosen]
+        self.delay: Array = (arrival - self.step) * session.period
         place = np.asarray(elements[name]["position"][chosen], dtype=float)
         turned = np.asarray(elements[name]["orientation"][chosen], dtype=float)
         flips = np.where(np.sum(turned[1:] * turned[:-1], axis=1) < 0, -1.0, 1.0)
@@ -253,8 +255,6 @@ class _Scene:
 
 
 def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -> Moments:
-    if motion.segment[-1] != 0:
-        raise InvalidArgument(f"{motion.logs[0]}: steps are missing")
     robot = FreeRun.of_text(motion.configuration)
     known = {name: np.array(values) for name, values in robot.described.items()}
     scene = _Scene(model_text, motion.joints, known, object_name)
@@ -266,8 +266,9 @@ def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -
     friction = known["friction"] * np.tanh(quick / TURNS)
     torque_late, measured_late = robot.delays
     room = half + torque_late + measured_late
-    last = min(len(motion) - room, int(poses.grid[-1]))
-    steps = np.arange(max(room, int(poses.grid[0]) + 1), last, every)
+    steps = motion.pieces(1, every, room, room)
+    seen = poses.time_index[steps]
+    steps = steps[(seen > poses.grid[0]) & (seen < poses.grid[-1])]
     q, v, a = (rows[steps + measured_late] for rows in smooth(position, half, motion.period))
     dry = smooth(friction, half, motion.period)[0][steps + measured_late]
     acts = (
@@ -277,7 +278,7 @@ def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -
     more = [np.zeros_like(dry), _UNSURE["friction"] * dry, -_UNSURE["torque_scale"] * acts]
     missing = np.stack([known["damping"] * v + dry - acts + one for one in more], axis=2)
     unknown = known["friction"] - np.abs(dry)
-    place, rate, bent = poses.at(steps)
+    place, rate, bent = poses.at(poses.time_index[steps])
 
     count = (len(steps), len(scene.fingers))
     force, touches = np.zeros((*count, 3, len(more))), np.full(count, "", dtype="U6")
@@ -346,7 +347,8 @@ def _contacts(moments: Moments, object_name: str) -> Iterator[Figure]:
     drag = np.linalg.norm(across, axis=2)
     pull = np.einsum("tfi,tfi->tf", moments.slip, across[..., 0])
     # What an object that is dragged along does is not seen as fast as a finger.
-    rests = speed < SLIDING
+    around = np.pad(speed, STILL, mode="edge")
+    rests = np.lib.stride_tricks.sliding_window_view(around, 2 * STILL + 1).max(axis=1) < SLIDING
     slips = (slipping > SLIPPING) & (normal[..., 0] > PRESSED)
     slips &= pull > ALONG * slipping * drag[..., 0]
     for what, name in (("object", "tip_object"), ("table", "tip_table")):
