@@ -114,14 +114,13 @@ void bind_free_run(nb::module_& m) {
             return figures;
           },
           "What the configuration says of each joint, by the names of `identified` in it.")
-      .def(
-          "run", &run_pieces, "figures"_a, "position"_a, "velocity"_a, "begin"_a, "torque"_a,
-          "lead"_a, "length"_a,
-          "Positions that are measured after each step: pieces x `length` x joints. Piece i begins "
-          "with step\n`begin[i]` of `torque` (steps x joints), where joints are at `position[i, 1]` "
-          "and have\n`velocity[i, 1]`. `lead` steps before it they are at `position[i, 0]` and "
-          "`velocity[i, 0]`; from\nthere the motors come to where they are in their play. Delays do "
-          "not count. Raises\nInvalidArgument.");
+      .def("run", &run_pieces, "figures"_a, "position"_a, "velocity"_a, "begin"_a, "torque"_a,
+           "lead"_a, "length"_a,
+           "Positions that are measured after each step: pieces x `length` x joints. Piece i\n"
+           "begins with step `begin[i]` of `torque` (steps x joints), where joints are at\n"
+           "`position[i, 1]` and have `velocity[i, 1]`. `lead` steps before it they are at\n"
+           "`position[i, 0]` and `velocity[i, 0]`; from there the motors come to where they are\n"
+           "in their play. Delays do not count. Raises InvalidArgument.");
 }
 
 }  // namespace trifinger::bindings

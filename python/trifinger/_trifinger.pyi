@@ -1079,11 +1079,11 @@ class FreeRun:
 
     def run(self, figures: Mapping[str, Sequence[float]], position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, begin: Sequence[int], torque: numpy.typing.ArrayLike, lead: int, length: int) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Positions that are measured after each step: pieces x `length` x joints. Piece i begins with step
-        `begin[i]` of `torque` (steps x joints), where joints are at `position[i, 1]` and have
-        `velocity[i, 1]`. `lead` steps before it they are at `position[i, 0]` and `velocity[i, 0]`; from
-        there the motors come to where they are in their play. Delays do not count. Raises
-        InvalidArgument.
+        Positions that are measured after each step: pieces x `length` x joints. Piece i
+        begins with step `begin[i]` of `torque` (steps x joints), where joints are at
+        `position[i, 1]` and have `velocity[i, 1]`. `lead` steps before it they are at
+        `position[i, 0]` and `velocity[i, 0]`; from there the motors come to where they are
+        in their play. Delays do not count. Raises InvalidArgument.
         """
 
 class Hand:

@@ -274,8 +274,8 @@ def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
         f"objects: [{{name: cube, type: cube, size: [0.065], mass: {mass}}}]\n"
         "contact: {tip_friction: 1.0, tip_torsional_friction: 0.005, floor_friction: 0.5, "
         f"friction: {{object_table: {friction}}}}}\n"
-        "simulation: {seed: 1, object_period: 0.01, object_delay: 0.02, object_position_noise: 0.0005, "
-        "object_orientation_noise: 0.005}\n"
+        "simulation: {seed: 1, object_period: 0.01, object_delay: 0.02, "
+        "object_position_noise: 0.0005, object_orientation_noise: 0.005}\n"
     )
     logs = []
     for task in ("lift", "slide"):
