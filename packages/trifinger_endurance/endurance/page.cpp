@@ -437,7 +437,8 @@ std::string checks_table(const std::filesystem::path& checks) {
     for (const nlohmann::json& change : *changed)
       if (change.is_string()) found += escaped(change.get<std::string>()) + "<br>";
     rows.push_back(fmt::format("<tr><th>{}</th><td class=\"text\">{}</td></tr>",
-                               escaped(when->get<std::string>()), found.empty() ? "yes" : found));
+                               escaped(when->get<std::string>()),
+                               found.empty() ? "nothing" : found));
     if (rows.size() > kMost) rows.pop_front();
   }
   if (rows.empty()) return table + "<p class=\"none\">No check yet.</p>";
