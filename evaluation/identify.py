@@ -343,10 +343,11 @@ def run_edge(seed: int) -> dict[str, Any]:
 
 def reach(trained_on: str, real: Path, folder: Path) -> float:
     """Trains a shared policy for one robot; its median distance on another one [m]."""
-    words = ["reach", "--shared", "--robot-config", trained_on, "-o", str(folder / "reach")]
+    output = folder / f"reach-{Path(trained_on).stem}"
+    words = ["reach", "--shared", "--robot-config", trained_on, "-o", str(output)]
     train = "import sys; from trifinger.commands.train import main; sys.exit(main())"
     subprocess.run([sys.executable, "-c", train, *words], check=True, capture_output=True)
-    policy = Policy(folder / "reach" / "reach.policy")
+    policy = Policy(output / "reach.policy")
     options = Options.from_json(policy.metadata["options"])
     evaluator = Evaluator("reach", options, config=str(real))
     return float(np.median(evaluator(act_of(policy), evaluator.rows_of(policy)).distances))
