@@ -452,7 +452,7 @@ class ToPose:
 
 
 class Push:
-    """Drags an object that no grasp reaches towards the middle, with one tip behind it.
+    """Where no grasp reaches an object, one tip goes behind it and drags it to the middle.
 
     An object that stands on its end falls over. Tips follow points by position control.
     """
@@ -479,7 +479,7 @@ class Push:
         return bool(self._points)
 
     def begin(self, rest: Pose, size: Sequence[float], joints: Array) -> None:
-        """Chooses a face on the far side from the middle, and a finger that reaches behind it.
+        """Chooses a face that looks away from the middle, and a finger that reaches behind it.
 
         Without such a finger nothing begins.
         """

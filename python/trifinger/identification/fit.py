@@ -19,7 +19,7 @@ import numpy as np
 from trifinger._trifinger import FreeRun
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
-from trifinger.identification.motion import Motion
+from trifinger.identification.motion import Motion, cubic
 
 DELAY = "delay"
 HELD_OUT = 0.2  # share of the motion, at its end, that is not fitted
@@ -230,8 +230,7 @@ def _late(values: Array, steps: int) -> Array:
 def _smooth(position: Array, steps: Array, period: float) -> tuple[Array, Array]:
     """Positions and velocities there, by a cubic through the steps around."""
     offsets = np.arange(-_SMOOTH, _SMOOTH + 1)
-    powers = np.vander(offsets, 4, increasing=True).astype(float)
-    weights = np.linalg.pinv(powers)[:2]
+    weights = cubic(_SMOOTH)[:2]
     around = position[steps[..., None] + offsets]
     place, speed = np.einsum("ks,...sj->k...j", weights, around)
     return place, speed / period

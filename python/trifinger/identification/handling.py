@@ -22,7 +22,7 @@ from trifinger._trifinger import FreeRun, Log, configuration_text, export_mjcf
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.identification.fit import SURE, Figure
-from trifinger.identification.motion import Motion, read_motion
+from trifinger.identification.motion import Motion, cubic, read_motion
 from trifinger.whole_file import whole_file
 
 EVERY = 0.01  # between two moments [s]
@@ -143,8 +143,7 @@ class _Poses:
 
 def smooth(values: Array, half: int, period: float) -> tuple[Array, Array, Array]:
     """Values, rates and accelerations by a cubic through `half` rows to each side."""
-    powers = np.vander(np.arange(-half, half + 1), 4, increasing=True).astype(float)
-    weights = np.linalg.pinv(powers)[:3] * np.array([1, 1 / period, 2 / period**2])[:, None]
+    weights = cubic(half)[:3] * np.array([1, 1 / period, 2 / period**2])[:, None]
     padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
     place, rate, acceleration = np.einsum("kw,tjw->ktj", weights, around)

@@ -108,6 +108,15 @@ def read_motion(
     return motion
 
 
+def cubic(half: int) -> Array:
+    """Weights of `half` values to each side of a place, for the coefficients of the cubic that is
+    nearest to them: of powers of steps from there, the constant first.
+    """
+    powers = np.vander(np.arange(-half, half + 1), 4, increasing=True).astype(float)
+    weights: Array = np.linalg.pinv(powers)
+    return weights
+
+
 def _asked(series: Array | None) -> Array:
     if series is None:
         raise InvalidArgument("the log lacks a series")
