@@ -82,24 +82,25 @@ class Process {
     return observe(first, last);
   }
 
-  // Whether a person has taken over.
-  [[nodiscard]] bool is_taken_over() const noexcept {
-    return takeover_ != nullptr && takeover_->newest() != nullptr;
+  // Whether a person has taken over. `follow` then begins with the action seen here, so that one
+  // who lets go in between has acted, too.
+  [[nodiscard]] bool is_taken_over() noexcept {
+    const Action* newest = takeover_ != nullptr ? takeover_->newest() : nullptr;
+    if (newest != nullptr) persons_ = *newest;
+    return newest != nullptr;
   }
 
   // Lets the person act, as `step` lets an action.
   Observation follow() {
-    was_persons_ = false;
     same_ = {};
     same_.position.fill(0.0);
-    Action action;
+    Action action = persons_;
     TimeIndex first = -1;
     for (std::size_t i = 0; i < burst_.size(); ++i) {
       const Observation y = robot_.get_observation(std::max(t_, last_ + 1 - kAhead));
       if (const Action* newest = takeover_->newest(); newest != nullptr) {
         action = *newest;
-        was_persons_ = true;
-      } else {
+      } else if (i > 0) {
         let_go(action, y);
       }
       add(action, y);
@@ -111,9 +112,6 @@ class Process {
   // What the last `follow` was like: the mean torque, and the mean of the positions that make the
   // robot's own controller give these torques.
   [[nodiscard]] const Action& same() const noexcept { return same_; }
-
-  // Whether a step of the last `follow` was the person's, who may have let go just before.
-  [[nodiscard]] bool was_persons() const noexcept { return was_persons_; }
 
   // Returns the step of the newest observation.
   [[nodiscard]] TimeIndex time_index() const noexcept { return t_; }
@@ -163,8 +161,8 @@ class Process {
   Takeover<R>* takeover_;
   bool is_augmented_;
   std::vector<Action> burst_;
+  Action persons_;
   Action same_;
-  bool was_persons_{false};
   TimeIndex t_{-1};
   TimeIndex last_{-1};  // of the newest action
   TimeIndex repeated_{0};
@@ -431,9 +429,8 @@ std::optional<NeedsCare> run_policy(Frontend<R>& robot, const Environment& envir
       y = follows
               ? follow()
               : process.step(actor.template act<Action>(environment, observation, episode, told));
-      const bool is_persons = follows && process.was_persons();
-      report.interventions += is_persons ? 1 : 0;
-      report.outcome = look(y, is_persons ? Experience::kIntervention : 0U);
+      report.interventions += follows ? 1 : 0;
+      report.outcome = look(y, follows ? Experience::kIntervention : 0U);
       report.total_reward += report.outcome.reward;
     }
     if (!has_ended()) break;
