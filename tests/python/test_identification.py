@@ -20,7 +20,7 @@ from trifinger.identification import check, identify, read_motion, save
 from trifinger.identification.check import figures_of
 from trifinger.identification.excitation import Excitation, Gains, strokes
 from trifinger.identification.fit import Figure
-from trifinger.identification.handling import HANDLED, smooth
+from trifinger.identification.handling import HANDLED, Moments, contacts, smooth
 from trifinger.identification.page import FIGURES, ranges
 
 TRUE = {
@@ -263,17 +263,42 @@ def test_a_cubic_through_a_cubic_is_exact() -> None:
     assert bent[inner] == pytest.approx((-6 + 240 * t)[inner], abs=1e-4)
 
 
+def test_a_tip_that_sticks_while_it_slides_has_the_friction_of_its_slips() -> None:
+    random = np.random.default_rng(1)
+    count, friction = 400, 0.8
+    press = random.uniform(0.5, 1.5, count)
+    sticks = random.random(count) < 0.4
+    drag = friction * press * np.where(sticks, random.random(count), 1.0)
+    force = np.stack([drag, np.zeros(count), -press], axis=1)
+    force += random.normal(0, 0.03, force.shape)
+    nothing, three = np.zeros(count), np.zeros((count, 3))
+    moments = Moments(
+        force=np.repeat(force[:, None, :, None], 3, axis=3),
+        touches=np.full((count, 1), "table"),
+        normal=np.tile([0.0, 0.0, -1.0], (count, 1, 1)),
+        slip=np.tile([0.05, 0.0, 0.0], (count, 1, 1)),
+        doubt=nothing[:, None],
+        height=nothing,
+        velocity=three,
+        acceleration=three,
+    )
+    of_tip = {one.joint: one for one in contacts(moments, "cube")}["tip_table"]
+    assert of_tip.is_told
+    assert of_tip.low < friction < of_tip.high
+    assert of_tip.value == pytest.approx(friction, rel=0.05)
+
+
 @pytest.mark.slow
 def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
-    mass, friction = 0.12, 0.4
+    mass, friction, of_tip = 0.12, 0.4, 0.7
     config = tmp_path / "heavy.yml"
     config.write_text(
         "extends: pushing\n"
         f"objects: [{{name: cube, type: cube, size: [0.065], mass: {mass}}}]\n"
         "contact: {tip_friction: 1.0, tip_torsional_friction: 0.005, floor_friction: 0.5, "
-        f"friction: {{object_table: {friction}}}}}\n"
+        f"friction: {{object_table: {friction}, tip_table: {of_tip}}}}}\n"
         "simulation: {seed: 1, object_period: 0.01, object_delay: 0.02, "
         "object_position_noise: 0.0005, object_orientation_noise: 0.005}\n"
     )
@@ -290,6 +315,10 @@ def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
         logs.append(str(tmp_path / task))
     output = tmp_path / "found"
     words = ["--object", "cube", "--robot-config", "pushing", "-o", str(output)]
+    robot = start_program("run", str(config), "--name", "handled", "--non-real-time")
+    robot.wait_for("waits for a user")
+    subprocess.run([*IDENTIFY, "handled", *words], check=True)
+    logs.extend(map(str, (output / "logs").iterdir()))
     subprocess.run([*IDENTIFY, *logs, *words], check=True)
     found = configuration_text(str(output / HANDLED))
 
@@ -298,6 +327,7 @@ def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
 
     assert value("mass") == pytest.approx(mass, rel=0.1)
     assert value("object_table") == pytest.approx(friction, rel=0.1)
+    assert value("tip_table") == pytest.approx(of_tip, rel=0.1)
     assert value("object_delay") == pytest.approx(0.02)
     assert value("object_position_noise") == pytest.approx(0.0005, rel=0.2)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,14 +33,17 @@ FAR = 0.1  # beyond which distances do not count [m]
 RAISED = 0.006  # of an object in the air [m]
 LOWERED = 0.003  # of one that lies [m]
 SLIDING = 0.01  # of an object [m/s]
-SLIPPING = 0.04  # of a finger [m/s]
+SLIPPING = 0.01  # of a finger [m/s]
 STILL = 10  # moments to each side, in which an object rests over which a finger slips
 ALONG = 0.7  # cosine of the least angle between slip and drag
-PRESSED = 0.15  # of a contact whose friction is looked at [N]
+PRESSED = 0.4  # of a contact whose friction is looked at [N]
+DOUBTED = 0.15  # a force that is known less well says nothing of this [N]
+LIMIT = 0.7  # quantile of drag by pressure: a tip that slides sticks in between, and drags less
 TURNS = 0.02  # of a joint, at which dry friction has most of its value [rad/s]
 USUAL = 0.05  # errors of a force, beside the doubt [N]
 GRAVITY = 9.81  # [m/s^2]
-TREMBLES = 0.1  # of a tip's friction: a tip that slides trembles, which no filter resolves
+AROUND = 0.25  # quantiles to each side: half of what is between them is what is not known of it
+LEVEL = 0.95  # cosine of the angle to the vertical of what a tip slides on
 LEAST_MOMENTS = 30
 BLOCKS = 10  # of moments, of which each is left out once
 TOLD = 0.3  # half of an interval, as a share of the value
@@ -54,8 +57,9 @@ _KEYS = {
     "turn_noise": "simulation.object_orientation_noise",
 }
 _MEDIAN_OF_THREE = 2.366 / 3  # of the mean square of three normal numbers (chi-squared)
-# What is not known of an identified robot, in its forces: shares of friction and of torques.
-_UNSURE = {"friction": 0.2, "torque_scale": 0.04}
+# What is not known of an identified robot, in its forces: shares of friction, and of all torques of
+# a finger, whose scale its motion does not tell.
+_UNSURE = {"friction": 0.05, "scale": 0.05}
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class Moments:
     """What fingers do with an object: a row for each moment, then a column for each finger."""
 
     force: Array
-    """On what is touched [N]: besides, as it would be with more friction, and with more torque."""
+    """On what is touched [N]: besides, with more friction, and with another scale of torques."""
     touches: Array
     """What is touched: "object", "table" or nothing."""
     normal: Array
@@ -98,7 +102,7 @@ def identify_handling(
         poses.append(seen)
     names = Moments.__dataclass_fields__
     moments = Moments(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-    return [*_contacts(moments, object_name), *_errors_of_poses(poses, object_name)]
+    return [*contacts(moments, object_name), *_errors_of_poses(poses, object_name)]
 
 
 class _Poses:
@@ -274,8 +278,9 @@ def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -
         known["torque_scale"] * smooth(motion.torque, half, motion.period)[0][steps - torque_late]
     )
     # Three versions: as identified, with more friction, with larger torques.
-    more = [np.zeros_like(dry), _UNSURE["friction"] * dry, -_UNSURE["torque_scale"] * acts]
-    missing = np.stack([known["damping"] * v + dry - acts + one for one in more], axis=2)
+    missing = known["damping"] * v + dry - acts
+    more = [np.zeros_like(dry), _UNSURE["friction"] * dry, _UNSURE["scale"] * missing]
+    missing = np.stack([missing + one for one in more], axis=2)
     unknown = known["friction"] - np.abs(dry)
     place, rate, bent = poses.at(poses.time_index[steps])
 
@@ -307,7 +312,8 @@ def _turning(orientation: Array, rate: Array) -> Array:
     return turning
 
 
-def _contacts(moments: Moments, object_name: str) -> Iterator[Figure]:
+def contacts(moments: Moments, object_name: str) -> Iterator[Figure]:
+    """Mass of the object, and friction coefficients, from the forces of fingers."""
     on_object, on_table = moments.touches == "object", moments.touches == "table"
     is_held = on_object.any(axis=1) & ~on_table.any(axis=1)
     # The sum of what fingers do with the object, in the three versions.
@@ -348,34 +354,60 @@ def _contacts(moments: Moments, object_name: str) -> Iterator[Figure]:
     # What an object that is dragged along does is not seen as fast as a finger.
     around = np.pad(speed, STILL, mode="edge")
     rests = np.lib.stride_tricks.sliding_window_view(around, 2 * STILL + 1).max(axis=1) < SLIDING
-    slips = (slipping > SLIPPING) & (normal[..., 0] > PRESSED)
+    slips = (slipping > SLIPPING) & (normal[..., 0] > PRESSED) & (moments.doubt < DOUBTED)
+    slips &= moments.normal[:, :, 2] < -LEVEL
     slips &= pull > ALONG * slipping * drag[..., 0]
     for what, name in (("object", "tip_object"), ("table", "tip_table")):
         chosen = slips & (moments.touches == what) & rests[:, None]
-        friction = _ratio(
-            "friction", name, drag[chosen], normal[chosen], moments.doubt[chosen],
-            f"a tip that is pressed on the {what} and slides",
-        )  # fmt: skip
-        half = float(np.hypot(friction.high - friction.value, TREMBLES * friction.value))
-        yield replace(friction, low=friction.value - half, high=friction.value + half)
+        shown_by = f"a tip that is pressed on the {what} and slides"
+        yield _limit("friction", name, drag[chosen] / normal[chosen], shown_by)
 
 
 def _ratio(
     name: str, joint: str, above: Array, below: Array, doubt: Array, shown_by: str
 ) -> Figure:
     """The number that times `below` is nearest to `above`, which have a column for each version."""
-    if len(above) < LEAST_MOMENTS:
-        return Figure(name, joint, np.nan, np.nan, np.nan, np.nan, False, shown_by)
     weight = 1 / (USUAL**2 + doubt**2)[:, None]
-    tops, bottoms = weight * above * below, weight * below**2
-    values = np.sum(tops, axis=0) / np.sum(bottoms * np.ones_like(tops), axis=0)
-    block = np.arange(len(above)) * BLOCKS // len(above)
-    without = [np.sum(tops[block != b, 0]) / np.sum(bottoms[block != b, 0]) for b in range(BLOCKS)]
+    tops, bottoms = weight * above * below, weight * below**2 * np.ones_like(above)
+
+    def value(chosen: Array) -> Array:
+        ratio: Array = np.sum(tops[chosen], axis=0) / np.sum(bottoms[chosen], axis=0)
+        return ratio
+
+    return _figure(name, joint, value, len(above), shown_by)
+
+
+def _limit(name: str, joint: str, ratios: Array, shown_by: str) -> Figure:
+    """The largest of these, but for errors; there is a column for each version."""
+
+    def value(chosen: Array) -> Array:
+        limit: Array = np.quantile(ratios[chosen], LIMIT, axis=0)
+        return limit
+
+    below, above = (
+        np.quantile(ratios[:, 0], [LIMIT - AROUND, LIMIT + AROUND]) if len(ratios) else (0, 0)
+    )
+    return _figure(name, joint, value, len(ratios), shown_by, (above - below) / 2)
+
+
+def _figure(
+    name: str,
+    joint: str,
+    value: Callable[[Array], Array],
+    count: int,
+    shown_by: str,
+    unsure: float = 0.0,
+) -> Figure:
+    """A figure from `count` moments: `value` is that of chosen ones, in each version."""
+    if count < LEAST_MOMENTS:
+        return Figure(name, joint, np.nan, np.nan, np.nan, np.nan, False, shown_by)
+    block = np.arange(count) * BLOCKS // count
+    without = [value(block != b)[0] for b in range(BLOCKS)]
     spread = np.sqrt(BLOCKS - 1) * np.std(without)  # the jackknife
-    half = float(np.hypot(SURE * spread, np.linalg.norm(values[1:] - values[0])))
-    value = float(values[0])
-    told = bool(half < TOLD * abs(value))
-    return Figure(name, joint, value, value - half, value + half, np.nan, told, shown_by)
+    best, *others = value(block >= 0).tolist()
+    half = float(np.linalg.norm([SURE * spread, unsure, *(np.array(others) - best)]))
+    told = half < TOLD * abs(best)
+    return Figure(name, joint, best, best - half, best + half, np.nan, told, shown_by)
 
 
 def _errors_of_poses(poses: Sequence[_Poses], object_name: str) -> Iterator[Figure]:
