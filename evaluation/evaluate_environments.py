@@ -3,15 +3,18 @@
 
 The cube is pushed by its exact poses, and by those that a tracker finds in images. Goals are drawn
 like in the environment. A goal counts if it is in the reachable set, which is computed before
-anything moves. Writes docs/results/environments.md.
+anything moves. Each part of a row is kept in docs/results/environments.jsonl at once, so an
+evaluation that was cut off goes on; docs/results/environments.md is written from these.
 """
 
 import argparse
+import hashlib
 import itertools
+import json
 import os
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,6 +79,7 @@ FAILURES = """\
 | failed | seed | episode | distance | grasps |
 |---|---|---|---|---|"""
 RESULTS = Path(__file__).parent.parent / "docs/results/environments.md"
+PROGRAMS = (Path(__file__), Path(solvers.__file__))
 
 
 class Trials(NamedTuple):
@@ -102,6 +106,25 @@ def run_trials(name: str, seed: int, goals: int) -> Trials:
             trials.append(trial)
             print(name, trial, flush=True)
     return Trials(name, episode, trials)
+
+
+def program() -> str:
+    """A digest of what solves and judges."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in PROGRAMS)).hexdigest()[:12]
+
+
+def kept(file: Path) -> dict[tuple[str, int, int], Trials]:
+    """What this program has tried already: by row, seed and number of goals."""
+    if not file.exists():
+        return {}
+    lines = map(json.loads, file.read_text(encoding="utf-8").splitlines())
+    return {
+        (line["row"], line["seed"], len(line["trials"])): Trials(
+            line["row"], line["drawn"], [Trial(*trial) for trial in line["trials"]]
+        )
+        for line in lines
+        if line["program"] == program()
+    }
 
 
 def joined(name: str, parts: Sequence[Trials]) -> Trials:
@@ -167,13 +190,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return np.diff(np.linspace(0, goals, len(SEEDS) + 1).astype(int))
 
     os.environ["OMP_NUM_THREADS"] = "1"
+    file = options.output.with_suffix(".jsonl")
+    found = kept(file)
+    wanted = [
+        (name, seed, int(share))
+        for name in ROWS
+        for seed, share in zip(SEEDS, shares(name), strict=True)
+    ]
     with ProcessPoolExecutor(PROCESSES) as executor:
-        jobs = [
-            executor.submit(run_trials, name, seed, int(share))
-            for name in ROWS
-            for seed, share in zip(SEEDS, shares(name), strict=True)
-        ]
-        parts = [job.result() for job in jobs]
+        jobs = {executor.submit(run_trials, *part): part for part in wanted if part not in found}
+        for job in as_completed(jobs):
+            name, seed, _ = jobs[job]
+            found[jobs[job]] = part = job.result()
+            line = {"row": name, "seed": seed, "program": program(), **part._asdict()}
+            with file.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(line) + "\n")
+    parts = [found[part] for part in wanted]
     results = [joined(name, parts) for name in IN_PAGE]
     options.output.write_text(report(results, options.goals, options.goals_by_sight))
     for result in results:

@@ -147,7 +147,10 @@ Episodes::Seen Episodes::step(PythonFrontend& robot, std::span<const float> numb
   const auto count = static_cast<std::size_t>(environment.options().steps_per_action);
   burst_.resize(count * size);
   std::ranges::copy(types.default_action, burst_.begin());
-  for (const auto& [name, values] : {std::pair("torque", &torque), {"position", &position}}) {
+  std::array<double, kMaxCountedJoints> kp;  // NOLINT(*-member-init)
+  kp.fill(environment.position_kp());
+  for (const auto& [name, values] :
+       {std::pair("torque", &torque), {"position", &position}, {"position_kp", &kp}}) {
     std::memcpy(burst_.data() + field_of(types.action, name, joints).offset, values->data(),
                 joints * sizeof(double));
   }

@@ -23,6 +23,12 @@ class OptionFields:
     position_change: float = 0.1
     """Largest change of a desired position by one action, or largest distance from the measured
     one [rad]."""
+    leash: float = 0.12
+    """Largest distance of a desired position from the measured one, if actions are changes of it
+    [rad]. It is observed as `tracking_error`."""
+    position_kp: float = 0.0
+    """Stiffness with which joints go to desired positions [Nm/rad]; 0: that of the robot. A
+    robot whose torques or measurements are late trembles if it is stiff."""
     observation: Literal["flat", "dictionary", "goal", "images"] = "flat"
     """One vector scaled to -1 to 1, its parts in SI units, the vector with a separate goal, or
     the parts with images of the cameras instead of poses of objects."""

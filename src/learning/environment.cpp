@@ -143,6 +143,14 @@ void Environment::Implementation::hold(std::span<const double> position,
   }
 }
 
+void Environment::Implementation::pull_back(std::span<const double> position,
+                                            Episode& episode) const noexcept {
+  for (std::size_t i = 0; i < num_joints; ++i) {
+    const double ahead = std::clamp(episode.target[i] - position[i], -options.leash, options.leash);
+    episode.target[i] = std::clamp(position[i] + ahead, workspace.low[i], workspace.high[i]);
+  }
+}
+
 Environment::Environment(const TaskDescription& task, const EnvironmentOptions& options,
                          const RobotDescription& description, Nanoseconds period)
     : implementation_(std::make_unique<const Implementation>(task, options, description, period)) {}
@@ -268,6 +276,12 @@ void Environment::approach_point(std::span<const double> from, const Start& star
   for (std::size_t i = 0; i < checked(implementation_)->num_joints; ++i) {
     position[i] = from[i] + share * (start.position[i] - from[i]);
   }
+}
+
+double Environment::position_kp() const noexcept {
+  const EnvironmentOptions& options = checked(implementation_)->options;
+  const bool is_given = options.position_kp > 0.0 && options.action != ActionKind::kTorque;
+  return is_given ? options.position_kp : kNotGiven;
 }
 
 bool Environment::take_action(std::span<const float> numbers, Episode& episode,

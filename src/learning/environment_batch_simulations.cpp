@@ -344,6 +344,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
       return;  // Never: the actions were checked before.
     }
+    std::ranges::fill(next.position_kp, environment.position_kp());
     CountedAppliedAction applied(simulator_.num_joints());
     for (int k = 0; k < steps; ++k) {
       if (k == lag) one.action = next;

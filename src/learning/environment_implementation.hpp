@@ -59,6 +59,8 @@ struct Environment::Implementation {
   void complete(Start& start, Episode& episode) const noexcept;
   // The action before the first one has held the robot at this position.
   void hold(std::span<const double> position, Episode& episode) const noexcept;
+  // The desired position is no further ahead of this one than the leash.
+  void pull_back(std::span<const double> position, Episode& episode) const noexcept;
 
   // Observations in SI units have their entries one after the other.
   [[nodiscard]] bool is_flat() const noexcept {
@@ -95,6 +97,8 @@ struct Environment::Implementation {
   bool has_own_entries{false};  // The task says what is observed.
   std::size_t own_values{0};    // Number of numbers that it says.
   bool shows_action{false};
+  bool shows_tracking_error{false};
+  std::size_t memory_values{0};   // of the task that are observed
   std::vector<std::size_t> flat;  // Index in all entries of each number observed.
   std::vector<double> low;        // Lower bounds of all entries, concatenated.
   std::vector<double> high;

@@ -79,6 +79,7 @@ void Environment::Implementation::look(Observed& one) const noexcept {
   add_noise(std::span(one.velocity).first(n), options.velocity_noise);
   add_noise(std::span(one.model_position).first(num_model), options.position_noise);
   if (options.action == ActionKind::kRelativePosition) hold(one.position, *one.episode);
+  if (options.action == ActionKind::kPositionChange) pull_back(one.position, *one.episode);
 
   View& view = one.view;
   view.object = {};
@@ -151,6 +152,15 @@ void Environment::Implementation::write(const Observed& one,
     }
   }
   if (shows_action) next = std::copy_n(one.episode->action.begin(), num_joints, next);
+  if (shows_tracking_error) {
+    next = std::transform(one.view.position.begin(), one.view.position.end(),
+                          one.episode->target.begin(), next,
+                          [](double position, double target) { return target - position; });
+  }
+  if (memory_values > 0) {
+    of_one->show_memory(one.view, *one.episode, {next, memory_values});
+    next += memory_values;
+  }
   if (options.layout != Layout::kGoal && !has_own_entries) show_goal(*one.episode, next);
 
   for (std::size_t i = 0; i < flat.size(); ++i) {

@@ -65,6 +65,16 @@ void visit(Options& options, const Visitor& field) {
         About{"Largest change of a desired position by one action, or largest distance from the "
               "measured one [rad].",
               1e-6, std::numbers::pi});
+  field(
+      "leash", options.leash,
+      About{"Largest distance of a desired position from the measured one, if actions are changes "
+            "of it [rad]. It is observed as `tracking_error`.",
+            1e-6, std::numbers::pi});
+  field(
+      "position_kp", options.position_kp,
+      About{"Stiffness with which joints go to desired positions [Nm/rad]; 0: that of the robot. A "
+            "robot whose torques or measurements are late trembles if it is stiff.",
+            0, 1e6});
   field("observation", options.layout,
         About{.meaning = "One vector scaled to -1 to 1, its parts in SI units, the vector with a "
                          "separate goal, or the parts with images of the cameras instead of poses "

@@ -187,10 +187,21 @@ void Environment::Implementation::list_entries() {
   } else {
     list_usual_entries();
   }
-  const auto is_action = [](const Entry& entry) { return entry.name == "action"; };
-  shows_action =
-      options.mapping == Mapping::kStateAugmentation && std::ranges::none_of(entries, is_action);
+  const auto lacks = [this](std::string_view name) {
+    return std::ranges::find(entries, name, &Entry::name) == entries.end();
+  };
+  shows_action = options.mapping == Mapping::kStateAugmentation && lacks("action");
   if (shows_action) add("action", "1", num_joints, -1.0, 1.0);
+  shows_tracking_error = options.action == ActionKind::kPositionChange && lacks("tracking_error");
+  if (shows_tracking_error) {
+    add("tracking_error", "rad", num_joints, -options.leash, options.leash);
+  }
+  if (of_one != nullptr && !has_own_entries) {
+    for (Entry& entry : of_one->memory_entries()) {
+      memory_values += entry.low.size();
+      entries.push_back(std::move(entry));
+    }
+  }
   if (options.layout != Layout::kGoal && !has_own_entries) entries.push_back(goal);
 }
 

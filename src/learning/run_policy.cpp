@@ -64,6 +64,7 @@ class Process {
   Process(Frontend<R>& robot, const EnvironmentOptions& options, Takeover<R>* takeover)
       : robot_(robot),
         takeover_(takeover),
+        position_kp_(options.position_kp),
         is_augmented_(options.mapping == Mapping::kStateAugmentation),
         burst_(static_cast<std::size_t>(options.steps_per_action)) {}
 
@@ -149,8 +150,8 @@ class Process {
       const double torque =
           torque_of(with_default_gains(trifinger::detail::command_of(action, i), own),
                     y.position[i], y.velocity[i]);
-      const double offset =
-          own.default_kp > 0.0 ? (torque + own.default_kd * y.velocity[i]) / own.default_kp : 0.0;
+      const double kp = position_kp_ > 0.0 ? position_kp_ : own.default_kp;
+      const double offset = kp > 0.0 ? (torque + own.default_kd * y.velocity[i]) / kp : 0.0;
       same_.torque[i] += share * std::clamp(torque, -own.max_torque, own.max_torque);
       same_.position[i] +=
           share * std::clamp(y.position[i] + offset, own.soft_lower, own.soft_upper);
@@ -159,6 +160,7 @@ class Process {
 
   Frontend<R>& robot_;
   Takeover<R>* takeover_;
+  double position_kp_;  // of the policy's actions; 0: that of the robot
   bool is_augmented_;
   std::vector<Action> burst_;
   Action persons_;
@@ -220,6 +222,7 @@ class Actor {
     if (!is_done || !environment.take_action(numbers, episode, action.torque, action.position)) {
       throw Error("the policy has given a number that is not finite");
     }
+    action.position_kp.fill(environment.position_kp());
     return action;
   }
 

@@ -228,6 +228,121 @@ TEST_P(EveryTask, ObservesAndActsWithoutMemoryAndWithinMinusOneAndOne) {
   EXPECT_EQ(allocations.count(), 0);
 }
 
+// One robot that is measured wherever a test says.
+class Played {
+ public:
+  Played(const Environment& environment, std::uint64_t number)
+      : environment_(environment),
+        velocity_(environment.num_joints()),
+        has_object_(!environment.object_name().empty()),
+        observation(environment.observation_size()),
+        torque(environment.num_joints()),
+        position(environment.num_joints()) {
+    object_ = environment.begin(1, number, episode).object;
+  }
+
+  // Acts, and is then measured at `measured`, with its object at `place`.
+  void play(std::span<const float> action, std::span<const double> measured,
+            const std::array<double, 3>& place) {
+    object_.position = place;
+    ASSERT_TRUE(environment_.take_action(action, episode, torque, position));
+    std::vector<double> achieved(environment_.goal_size());
+    std::vector<double> desired(environment_.goal_size());
+    outcome = environment_.observe(
+        {.position = measured, .velocity = velocity_, .object = has_object_ ? &object_ : nullptr},
+        episode, observation, achieved, desired);
+  }
+
+ private:
+  const Environment& environment_;
+  std::vector<double> velocity_;
+  bool has_object_;
+  ObjectPose object_;
+
+ public:
+  Episode episode;
+  std::vector<float> observation;
+  std::vector<double> torque;
+  std::vector<double> position;
+  Outcome outcome;
+};
+
+// Two robots with other histories, but observed alike, do the same from then on: the decision
+// process is Markov (Sutton, Barto 2018, section 3.1). Only the end of the time is not observed.
+TEST_P(EveryTask, HidesNothingOfItsHistory) {
+  Random random{.seed = 9};
+  std::size_t alike = 0;
+  const auto compare = [&](const Environment& environment, std::uint64_t trial) {
+    const std::size_t joints = environment.num_joints();
+    const auto low = environment.position_low();
+    const auto high = environment.position_high();
+    Played one(environment, trial);
+    Played other(environment, trial);
+    std::vector<float> action(joints);
+    std::vector<double> measured(joints);
+    std::array<double, 3> place{};
+    double highest = 0.06;
+    const auto draw = [&] {
+      place = {random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1),
+               random.uniform(0.045, highest)};
+      for (float& number : action) number = static_cast<float>(random.uniform(-1.0, 1.0));
+      for (std::size_t i = 0; i < joints; ++i) measured[i] = random.uniform(low[i], high[i]);
+    };
+    const auto play = [&](Played& played, std::int64_t count) {
+      // In some histories the object has been in the air.
+      highest = random.integer(0, 2) == 0 ? 0.06 : 0.2;
+      for (; count > 0; --count) {
+        draw();
+        played.play(action, measured, place);
+      }
+    };
+    const std::int64_t most = environment.episode_actions() - 2;
+    const std::int64_t count = random.integer(1, std::min<std::int64_t>(298, most));
+    play(one, count);
+    // The next goal of a trajectory comes after 300 actions.
+    play(other, trial % 2 == 0 ? count : std::min<std::int64_t>(298, most));
+    highest = 0.06;
+    // Now both do the same, twice: first where no desired position is near, then with the object
+    // down.
+    for (const bool is_compared : {false, true}) {
+      draw();
+      if (!is_compared) measured.assign(low.begin(), low.end());
+      if (is_compared) place[2] = 0.01;
+      one.play(action, measured, place);
+      other.play(action, measured, place);
+      if (is_compared) {
+        EXPECT_EQ(one.torque, other.torque);
+        EXPECT_THAT(one.position,
+                    ::testing::Pointwise(::testing::NanSensitiveDoubleEq(), other.position));
+        EXPECT_EQ(one.outcome.reward, other.outcome.reward);
+        EXPECT_EQ(one.outcome.success, other.outcome.success);
+        EXPECT_EQ(one.outcome.terminated, other.outcome.terminated);
+      }
+      if (one.observation != other.observation) {
+        EXPECT_FALSE(is_compared);
+        return;
+      }
+    }
+    ++alike;
+  };
+  for (const ActionKind kind : {ActionKind::kPosition, ActionKind::kPositionChange,
+                                ActionKind::kRelativePosition, ActionKind::kTorque}) {
+    for (const Mapping mapping : {Mapping::kApproximation, Mapping::kStateAugmentation}) {
+      for (const Layout layout : {Layout::kFlat, Layout::kDictionary}) {
+        EnvironmentOptions options = default_options(GetParam());
+        options.action = kind;
+        options.mapping = mapping;
+        options.layout = layout;
+        options.steps_per_action = 100;
+        const std::size_t before = alike;
+        const Environment environment = make(options);
+        for (std::uint64_t trial = 0; trial < 10; ++trial) compare(environment, trial);
+        EXPECT_GT(alike, before) << write_options(options);
+      }
+    }
+  }
+}
+
 TEST_P(EveryTask, NamesEveryNumberOnce) {
   const Environment environment = make(default_options(GetParam()));
   std::vector<std::string> names = environment.flat_names();

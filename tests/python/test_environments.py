@@ -137,7 +137,7 @@ def test_official_checkers_find_nothing(task, observation, capsys):
         {},
         {"mapping": "state_augmentation", "steps_per_action": 7},
         {"action": "torque", "observation": "goal", **VARIED},
-        {"action": "position_change", "observation": "dictionary", **VARIED},
+        {"action": "position_change", "observation": "dictionary", "position_kp": 3.0, **VARIED},
     ],
     ids=["default", "augmented", "torque", "change"],
 )
@@ -167,6 +167,18 @@ def test_a_simulation_among_many_is_the_single_one_bit_for_bit(task, options):
                 np.testing.assert_array_equal(info[name][index], one_info[name])
             has_ended[index] = any(end)
             ends += has_ended[index]
+
+
+def test_a_gain_that_is_asked_for_takes_the_place_of_the_gain_of_the_robot() -> None:
+    asked = Environment("reach", position_kp=3.0)
+    own = Environment("reach", config_overrides={"safety.default_kp": 3})
+    usual = Environment("reach")
+    for one in (asked, own, usual):
+        one.reset(seed=1)
+    action = np.full(9, 0.3, np.float32)
+    seen = [one.step(action)[0] for one in (asked, own, usual)]
+    np.testing.assert_array_equal(seen[0], seen[1])
+    assert not np.array_equal(seen[0], seen[2])
 
 
 # A low bound of plausible velocities [rad/s], so that full torque to and fro causes a fault.

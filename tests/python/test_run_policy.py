@@ -50,7 +50,7 @@ def run(*words: object, robot: str = "p") -> subprocess.CompletedProcess[str]:
     [
         ("reach", "trifinger_edu", [], {}, 1, "double"),
         ("reach", "trifinger_edu", [], {}, 1, "single"),
-        ("reach", "trifinger_edu", [], {"per_finger": True}, 3, "double"),
+        ("reach", "trifinger_edu", [], {"per_finger": True, "position_kp": 4.0}, 3, "double"),
         (
             "reach",
             "trifinger_edu",

@@ -464,7 +464,7 @@ def test_entries_of_goals_of_fingers_need_not_be_for_fingers_in_a_dictionary() -
     kind = type("Short", (Fingers,), {"entries": (Entry("way", (-1,), (1,)),)})
     observation, _ = Environment(kind(), observation="dictionary").reset(seed=1)
     assert isinstance(observation, dict)
-    assert {name: len(row) for name, row in observation.items()} == {"way": 1}
+    assert {name: len(row) for name, row in observation.items()} == {"way": 1, "tracking_error": 9}
 
 
 @pytest.mark.parametrize(
@@ -715,7 +715,7 @@ def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         name = f"finger_tasks:{kind}"
         policy_file.write(
             f"{kind}.policy",
-            [(np.zeros((3, 9)), np.zeros(3), "identity")],
+            [(np.zeros((3, 12)), np.zeros(3), "identity")],
             metadata=policy_metadata(name, Options.of(name)),
         )
         monkeypatch.delitem(sys.modules, "finger_tasks")

@@ -196,6 +196,8 @@ class Environment {
   void approach_point(std::span<const double> from, const Start& start, std::int64_t index,
                       std::span<double> position) const noexcept TRIFINGER_REALTIME;
 
+  /// Gain of joints in an action that `take_action` makes [Nm/rad]; NaN: not given.
+  [[nodiscard]] double position_kp() const noexcept TRIFINGER_REALTIME;
   /// Makes an action of the robot from `numbers`, which are cut off at -1 and 1. NaN in `position`
   /// means "not given". Returns false and changes nothing if a number is not finite.
   [[nodiscard]] bool take_action(std::span<const float> numbers, Episode& episode,

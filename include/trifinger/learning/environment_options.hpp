@@ -53,6 +53,10 @@ struct EnvironmentOptions {
   Mapping mapping{Mapping::kApproximation};
   ActionKind action{ActionKind::kPosition};
   double position_change{0.1};  ///< Largest change, or distance from the measured position [rad].
+  /// Largest distance of a desired position that changes from the measured one [rad].
+  double leash{0.12};
+  /// Stiffness with which joints go to desired positions [Nm/rad]; 0: that of the robot.
+  double position_kp{0.0};
   Layout layout{Layout::kFlat};
   double duration{2.0};  ///< Duration of an episode [s].
   /// Gives observations finger by finger and goals in the frame of their finger, so that the

@@ -117,6 +117,13 @@ class Task : public AnyTask {
   virtual void show(const View& /*view*/, const Episode& /*episode*/,
                     std::span<double> /*shown*/) const noexcept {}
 
+  /// What is observed in addition to joints, object, last action and goal, because the future
+  /// depends on it: what the task remembers of the episode, time. Not with `entries`.
+  [[nodiscard]] virtual std::vector<Entry> memory_entries() const { return {}; }
+  /// Fills in the numbers of `memory_entries`, one entry after the other.
+  virtual void show_memory(const View& /*view*/, const Episode& /*episode*/,
+                           std::span<double> /*shown*/) const noexcept {}
+
   /// Fills in the `scores`.
   virtual void score(const View& /*view*/, std::span<const double> /*achieved*/,
                      std::span<const double> /*desired*/,

@@ -172,15 +172,25 @@ class MoveCubeOnTrajectory final : public MoveCube {
   MoveCubeOnTrajectory() : MoveCube(Goal::kPosition) {}
 
   [[nodiscard]] std::int64_t num_goals(double time) const noexcept override {
-    constexpr double kFirst = 30.0;
-    constexpr double kNext = 10.0;
     return time < kFirst ? 1 : 2 + static_cast<std::int64_t>((time - kFirst) / kNext);
+  }
+  // The time that is left for the goal.
+  [[nodiscard]] std::vector<Entry> memory_entries() const override {
+    return {{.name = "goal_time", .unit = "s", .low = {0.0}, .high = {kFirst}}};
+  }
+  void show_memory(const View& view, const Episode& /*episode*/,
+                   std::span<double> shown) const noexcept override {
+    shown[0] = kFirst + static_cast<double>(num_goals(view.time) - 1) * kNext - view.time;
   }
 
   void draw_start(const Workspace& /*workspace*/, Random& /*random*/,
                   Start& start) const noexcept override {
     start.object.position = {0.0, 0.0, kHalfCube};
   }
+
+ private:
+  static constexpr double kFirst = 30.0;  // [s]
+  static constexpr double kNext = 10.0;
 };
 
 using Goal = MoveCube::Goal;

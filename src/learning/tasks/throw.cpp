@@ -79,6 +79,15 @@ class Throw final : public Task {
     achieved[1] = flight.has_landed ? flight.landing[1] : position[1];
   }
 
+  // Whether the ball has left the fingers: then its first touch of the table counts.
+  [[nodiscard]] std::vector<Entry> memory_entries() const override {
+    return {{.name = "has_flown", .unit = "1", .low = {0.0}, .high = {1.0}}};
+  }
+  void show_memory(const View& /*view*/, const Episode& episode,
+                   std::span<double> shown) const noexcept override {
+    shown[0] = episode.memory.as<Flight>().has_flown ? 1.0 : 0.0;
+  }
+
   // The distance, negated [m].
   [[nodiscard]] double reward(std::span<const double> achieved,
                               std::span<const double> desired) const noexcept override {
