@@ -841,14 +841,17 @@ const char* const velocity = R"([m/s])";
 }
 
 namespace Policy {
-const char* const Policy = R"(A trained policy: it computes actions from observations, in C++ alone. docs/policies.md
-describes its file.
+const char* const Policy = R"(A trained policy: it computes actions from observations, in C++ alone. Its file is of ONNX,
+or of our own format; docs/policies.md describes both.
 
 One policy must not be used by several threads at once: each needs its own.)";
+const char* const has_state = R"(True if an action depends on earlier observations, as that of GRU and LSTM does.)";
+const char* const reset = R"(Forgets earlier observations: an episode begins.)";
 const char* const save = R"(Writes the file at `path` in one step: an old file stays whole until the new one replaces
 it.
 
-Raises InvalidArgument if the metadata are not UTF-8 or too long, OSError.)";
+Raises InvalidArgument if the metadata are not UTF-8 or too long, or the policy is of ONNX;
+OSError.)";
 }
 
 namespace Pose {

@@ -565,6 +565,8 @@ extern const char* const velocity;
 
 namespace Policy {
 extern const char* const Policy;
+extern const char* const has_state;
+extern const char* const reset;
 extern const char* const save;
 }
 

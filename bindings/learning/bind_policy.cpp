@@ -161,6 +161,9 @@ void bind_policy(nb::module_& m) {
            nb::sig("def __call__(self, observation: numpy.typing.ArrayLike) -> "
                    "numpy.typing.NDArray[numpy.float64]"),
            "Computes the action for `observation`. An array of float64 is read in place.")
+      .def("reset", &Policy::reset, docs::Policy::reset)
+      .def("__copy__", [](const Policy& policy) { return Policy(policy); })
+      .def_prop_ro("has_state", &Policy::has_state, docs::Policy::has_state)
       .def_prop_ro("num_inputs", &Policy::num_inputs)
       .def_prop_ro("num_outputs", &Policy::num_outputs)
       .def_prop_ro(

@@ -3648,8 +3648,8 @@ class CameraCalibration:
 
 class Policy:
     """
-    A trained policy: it computes actions from observations, in C++ alone. docs/policies.md
-    describes its file.
+    A trained policy: it computes actions from observations, in C++ alone. Its file is of ONNX,
+    or of our own format; docs/policies.md describes both.
 
     One policy must not be used by several threads at once: each needs its own.
     """
@@ -3673,12 +3673,24 @@ class Policy:
         Writes the file at `path` in one step: an old file stays whole until the new one replaces
         it.
 
-        Raises InvalidArgument if the metadata are not UTF-8 or too long, OSError.
+        Raises InvalidArgument if the metadata are not UTF-8 or too long, or the policy is of ONNX;
+        OSError.
         """
 
     def __call__(self, observation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Computes the action for `observation`. An array of float64 is read in place.
+        """
+
+    def reset(self) -> None:
+        """Forgets earlier observations: an episode begins."""
+
+    def __copy__(self) -> Policy: ...
+
+    @property
+    def has_state(self) -> bool:
+        """
+        True if an action depends on earlier observations, as that of GRU and LSTM does.
         """
 
     @property

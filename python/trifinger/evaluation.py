@@ -3,6 +3,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -187,7 +188,18 @@ def rows_of(
 
 
 def act_of(policy: Policy) -> Act:
-    """Makes a function of a policy that takes rows of observations."""
+    """Makes a function of a policy that takes rows of observations, as episodes begin."""
+    if policy.has_state:
+        each: list[Policy] = []  # Every row has a state of its own.
+
+        def act(observations: Array) -> Array:
+            while len(each) < len(observations):
+                each.append(copy(policy))
+                each[-1].reset()
+            actions = [one(row) for one, row in zip(each, observations, strict=True)]
+            return np.stack(actions)
+
+        return act
     return lambda observations: np.stack([policy(row) for row in observations])
 
 

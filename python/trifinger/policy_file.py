@@ -68,6 +68,23 @@ def write(
     return policy
 
 
+def with_metadata(onnx: bytes, metadata: Mapping[str, str]) -> bytes:
+    """A file of ONNX that says more of itself: its `metadata_props`.
+
+    In protocol buffers, what is appended to a repeated field is added to it.
+    """
+
+    def field(number: int, text: bytes) -> bytes:
+        size, head = len(text), bytearray([number << 3 | 2])
+        while size >= 0x80:
+            head.append(size & 0x7F | 0x80)
+            size >>= 7
+        return bytes(head) + bytes([size]) + text
+
+    entries = (field(1, key.encode()) + field(2, value.encode()) for key, value in metadata.items())
+    return onnx + b"".join(field(14, entry) for entry in entries)
+
+
 def layers_of(network: Any) -> list[Layer]:
     """The layers of a `torch.nn.Linear`, or a `torch.nn.Sequential` of them and activations."""
     layers: list[Layer] = []

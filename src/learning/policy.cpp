@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "onnx/network.hpp"
 #include "policy_file.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -156,8 +157,32 @@ Policy::Policy(Network network, Precision precision)
   }
 }
 
+struct Policy::Onnx {
+  onnx::Network network;
+};
+
+Policy::Policy(std::unique_ptr<Onnx> onnx, std::map<std::string, std::string> metadata)
+    : network_{.metadata = std::move(metadata)},
+      onnx_(std::move(onnx)),
+      precision_(Precision::kSingle) {}
+Policy::Policy(const Policy& other)
+    : network_(other.network_),
+      onnx_(other.onnx_ != nullptr ? std::make_unique<Onnx>(*other.onnx_) : nullptr),
+      precision_(other.precision_),
+      input_scale_(other.input_scale_),
+      activities_(other.activities_),
+      single_activities_(other.single_activities_) {}
+Policy& Policy::operator=(const Policy& other) { return *this = Policy(other); }
+Policy::Policy(Policy&&) noexcept = default;
+Policy& Policy::operator=(Policy&&) noexcept = default;
+Policy::~Policy() = default;
+
 Policy Policy::load(const std::filesystem::path& path, Precision precision) {
   try {
+    if (path.extension() == ".onnx") {
+      onnx::Model model = onnx::read_model(path);
+      return {std::make_unique<Onnx>(onnx::Network(model)), std::move(model.metadata)};
+    }
     return Policy(detail::read_policy_file(path), precision);
   } catch (const InvalidArgument& error) {
     throw PolicyFileError(path.string() + " is not a policy that can be used: " + error.what());
@@ -165,18 +190,28 @@ Policy Policy::load(const std::filesystem::path& path, Precision precision) {
 }
 
 void Policy::save(const std::filesystem::path& path) const {
+  if (onnx_ != nullptr) throw InvalidArgument("a policy of ONNX is saved by copying its file");
   detail::write_policy_file(network_, path);
 }
 
 std::size_t Policy::num_inputs() const noexcept {
+  if (onnx_ != nullptr) return onnx_->network.num_inputs();
   return static_cast<std::size_t>(network_.layers.front().weights.cols());
 }
 
 std::size_t Policy::num_outputs() const noexcept {
+  if (onnx_ != nullptr) return onnx_->network.num_outputs();
   return static_cast<std::size_t>(network_.layers.back().weights.rows());
 }
 
+bool Policy::has_state() const noexcept { return onnx_ != nullptr && onnx_->network.has_state(); }
+
+void Policy::reset() noexcept {
+  if (onnx_ != nullptr) onnx_->network.reset();
+}
+
 bool Policy::evaluate(std::span<const double> observation, std::span<double> action) noexcept {
+  if (onnx_ != nullptr) return onnx_->network.evaluate(observation, action);
   if (observation.size() != num_inputs() || action.size() != num_outputs()) return false;
   return precision_ == Precision::kSingle ? evaluate_in(single_activities_, observation, action)
                                           : evaluate_in(activities_, observation, action);

@@ -186,7 +186,10 @@ class Actor {
     const Policy& policy = source.newest().policy;
     const std::size_t inputs = policy.num_inputs();
     const std::size_t outputs = policy.num_outputs();
-    sharing_ = input_.size() / inputs;
+    sharing_ = inputs > 0 ? input_.size() / inputs : 0;
+    if (sharing_ > 1 && policy.has_state()) {
+      throw InvalidArgument("a policy with a state cannot be shared by the fingers");
+    }
     if (sharing_ * inputs != input_.size() || sharing_ * outputs != output_.size()) {
       throw InvalidArgument(text_of(
           "the policy has ", inputs, " inputs and ", outputs, " outputs; the environment has ",
@@ -194,7 +197,10 @@ class Actor {
     }
   }
 
-  void begin(std::uint64_t seed, std::uint64_t episode) noexcept { noise_.begin(seed, episode); }
+  void begin(std::uint64_t seed, std::uint64_t episode) noexcept {
+    noise_.begin(seed, episode);
+    source_.newest().policy.reset();
+  }
 
   // Says in `told` what was chosen, and by which policy.
   template <class Action>

@@ -79,7 +79,7 @@ THREADED = ("ipc", "realtime", "can", "dynamixel", "core")
 def test_with_thread_sanitizer(count: Count) -> bool:
     """Runs the C++ tests of the layers up to core, with a fuzzer beside them."""
     fuzzer_steps = Steps("fuzz")
-    fuzzer = fuzzer_steps.begin("fuzzers of logs and motor boards", run_fuzzers(seconds=10))
+    fuzzer = fuzzer_steps.begin("fuzzers of what is foreign", run_fuzzers(seconds=10))
     try:
         build("tsan", *(f"tests/{layer}/all" for layer in THREADED))
         ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
@@ -118,6 +118,8 @@ def run_fuzzers(seconds: int) -> list[str]:
         run reader mcap/reader_fuzzer 20000
         run motor_board can/motor_board_fuzzer 600
         run dynamixel_packet dynamixel/dynamixel_packet_fuzzer 5000
+        mkdir -p {folder}/onnx/seeds && cp tests/onnx/*.onnx {folder}/onnx/seeds
+        run onnx onnx/onnx_fuzzer 20000
     """
     return ["bash", "-e", "-c", script]
 

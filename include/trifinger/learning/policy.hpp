@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -69,35 +70,51 @@ enum class Precision : std::uint8_t {
             ///< order.
 };
 
-/// A trained policy: it computes actions from observations, in C++ alone. docs/policies.md
-/// describes its file.
+/// A trained policy: it computes actions from observations, in C++ alone. Its file is of ONNX, or
+/// of our own format; docs/policies.md describes both.
 ///
 /// One policy must not be used by several threads at once: each needs its own.
 class Policy {
  public:
   /// @throws InvalidArgument if sizes do not match or a number is not finite.
   explicit Policy(Network network, Precision precision = Precision::kDouble);
+  Policy(const Policy& other);
+  Policy& operator=(const Policy& other);
+  Policy(Policy&&) noexcept;
+  Policy& operator=(Policy&&) noexcept;
+  ~Policy();
 
-  /// Reads the file at `path`. Its content is not trusted.
+  /// Reads the file at `path`, of ONNX if that ends in ".onnx". Its content is not trusted.
+  /// Networks of ONNX are computed in single precision.
   /// @throws PolicyFileError, SystemError if it cannot be read.
   [[nodiscard]] static Policy load(const std::filesystem::path& path,
                                    Precision precision = Precision::kDouble);
 
   /// Writes the file at `path` in one step: an old file stays whole until the new one replaces it.
-  /// @throws InvalidArgument if the metadata are not UTF-8 or too long, SystemError.
+  /// @throws InvalidArgument if the metadata are not UTF-8 or too long, or the policy is of ONNX;
+  /// SystemError.
   void save(const std::filesystem::path& path) const;
 
   /// Computes `action`. Returns false and leaves `action` unchanged if a size is wrong, or if a
   /// number in `observation` or in the result is not finite.
   [[nodiscard]] bool evaluate(std::span<const double> observation,
                               std::span<double> action) noexcept TRIFINGER_REALTIME;
+  /// True if an action depends on earlier observations, as that of GRU and LSTM does.
+  [[nodiscard]] bool has_state() const noexcept;
+  /// Forgets earlier observations: an episode begins.
+  void reset() noexcept TRIFINGER_REALTIME;
 
   [[nodiscard]] std::size_t num_inputs() const noexcept;
   [[nodiscard]] std::size_t num_outputs() const noexcept;
+  /// A network of ONNX has no layers here, only metadata.
   [[nodiscard]] const Network& network() const noexcept { return network_; }
   [[nodiscard]] Precision precision() const noexcept { return precision_; }
 
  private:
+  /// The network of an ONNX file.
+  struct Onnx;
+  Policy(std::unique_ptr<Onnx> onnx, std::map<std::string, std::string> metadata);
+
   /// The numbers before and after a layer, in turn.
   template <class Number>
   using Activities = std::array<Eigen::Vector<Number, Eigen::Dynamic>, 2>;
@@ -112,6 +129,7 @@ class Policy {
   void give_output(const Number* output, std::span<double> action) const noexcept;
 
   Network network_;
+  std::unique_ptr<Onnx> onnx_;  ///< nullptr: `network_` has layers.
   Precision precision_;
   Eigen::VectorXd input_scale_;          ///< 1 / sqrt(variance + epsilon)
   Activities<double> activities_;        ///< Used if the precision is double.
