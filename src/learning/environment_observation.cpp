@@ -153,9 +153,9 @@ void Environment::Implementation::write(const Observed& one,
   }
   if (shows_action) next = std::copy_n(one.episode->action.begin(), num_joints, next);
   if (shows_tracking_error) {
-    next = std::transform(one.view.position.begin(), one.view.position.end(),
-                          one.episode->target.begin(), next,
-                          [](double position, double target) { return target - position; });
+    next = std::ranges::transform(one.view.position, one.episode->target, next,
+                                  [](double position, double target) { return target - position; })
+               .out;
   }
   if (memory_values > 0) {
     of_one->show_memory(one.view, *one.episode, {next, memory_values});

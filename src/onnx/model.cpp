@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <string_view>
 #include <utility>
@@ -108,7 +107,7 @@ template <class T, class Number>
 void append(std::string_view bytes, std::vector<Number>& numbers) {
   for (; bytes.size() >= sizeof(T); bytes.remove_prefix(sizeof(T))) {
     T value;
-    std::memcpy(&value, bytes.data(), sizeof(T));
+    std::ranges::copy(bytes.substr(0, sizeof(T)), reinterpret_cast<char*>(&value));
     numbers.push_back(static_cast<Number>(value));
   }
 }
@@ -127,22 +126,13 @@ enum Type : std::uint8_t {
 };
 
 void append_raw(std::uint64_t type, std::string_view raw, Tensor& tensor) {
-  switch (type) {
-    case kFloat:
-      return append<float>(raw, tensor.floats);
-    case kDouble:
-      return append<double>(raw, tensor.floats);
-    case kHalf:
-      return append<Eigen::half>(raw, tensor.floats);
-    case kInt64:
-      return append<std::int64_t>(raw, tensor.integers);
-    case kInt32:
-      return append<std::int32_t>(raw, tensor.integers);
-    case kInt8:
-      return append<std::int8_t>(raw, tensor.integers);
-    default:  // kUint8, kBool
-      return append<std::uint8_t>(raw, tensor.integers);
-  }
+  if (type == kFloat) append<float>(raw, tensor.floats);
+  if (type == kDouble) append<double>(raw, tensor.floats);
+  if (type == kHalf) append<Eigen::half>(raw, tensor.floats);
+  if (type == kInt64) append<std::int64_t>(raw, tensor.integers);
+  if (type == kInt32) append<std::int32_t>(raw, tensor.integers);
+  if (type == kInt8) append<std::int8_t>(raw, tensor.integers);
+  if (type == kUint8 || type == kBool) append<std::uint8_t>(raw, tensor.integers);
 }
 
 Tensor read_tensor(std::string_view bytes, std::string& name) {
@@ -186,7 +176,7 @@ Tensor read_tensor(std::string_view bytes, std::string& name) {
     throw InvalidArgument(text_of("'", name, "' has numbers of two types"));
   }
   const auto found = std::max(tensor.floats.size(), tensor.integers.size());
-  if (found != static_cast<std::size_t>(count)) {
+  if (std::cmp_not_equal(found, count)) {
     throw InvalidArgument(text_of("'", name, "' has ", found, " numbers, its shape says ", count));
   }
   if (std::ranges::any_of(tensor.floats, [](float number) { return std::isnan(number); })) {

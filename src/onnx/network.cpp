@@ -68,7 +68,7 @@ void sigmoid(Numbers x) noexcept { x = 1.0F / (1.0F + (-x).exp()); }
 constexpr std::array kUnary{
     Unary{"Relu", [](Numbers x, const auto& /*p*/) noexcept { x = x.max(0.0F); }},
     Unary{"Tanh", [](Numbers x, const auto& /*p*/) noexcept { x = x.tanh(); }},
-    Unary{"Sigmoid", [](Numbers x, const auto& /*p*/) noexcept { sigmoid(x); }},
+    Unary{"Sigmoid", [](Numbers x, const auto& /*p*/) noexcept { x = 1.0F / (1.0F + (-x).exp()); }},
     Unary{"Elu",
           [](Numbers x, const auto& p) noexcept {
             x = (x > 0.0F).select(x, p[0] * (x.min(0.0F).exp() - 1.0F));
@@ -428,7 +428,8 @@ class Compiler {
     for (const Place& place : model_.inputs) make(place.name, shape_of_input(place));
     for (const Node& node : model_.nodes) {
       node_ = &node;
-      const auto found = std::ranges::find(kOperators, std::string_view(node.op), &Operator::op);
+      const auto* const found =
+          std::ranges::find(kOperators, std::string_view(node.op), &Operator::op);
       if (found != kOperators.end()) {
         (this->*found->add)();
       } else if (const auto* unary =
@@ -707,7 +708,10 @@ class Compiler {
     Shape index(shape.size(), 0);
     for (std::int64_t n = count_of(shape); n > 0; --n) {
       visit(std::as_const(index));
-      for (std::size_t i = shape.size(); i-- > 0 && ++index[i] == shape[i];) index[i] = 0;
+      for (std::size_t i = shape.size(); i > 0; --i) {
+        if (++index[i - 1] < shape[i - 1]) break;
+        index[i - 1] = 0;
+      }
     }
   }
 
@@ -844,7 +848,7 @@ class Compiler {
     const std::size_t scale = room(channels);
     const std::size_t shift = room(channels);
     float* const memory = network_.memory_.data();
-    for (std::size_t c = 0; c < static_cast<std::size_t>(channels); ++c) {
+    for (std::size_t c = 0; std::cmp_less(c, channels); ++c) {
       memory[scale + c] =
           memory[at[0] + c] / std::sqrt(memory[at[3] + c] + number("epsilon", 1e-5F));
       memory[shift + c] = memory[at[1] + c] - memory[at[2] + c] * memory[scale + c];
@@ -871,7 +875,7 @@ class Compiler {
     const auto axes = listed("axes", 1);
     if (!axes || axes->empty()) refuse("has no axes");
     const bool keeps = integer("keepdims", 1) != 0;
-    std::int64_t first = static_cast<std::int64_t>(x.shape.size());
+    auto first = static_cast<std::int64_t>(x.shape.size());
     for (const std::int64_t axis : *axes) first = std::min(first, axis_of(axis, x.shape));
     if (first + static_cast<std::int64_t>(axes->size()) !=
         static_cast<std::int64_t>(x.shape.size())) {
@@ -1184,6 +1188,7 @@ class Compiler {
     if (x.integers) {
       if (x.shape.size() != 1) refuse("takes whole numbers of a matrix, which is not known");
       std::vector<std::int64_t> taken;
+      taken.reserve(chosen.size());
       for (std::size_t i = 0; i < chosen.size(); ++i) {
         taken.push_back(x.integers->at(static_cast<std::size_t>(row(i))));
       }
@@ -1215,7 +1220,7 @@ class Compiler {
     std::vector<std::int64_t> sorted = order;
     std::ranges::sort(sorted);
     for (std::size_t i = 0; i < sorted.size(); ++i) {
-      if (sorted[i] != static_cast<std::int64_t>(i)) refuse("has an order that makes no sense");
+      if (std::cmp_not_equal(sorted[i], i)) refuse("has an order that makes no sense");
     }
     if (order.size() != x.shape.size()) refuse("has an order that makes no sense");
     Shape shape;
