@@ -181,7 +181,7 @@ Policy Policy::load(const std::filesystem::path& path, Precision precision) {
   try {
     if (path.extension() == ".onnx") {
       onnx::Model model = onnx::read_model(path);
-      return {std::make_unique<Onnx>(onnx::Network(model)), std::move(model.metadata)};
+      return {std::make_unique<Onnx>(Onnx{onnx::Network(model)}), std::move(model.metadata)};
     }
     return Policy(detail::read_policy_file(path), precision);
   } catch (const InvalidArgument& error) {
