@@ -186,7 +186,7 @@ class Actor {
     const Policy& policy = source.newest().policy;
     const std::size_t inputs = policy.num_inputs();
     const std::size_t outputs = policy.num_outputs();
-    sharing_ = inputs > 0 ? input_.size() / inputs : 0;
+    sharing_ = input_.size() / inputs;
     if (sharing_ > 1 && policy.has_state()) {
       throw InvalidArgument("a policy with a state cannot be shared by the fingers");
     }

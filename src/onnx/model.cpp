@@ -288,8 +288,9 @@ void read_graph(std::string_view bytes, Model& model) {
 std::int64_t count_of(const Shape& shape) noexcept {
   constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
   std::int64_t count = 1;
-  for (const std::int64_t size : shape)
+  for (const std::int64_t size : shape) {
     count = size > 0 && count > kMost / size ? kMost : count * size;
+  }
   return count;
 }
 
@@ -327,9 +328,10 @@ Model model_of(std::string_view bytes) {
     }
   });
   // Weights are listed among the inputs, too, in files before version 4.
-  if (format < 4)
+  if (format < 4) {
     std::erase_if(model.inputs,
                   [&](const Place& place) { return model.tensors.contains(place.name); });
+  }
   if (model.nodes.empty() || model.inputs.empty() || model.outputs.empty()) {
     throw InvalidArgument("it is no ONNX file with a network");
   }

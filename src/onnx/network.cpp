@@ -23,7 +23,7 @@ using trifinger::detail::text_of;
 
 using Numbers = Eigen::Map<Eigen::ArrayXf>;
 
-// Compiled twice, where that is possible: for any processor, and for those with wide registers.
+// Compiled three times, where that is possible: for any processor, for AVX2 and for AVX-512.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 #define TRIFINGER_WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
@@ -63,12 +63,12 @@ struct Unary {
   void (*apply)(Numbers x, const std::vector<float>& p) noexcept;
 };
 
-void sigmoid(Numbers x) noexcept { x = 1.0F / (1.0F + (-x).exp()); }
+void sigmoid(Numbers& x) noexcept { x = 1.0F / (1.0F + (-x).exp()); }
 
 constexpr std::array kUnary{
     Unary{"Relu", [](Numbers x, const auto& /*p*/) noexcept { x = x.max(0.0F); }},
     Unary{"Tanh", [](Numbers x, const auto& /*p*/) noexcept { x = x.tanh(); }},
-    Unary{"Sigmoid", [](Numbers x, const auto& /*p*/) noexcept { x = 1.0F / (1.0F + (-x).exp()); }},
+    Unary{"Sigmoid", [](Numbers x, const auto& /*p*/) noexcept { sigmoid(x); }},
     Unary{"Elu",
           [](Numbers x, const auto& p) noexcept {
             x = (x > 0.0F).select(x, p[0] * (x.min(0.0F).exp() - 1.0F));
@@ -302,7 +302,8 @@ bool run_lstm(const Step& step, float* memory) noexcept {
     add_rows(net.weights, net.inputs, width, memory + step.in[0] + t * net.inputs, gates);
     add_rows(net.recurrent, net.units, width, before, gates);
     if (!Numbers(gates, width).allFinite()) return false;
-    for (int i = 0; i < 3; ++i) sigmoid(net.part(gates, i));  // input, output, forget
+    Numbers open(gates, 3 * net.units);  // input, output, forget
+    sigmoid(open);
     cell = net.part(gates, 2) * cell + net.part(gates, 0) * net.part(gates, 3).tanh();
     float* const after = memory + step.out + t * net.units;
     Numbers(after, net.units) = net.part(gates, 1) * cell.tanh();
@@ -405,8 +406,9 @@ bool run_max_pool(const Step& step, float* memory) noexcept {
            room);
     Numbers out(memory + step.out + channel * places, places);
     out = Numbers(room, places);
-    for (std::int64_t i = 1; i < s[3] * s[4]; ++i)
+    for (std::int64_t i = 1; i < s[3] * s[4]; ++i) {
       out = out.max(Numbers(room + i * tiled(places), places));
+    }
   }
   return true;
 }
@@ -610,8 +612,9 @@ class Compiler {
 
   // One observation at a time: the first size may have a name.
   [[nodiscard]] static Shape shape_of_input(const Place& place) {
-    if (!place.has_shape)
+    if (!place.has_shape) {
       throw InvalidArgument(text_of("the input '", place.name, "' has no size"));
+    }
     Shape shape = place.shape;
     if (!shape.empty() && shape[0] == -1) shape[0] = 1;
     for (const std::int64_t size : shape) {
@@ -759,15 +762,14 @@ class Compiler {
   }
 
   // Weights in rows for each input, as `add_rows` takes them.
-  [[nodiscard]] Value transposed(const Value& value, std::int64_t rows, std::int64_t columns,
-                                 std::int64_t first = 0) {
+  [[nodiscard]] Value transposed(const Value& value, std::int64_t rows, std::int64_t columns) {
     const Value out{.shape = {columns, rows}, .at = room(rows * columns), .is_constant = true};
     require_constant(value);
     float* const memory = network_.memory_.data();
     for (std::int64_t r = 0; r < rows; ++r) {
       for (std::int64_t c = 0; c < columns; ++c) {
         memory[out.at + static_cast<std::size_t>(c * rows + r)] =
-            memory[value.at + static_cast<std::size_t>(first + r * columns + c)];
+            memory[value.at + static_cast<std::size_t>(r * columns + c)];
       }
     }
     return out;
