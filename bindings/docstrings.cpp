@@ -142,6 +142,8 @@ const char* const begin = R"(Draws the beginning of episode `number` of `seed`. 
 const char* const entries = R"(The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
 whoever has cameras adds these.)";
 const char* const has_goals_of_fingers = R"(True if each finger or frame has a goal of its own.)";
+const char* const hidden_entries = R"(Entries that are not observed, for a critic (Pinto et al. 2018): where the object really is,
+how it moves, and what varies from robot to robot. Their numbers are in SI units.)";
 const char* const judges_by_truth = R"(True if a simulation shall judge the outcome by where the object really is, because its pose
 is not observed, or tracked.)";
 const char* const num_parts = R"(Number of parts of a goal that are judged one by one: one for each finger or frame if each

@@ -102,6 +102,7 @@ extern const char* const Environment;
 extern const char* const begin;
 extern const char* const entries;
 extern const char* const has_goals_of_fingers;
+extern const char* const hidden_entries;
 extern const char* const judges_by_truth;
 extern const char* const num_parts;
 extern const char* const scores;

@@ -9,6 +9,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -90,6 +91,14 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
                      return entries;
                    }),
                    also(docs::Environment::entries, R"(Each is name, unit, low and high.)"))
+      .def_prop_ro("hidden_entries", told([](const Environment& each) {
+                     std::vector<EntryTuple> entries;
+                     for (const Entry& entry : each.hidden_entries()) {
+                       entries.push_back(tuple_of(entry));
+                     }
+                     return entries;
+                   }),
+                   docs::Environment::hidden_entries)
       .def_prop_ro("goal", told([](const Environment& each) { return tuple_of(each.goal()); }))
       .def_prop_ro("flat_names", told(&Environment::flat_names))
       .def_prop_ro("episode_actions", told(&Environment::episode_actions))
@@ -262,8 +271,10 @@ void bind_environments(nb::module_& m) {
   type.def(
           "__init__",
           [](EnvironmentBatch* self, const nb::object& named, const std::string& options, int size,
-             int num_threads, const std::string& config, const Overrides& overrides) {
-            const RobotConfig robot = load_config(config, overrides);
+             int num_threads, double physics_step, const std::string& config,
+             const Overrides& overrides) {
+            RobotConfig robot = load_config(config, overrides);
+            robot.simulation.physics_step = Nanoseconds(std::llround(physics_step * 1e9));
             const EnvironmentOptions wanted = read_options(options);
             const TaskDescription task = describe_task(named);
             new (self) EnvironmentBatch(task, wanted, robot.simulation, size, num_threads,
@@ -271,7 +282,8 @@ void bind_environments(nb::module_& m) {
                                             ? rendering::vision_options(robot, robot.name)
                                             : std::nullopt);
           },
-          "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a)
+          "task"_a, "options"_a, "size"_a, "num_threads"_a, "physics_step"_a, "config"_a,
+          "overrides"_a)
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
       .def_prop_ro("oldest_sure_age", &EnvironmentBatch::oldest_sure_age,
@@ -345,6 +357,8 @@ void bind_environments(nb::module_& m) {
   array("object_age", "int64", [](Results& r) -> auto& { return r.seen.object_age; }, !kRows);
   array(
       "final_object_age", "int64", [](Results& r) -> auto& { return r.final.object_age; }, !kRows);
+  array("hidden", "float32", [](Results& r) -> auto& { return r.seen.hidden; }, kRows);
+  array("final_hidden", "float32", [](Results& r) -> auto& { return r.final.hidden; }, kRows);
   array("image_age", "float32", [](Results& r) -> auto& { return r.seen.image_age; }, kRows);
   array("final_image_age", "float32", [](Results& r) -> auto& { return r.final.image_age; }, kRows);
   type.def_prop_ro(

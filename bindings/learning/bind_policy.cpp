@@ -44,7 +44,7 @@ using PyLayer = std::tuple<Weights, Bias, std::string>;
 using Values = std::vector<double>;
 
 // In the order of the enumerations.
-constexpr std::array<std::string_view, 3> kActivations{"identity", "relu", "tanh"};
+constexpr std::array<std::string_view, 4> kActivations{"identity", "relu", "tanh", "elu"};
 constexpr std::array<std::string_view, 2> kBoundings{"scale", "clip"};
 
 Eigen::VectorXd to_vector(const Values& numbers) {
@@ -151,7 +151,7 @@ void bind_policy(nb::module_& m) {
           "high"_a = nb::none(), "bounding"_a = "scale", "metadata"_a = nb::dict(),
           "precision"_a = "double",
           "Makes a policy from layers: weights with one row per output, bias, and 'identity', "
-          "'relu' or 'tanh'.\nInputs are normalised with `mean` and `variance`. Outputs are "
+          "'relu', 'tanh' or 'elu'.\nInputs are normalised with `mean` and `variance`. Outputs are "
           "brought between `low` and `high`, by\n'scale' from -1 to 1, or by 'clip'. "
           "`trifinger.policy_file` makes policies from networks of PyTorch.")
       .def(
@@ -167,25 +167,27 @@ void bind_policy(nb::module_& m) {
       .def_prop_ro("num_inputs", &Policy::num_inputs)
       .def_prop_ro("num_outputs", &Policy::num_outputs)
       .def_prop_ro(
-          "widths",
+          "layers",
           [](const Policy& policy) {
-            std::vector<Eigen::Index> widths{static_cast<Eigen::Index>(policy.num_inputs())};
+            std::vector<std::tuple<Array<RowMajor>, Array<Eigen::VectorXd>, std::string>> layers;
             for (const Layer& layer : policy.network().layers) {
-              widths.push_back(layer.weights.rows());
+              layers.emplace_back(
+                  Array{RowMajor(layer.weights.cast<double>())},
+                  Array{Eigen::VectorXd(layer.bias.cast<double>())},
+                  std::string(kActivations.at(static_cast<std::size_t>(layer.activation))));
             }
-            return widths;
+            return layers;
           },
-          "Number of inputs, then number of outputs of each layer.")
+          "Weights with one row per output, bias and activation of each layer; none of ONNX.")
       .def_prop_ro(
-          "activations",
-          [](const Policy& policy) {
-            std::vector<std::string> activations;
-            for (const Layer& layer : policy.network().layers) {
-              activations.emplace_back(kActivations.at(static_cast<std::size_t>(layer.activation)));
-            }
-            return activations;
+          "normalization",
+          [](const Policy& policy) -> std::optional<std::tuple<Values, Values, double, double>> {
+            const auto& of = policy.network().normalization;
+            if (!of) return std::nullopt;
+            return std::tuple(from_vector(of->mean), from_vector(of->variance), of->epsilon,
+                              of->clip);
           },
-          "Activation of each layer.")
+          "Mean, variance, epsilon and clip of the inputs. None if they are not normalised.")
       .def_prop_ro(
           "precision",
           [](const Policy& policy) {

@@ -3663,7 +3663,7 @@ class Policy:
     @staticmethod
     def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = None, variance: Sequence[float] | None = None, epsilon: float = 1e-08, clip: float = 10.0, low: Sequence[float] | None = None, high: Sequence[float] | None = None, bounding: str = 'scale', metadata: Mapping[str, str] = {}, precision: str = 'double') -> Policy:
         """
-        Makes a policy from layers: weights with one row per output, bias, and 'identity', 'relu' or 'tanh'.
+        Makes a policy from layers: weights with one row per output, bias, and 'identity', 'relu', 'tanh' or 'elu'.
         Inputs are normalised with `mean` and `variance`. Outputs are brought between `low` and `high`, by
         'scale' from -1 to 1, or by 'clip'. `trifinger.policy_file` makes policies from networks of PyTorch.
         """
@@ -3700,12 +3700,16 @@ class Policy:
     def num_outputs(self) -> int: ...
 
     @property
-    def widths(self) -> list[int]:
-        """Number of inputs, then number of outputs of each layer."""
+    def layers(self) -> list[tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], str]]:
+        """
+        Weights with one row per output, bias and activation of each layer; none of ONNX.
+        """
 
     @property
-    def activations(self) -> list[str]:
-        """Activation of each layer."""
+    def normalization(self) -> tuple[list[float], list[float], float, float] | None:
+        """
+        Mean, variance, epsilon and clip of the inputs. None if they are not normalised.
+        """
 
     @property
     def precision(self) -> str:
@@ -3828,6 +3832,13 @@ class Episodes:
         """
 
     @property
+    def hidden_entries(self) -> list[tuple[str, str, list[float], list[float]]]:
+        """
+        Entries that are not observed, for a critic (Pinto et al. 2018): where the object really is,
+        how it moves, and what varies from robot to robot. Their numbers are in SI units.
+        """
+
+    @property
     def goal(self) -> tuple[str, str, list[float], list[float]]: ...
 
     @property
@@ -3905,7 +3916,7 @@ class EnvironmentBatch:
     `trifinger.environments.VectorEnvironment` uses it.
     """
 
-    def __init__(self, task: object, options: str, size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
+    def __init__(self, task: object, options: str, size: int, num_threads: int, physics_step: float, config: str, overrides: dict[str, object]) -> None: ...
 
     def __len__(self) -> int: ...
 
@@ -3963,6 +3974,13 @@ class EnvironmentBatch:
         whoever has cameras adds these.
 
         Each is name, unit, low and high.
+        """
+
+    @property
+    def hidden_entries(self) -> list[tuple[str, str, list[float], list[float]]]:
+        """
+        Entries that are not observed, for a critic (Pinto et al. 2018): where the object really is,
+        how it moves, and what varies from robot to robot. Their numbers are in SI units.
         """
 
     @property
@@ -4068,6 +4086,12 @@ class EnvironmentBatch:
 
     @property
     def final_object_age(self) -> numpy.typing.NDArray[numpy.int64]: ...
+
+    @property
+    def hidden(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def final_hidden(self) -> numpy.typing.NDArray[numpy.float32]: ...
 
     @property
     def image_age(self) -> numpy.typing.NDArray[numpy.float32]: ...

@@ -37,6 +37,17 @@ class OptionFields:
     per_finger: bool = False
     """Whether observations are ordered finger by finger, with goals in the frame of each finger.
     A policy that the fingers share needs this."""
+    symmetric_view: bool = False
+    """Whether positions are shown turned about the middle by thirds of a circle, and fingers in
+    another order, so that the goal of an object is on the side of finger 0. The fingers are
+    turned copies of one, so a policy has a third of the goals to learn."""
+    object_offsets: bool = False
+    """Whether the offsets from the object, and from where a tip would push it to its goal, to
+    the tips are observed, too, and how far and in which direction the goal is. They follow
+    from the rest, but 2 cm are little among its numbers."""
+    keypoints: bool = False
+    """Whether the corners of a cube of 65 mm at the object, and at its goal if that has an
+    orientation, are observed in place of quaternions."""
     frames: tuple[str, ...] = ()
     """Names of sites, bodies or geoms of a robot from a file, which take the place of tips:
     tasks such as reach have a goal for each."""

@@ -17,7 +17,15 @@ MODULES = {
     "plot": ("matplotlib", "plotly"),
     "film": ("matplotlib", "OpenGL", "av"),
     "export": ("pandas", "pyarrow"),
-    "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
+    "learning": (
+        "gymnasium",
+        "stable_baselines3",
+        "rsl_rl",
+        "torch",
+        "tensorboard",
+        "tqdm",
+        "moviepy",
+    ),
     "window": ("glfw",),
 }
 """Modules to import for each extra of `trifinger` itself."""

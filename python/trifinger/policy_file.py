@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # Weights with a row for each output, biases, and the activation: "identity", "relu" or "tanh".
 Layer = tuple["ArrayLike", "ArrayLike", str]
 
-ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh"}
+ACTIVATIONS = {"ELU": "elu", "ReLU": "relu", "Tanh": "tanh"}
 # Modules that change nothing when a policy is only evaluated.
 WITHOUT_EFFECT = {"Dropout", "Flatten", "Identity"}
 
@@ -83,6 +83,57 @@ def with_metadata(onnx: bytes, metadata: Mapping[str, str]) -> bytes:
 
     entries = (field(1, key.encode()) + field(2, value.encode()) for key, value in metadata.items())
     return onnx + b"".join(field(14, entry) for entry in entries)
+
+
+def to_onnx(policy: Policy) -> bytes:
+    """The file of ONNX, with opset 17, that computes what a policy of dense layers computes.
+
+    Its input is `observation`, N rows; its output `action`. Sums are in single precision. Needs the
+    package `onnx`. Raises InvalidArgument if the policy is of ONNX already.
+    """
+    from onnx import TensorProto, helper, numpy_helper
+
+    if not policy.layers:
+        raise InvalidArgument("this policy is of ONNX already")
+    nodes, constants, last = [], [], "observation"
+
+    def constant(numbers: ArrayLike) -> str:
+        name = f"c{len(constants)}"
+        constants.append(numpy_helper.from_array(np.asarray(numbers, np.float32), name))
+        return name
+
+    def add(operator: str, *inputs: ArrayLike, **attributes: Any) -> None:
+        nonlocal last
+        names = [last, *map(constant, inputs)]
+        last = f"x{len(nodes)}"
+        nodes.append(helper.make_node(operator, names, [last], **attributes))
+
+    if policy.normalization is not None:
+        mean, variance, epsilon, clip = policy.normalization
+        add("Sub", mean)
+        add("Div", np.sqrt(np.add(variance, epsilon)))
+        add("Clip", -clip, clip)
+    for weights, bias, activation in policy.layers:
+        add("Gemm", weights, bias, transB=1)
+        if activation != "identity":
+            add(activation.capitalize())
+    if policy.bounds is not None:
+        low, high, bounding = policy.bounds
+        if bounding == "scale":
+            add("Clip", -1.0, 1.0)
+            add("Mul", np.subtract(high, low) / 2)
+            add("Add", np.add(high, low) / 2)
+        add("Max", low)
+        add("Min", high)
+    nodes[-1].output[0] = "action"
+    sizes = {"observation": policy.num_inputs, "action": policy.num_outputs}
+    first, second = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", size])
+        for name, size in sizes.items()
+    )
+    graph = helper.make_graph(nodes, "policy", [first], [second], constants)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return with_metadata(model.SerializeToString(), policy.metadata)
 
 
 def layers_of(network: Any) -> list[Layer]:
@@ -188,7 +239,7 @@ def _bias(linear: Any) -> NDArray[np.float64]:
 
 def _modules(module: Any) -> Iterator[Any]:
     if type(module).__name__ == "Sequential":
-        for child in module.children():
+        for child in module:  # children() leaves out an activation that comes twice
             yield from _modules(child)
     else:
         yield module

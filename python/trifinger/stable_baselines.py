@@ -2,7 +2,7 @@
 """Lets Stable-Baselines3 train on the environments of this package."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 # This import comes first because its error says what to install.
 from trifinger.arrays import Array
@@ -30,6 +30,30 @@ JOINTS = 3  # joints of a finger
 PUSHED_FROM = 0.045  # from a pushing tip to the middle of a cube, nearly that of a ball [m]
 
 
+class Step(NamedTuple):
+    """What a step of all environments has led to."""
+
+    observations: Array
+    """A row each, of the next episode where one has ended."""
+    rewards: Array
+    """Single precision, one for each row."""
+    terminated: Array
+    """Of each environment: nothing can follow."""
+    truncated: Array
+    """Of each environment: the time of the episode is over."""
+    returns: Array
+    """Of each environment: the sum of the task's rewards since the episode began."""
+    lengths: Array
+    """Of each environment: the number of actions since then."""
+    info: dict[str, Any]
+    """Of the environment, with "final_obs" and "final_info" of episodes that have ended."""
+
+    @property
+    def ended(self) -> Array:
+        """The environments in which an episode has ended."""
+        return self.terminated | self.truncated
+
+
 class Rows(VecEnv):
     """Environments in the form that Stable-Baselines3 needs, with one row for each.
 
@@ -45,6 +69,7 @@ class Rows(VecEnv):
         is_shared: bool = False,
         reward_scale: float = 1.0,
         approach: float = 0.0,
+        kernel: float = 0.0,
         gamma: float = 1.0,
     ) -> None:
         """`environment` must reset itself by AutoresetMode.SAME_STEP.
@@ -52,7 +77,9 @@ class Rows(VecEnv):
         `is_per_finger` is the value of its options. `approach` [1/m] adds a reward for a tip that
         comes nearer to where it could push the object to its goal. An object that comes nearer to
         its goal gets twice as much. The reward is the change of a potential (Ng, Harada and Russell
-        1999), so the best policy stays the same.
+        1999), so the best policy stays the same; with `gamma` 1.0 it is the plain difference, and
+        an episode that is terminated gains nothing by its end. `kernel` is the reward of each
+        action for an object at its goal; at a distance of 2 cm it is half of that, at 5 cm a tenth.
         """
         if environment.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
             raise InvalidArgument("the environment must have AutoresetMode.SAME_STEP")
@@ -70,6 +97,7 @@ class Rows(VecEnv):
         self.episodes = np.zeros(environment.num_envs, np.int64)
         """Number of episodes that have ended, for each environment."""
         self._reward_scale, self._approach, self._gamma = reward_scale, approach, gamma
+        self._kernel = kernel
         self._is_per_finger = is_per_finger
         self._lengths = np.zeros(environment.num_envs, np.int64)
         self._returns = np.zeros(environment.num_envs)
@@ -100,22 +128,39 @@ class Rows(VecEnv):
         """Keeps the actions for step_wait()."""
         self._actions = actions
 
-    def step_wait(self) -> Any:
-        """Applies the actions of step_async()."""
+    def move(self, actions: Array) -> Step:
+        """Applies an action in each row."""
         environment = self.environment
-        actions = self._actions.reshape(environment.num_envs, -1)
+        actions = actions.reshape(environment.num_envs, -1)
         observations, rewards, terminated, truncated, info = environment.step(actions)
         ended = terminated | truncated
         self._lengths += 1
         self._returns += rewards
-        potentials = self._potential(observations)
+        potentials, near = self._potential(observations)
         reached = potentials.copy()
-        if self._approach > 0 and ended.any():
-            reached[ended] = self._potential(np.stack(list(info["final_obs"][ended])))
-        rewards = self._with_approach(rewards, self._potentials, reached, terminated)
+        if self._looks_at_objects and ended.any():
+            reached[ended], near[ended] = self._potential(np.stack(list(info["final_obs"][ended])))
+        rewards = self._with_approach(rewards, self._potentials, reached, near, terminated)
         self._potentials = potentials
+        returns, lengths = self._returns.copy(), self._lengths.copy()
+        self._returns[ended] = self._lengths[ended] = 0
         if self.rows > 1:
             rewards = _of_step("finger_rewards", info, ended).ravel() * self._reward_scale
+        self.episodes = self.episodes + ended
+        return Step(
+            self._split(observations),
+            np.asarray(rewards, np.float32),
+            terminated,
+            truncated,
+            returns,
+            lengths,
+            info,
+        )
+
+    def step_wait(self) -> Any:
+        """Applies the actions of step_async()."""
+        step = self.move(self._actions)
+        info, ended = step.info, step.ended
         achieved = self._split(self._shown(_of_step("achieved_goal", info, ended)))
         success = _of_step("is_success", info, ended)
         infos: list[dict[str, Any]] = [
@@ -123,23 +168,17 @@ class Rows(VecEnv):
             for row in range(self.num_envs)
         ]
         for index in np.flatnonzero(ended):
-            episode = {"r": self._returns[index], "l": int(self._lengths[index])}
+            episode = {"r": step.returns[index], "l": int(step.lengths[index])}
             last = info["final_obs"][index].reshape(self.rows, -1)
             for part in range(self.rows):
                 infos[index * self.rows + part] |= {
                     "terminal_observation": last[part],
-                    "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
+                    "TimeLimit.truncated": bool(
+                        step.truncated[index] and not step.terminated[index]
+                    ),
                     "episode": episode,
                 }
-        self.episodes = self.episodes + ended
-        self._lengths[ended] = 0
-        self._returns[ended] = 0
-        return (
-            self._split(observations),
-            np.asarray(rewards, np.float32),
-            np.repeat(ended, self.rows),
-            infos,
-        )
+        return step.observations, step.rewards, np.repeat(ended, self.rows), infos
 
     def judge(self, before: Array, after: Array, *, terminated: bool) -> tuple[Array, Array]:
         """The reward of each row and what it achieved, of one transition of a single robot.
@@ -151,8 +190,10 @@ class Rows(VecEnv):
         if self.rows > 1:
             offsets = (after["achieved"] - after["desired"]).reshape(self.rows, -1)
             rewards = -np.linalg.norm(offsets, axis=1).astype(float)
-        old, new = (self._potential(one["observation"][None]) for one in (before, after))
-        rewards = self._with_approach(rewards, old, new, np.array([terminated]))
+        (old, _), (new, near) = (
+            self._potential(one["observation"][None]) for one in (before, after)
+        )
+        rewards = self._with_approach(rewards, old, new, near, np.array([terminated]))
         shown = self._shown(after["achieved"][None]).reshape(self.rows, -1)
         return rewards, shown
 
@@ -163,8 +204,8 @@ class Rows(VecEnv):
         """
         seen = self.entries(after)
         rewards = self.one._compute_reward(seen["object_position"], seen["goal"])
-        old, new = map(self._potential, (before, after))
-        return self._with_approach(rewards, old, new, terminated)
+        (old, _), (new, near) = map(self._potential, (before, after))
+        return self._with_approach(rewards, old, new, near, terminated)
 
     def entries(self, observations: Array) -> dict[str, Array]:
         """The entries of flat observations in SI units."""
@@ -174,6 +215,24 @@ class Rows(VecEnv):
     def flat(self) -> Flat:
         """Where each entry is in a flat observation, and its bounds in SI units."""
         return self.one._flat
+
+    @property
+    def hidden(self) -> Array:
+        """What simulations know and policies do not (VectorEnvironment.hidden), in each row."""
+        return self._repeated("hidden")
+
+    @property
+    def final_hidden(self) -> Array:
+        """The same of the episodes that have ended."""
+        return self._repeated("final_hidden")
+
+    def _repeated(self, name: str) -> Array:
+        if not isinstance(self.one, VectorEnvironment):
+            raise InvalidArgument(
+                "only a VectorEnvironment knows what is hidden: num_envs of 2 or more"
+            )
+        numbers = np.concatenate([*getattr(self.one, name).values()], axis=1)
+        return np.repeat(numbers, self.rows, axis=0)
 
     def close(self) -> None:
         """Closes the environments."""
@@ -201,23 +260,29 @@ class Rows(VecEnv):
         self._lengths[:] = 0
         self._returns[:] = 0
         observations, _ = self.environment.reset(**arguments)
-        self._potentials = self._potential(observations)
+        self._potentials, _ = self._potential(observations)
         return self._split(observations)
 
     # Rewards of the task in their scale, and what the potential has gained. After the end of a task
     # nothing follows, so the potential there is 0.
     def _with_approach(
-        self, rewards: Array, before: Array, after: Array, terminated: Array
+        self, rewards: Array, before: Array, after: Array, near: Array, terminated: Array
     ) -> Array:
-        gained = self._gamma * np.where(terminated, 0.0, after) - before
-        return np.asarray(self._reward_scale * rewards + gained, np.float32)
+        ending = before if self._gamma == 1.0 else 0.0
+        gained = self._gamma * np.where(terminated, ending, after) - before
+        return np.asarray(self._reward_scale * rewards + gained + self._kernel * near, np.float32)
 
-    # The potential of `approach`. It rises as the nearest tip comes nearer to the place from which
-    # it would push the object, and twice as much as the object comes nearer to its goal. The place
-    # is on the side of the object away from the goal; at the goal, it is the object's middle.
-    def _potential(self, observations: Array) -> Array:
-        if self._approach == 0:
-            return np.zeros(len(observations))
+    @property
+    def _looks_at_objects(self) -> bool:
+        return self._approach > 0 or self._kernel > 0
+
+    # The potential of `approach`, and how near the object is to its goal, from 0 to 1. The
+    # potential rises as the nearest tip comes nearer to the place from which it would push the
+    # object, and twice as much as the object comes nearer to its goal. The place is on the side of
+    # the object away from the goal; at the goal, it is the object's middle.
+    def _potential(self, observations: Array) -> tuple[Array, Array]:
+        if not self._looks_at_objects:
+            return np.zeros(len(observations)), np.zeros(len(observations))
         seen = self.entries(observations)
         tips = seen["tip_position"].reshape(len(observations), -1, 3)
         place, goal = seen["object_position"], seen["goal"][:, :3]
@@ -226,7 +291,13 @@ class Rows(VecEnv):
         behind = place.copy()
         behind[:, :2] -= offset[:, :2] * (PUSHED_FROM / np.maximum(aside, PUSHED_FROM))
         away = np.linalg.norm(tips - behind[:, None], axis=2).min(axis=1)
-        return np.asarray(-self._approach * (away + 2 * np.linalg.norm(offset, axis=1)))
+        left = np.linalg.norm(offset, axis=1)
+        if "goal_keypoints" in seen:  # an orientation counts, too
+            corners = seen["object_keypoints"] - seen["goal_keypoints"]
+            left = np.linalg.norm(corners.reshape(len(left), -1, 3), axis=2).mean(axis=1)
+        potential = np.asarray(-self._approach * (away + 2 * left))
+        near = 0.8 * np.exp(-((left / 0.02) ** 2)) + 0.2 * np.exp(-left / 0.05)
+        return potential, near
 
     # Achieved positions in the frames in which goals are observed, finger by finger.
     def _shown(self, achieved: Array) -> Array:

@@ -186,6 +186,9 @@ bool Environment::has_goals_of_fingers() const noexcept {
 const std::vector<std::string>& Environment::scores() const noexcept {
   return checked(implementation_)->scores;
 }
+const std::vector<Entry>& Environment::hidden_entries() const noexcept {
+  return checked(implementation_)->hidden_entries;
+}
 std::int64_t Environment::episode_actions() const noexcept {
   return checked(implementation_)->episode_actions;
 }
@@ -292,7 +295,8 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
   }
   ++episode.actions;
   for (std::size_t i = 0; i < self.num_joints; ++i) {
-    const double number = std::clamp(static_cast<double>(numbers[i]), -1.0, 1.0);
+    const float said = numbers[self.place_in_action(i, episode)];
+    const double number = std::clamp(static_cast<double>(said), -1.0, 1.0);
     const double low = self.workspace.low[i];
     const double high = self.workspace.high[i];
     double& target = episode.target[i];
@@ -335,7 +339,7 @@ void Environment::invert_action(std::span<const double> torque, std::span<const 
         number = torque[i] / self.joints.max_torque[i];
         break;
     }
-    numbers[i] = static_cast<float>(std::clamp(number, -1.0, 1.0));
+    numbers[self.place_in_action(i, episode)] = static_cast<float>(std::clamp(number, -1.0, 1.0));
   }
 }
 

@@ -41,6 +41,9 @@ EnvironmentBatch::Implementation::Implementation(
     observations->distance.resize(size * environment.num_parts());
     observations->finger_rewards.resize(size * environment.num_parts());
     observations->scores.resize(size * environment.scores().size());
+    std::size_t hidden = 0;
+    for (const Entry& entry : environment.hidden_entries()) hidden += entry.low.size();
+    observations->hidden.resize(size * hidden);
     observations->success.resize(size);
     if (!environment.object_name().empty()) observations->object_age.resize(size);
     observations->image_age.resize(size * cameras.size());

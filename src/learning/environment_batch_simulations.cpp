@@ -48,6 +48,10 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
         is_of_many_(environment.is_of_many()) {
     oldest_sure_age = vision && vision->finds_objects ? rendering::oldest_sure_age(vision->capture)
                                                       : rendering::oldest_sure_age(options);
+    require(environment.options().steps_per_action % simulator_.stride() == 0,
+            "steps_per_action is " + std::to_string(environment.options().steps_per_action) +
+                ", must be a multiple of " + std::to_string(simulator_.stride()) +
+                ", the steps of the robot in one physics_step");
     require(num_threads >= 0,
             "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
     for (Simulation& one : simulations_) {
@@ -298,6 +302,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     keep(results.final.distance, results.seen.distance);
     keep(results.final.finger_rewards, results.seen.finger_rewards);
     keep(results.final.scores, results.seen.scores);
+    keep(results.final.hidden, results.seen.hidden);
     keep(results.final.success, results.seen.success);
     keep(results.final.object_age, results.seen.object_age);
     keep(results.final.image_age, results.seen.image_age);
@@ -321,6 +326,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     see(-1, model, data, one);
     see(0, model, data, one);
     one.action = hold_position(one.state.observation);
+    show_hidden(data, i);
     (void)observe(i);
   }
 
@@ -346,8 +352,11 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     }
     std::ranges::fill(next.position_kp, environment.position_kp());
     CountedAppliedAction applied(simulator_.num_joints());
-    for (int k = 0; k < steps; ++k) {
-      if (k == lag) one.action = next;
+    // With long steps the next action begins at the nearest of them.
+    const int stride = static_cast<int>(simulator_.stride());
+    const int begin = (lag + stride / 2) / stride * stride;
+    for (int k = 0; k < steps; k += stride) {
+      if (k == begin) one.action = next;
       const DriverReport report = simulator_.step(one.action, model, data, one.state, applied);
       if (report.fault_code != 0) {
         end_with_fault(i, report.fault_code);
@@ -360,6 +369,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     results.terminated[i] = 0;
     results.truncated[i] = 0;
     results.fault[i] = 0;
+    show_hidden(data, i);
     if (const auto outcome = observe(i)) end_of_step(i, *outcome);
   }
 
@@ -407,6 +417,16 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
       const std::lock_guard lock(failure_mutex_);
       failure_ = std::current_exception();
     }
+  }
+
+  void show_hidden(const mjData& data, std::size_t i) noexcept {
+    const Simulation& one = simulations_[i];
+    HiddenState state{.variation = one.state.memory.counters.variation};
+    if (has_object_) {
+      state.object = one.state.objects[object_];
+      state.object_velocity = simulator_.object_velocity(objects()[object_], data);
+    }
+    environment.show_hidden(state, runs[i].episode, row(results.seen.hidden, i, size));
   }
 
   // Observes a robot. A task of many gets what was measured later, with that of all others.

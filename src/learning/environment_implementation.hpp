@@ -7,6 +7,8 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <tuple>
+#include <type_traits>
 #include <vector>
 
 #include "joint_figures.hpp"
@@ -18,6 +20,11 @@
 namespace trifinger::learning {
 
 inline constexpr std::size_t kMaxValues = 1024;  // Largest number of values in an observation.
+inline constexpr std::size_t kCorners = 8;       // Keypoints of an object.
+
+// How `symmetric_view` turns an entry: numbers of joints in the order of fingers, points of fingers,
+// other points, a quaternion, a point with a quaternion.
+enum class Turning : std::uint8_t { kNone, kJoints, kTips, kPoints, kRotation, kPose };
 
 // A task on one robot: `environment_set_up.cpp` makes it, `environment_observation.cpp` observes
 // robots, `environment.cpp` begins episodes and takes actions.
@@ -30,9 +37,19 @@ struct Environment::Implementation {
   void add(std::string name, std::string unit, std::size_t size, double least, double most);
   void list_entries();
   void list_usual_entries();
+  void list_hidden_entries();
   // Lists which number of which entry comes next in the observation.
   void list_flat();
 
+  // Refuses options that show an object to tasks without one.
+  void check_shown() const;
+  // The finger on whose side the goal is.
+  [[nodiscard]] std::size_t first_finger(const Episode& episode) const noexcept;
+  // Turns all entries for `symmetric_view`.
+  void turn(const Episode& episode, double* values) const noexcept;
+  // Where the number of joint `joint` is in an action.
+  [[nodiscard]] std::size_t place_in_action(std::size_t joint,
+                                            const Episode& episode) const noexcept;
   // Writes the goals, in the frame of their finger if that is asked for.
   void show_goal(const Episode& episode, double* shown) const noexcept;
   // Computes where tips or frames are.
@@ -94,6 +111,8 @@ struct Environment::Implementation {
   std::int64_t episode_actions{0};
   std::vector<std::string> scores;
   std::vector<Entry> entries;
+  std::vector<Turning> turnings;  // of the entries
+  std::vector<Entry> hidden_entries;
   bool has_own_entries{false};  // The task says what is observed.
   std::size_t own_values{0};    // Number of numbers that it says.
   bool shows_action{false};
@@ -104,6 +123,22 @@ struct Environment::Implementation {
   std::vector<double> high;
   std::vector<double> turns;  // Angle that rotates each finger onto finger 0 [rad].
 };
+
+// Calls `use` with name and value of each number of a variation, without its seed. Those of
+// `pair_friction` are called as their surfaces.
+template <class Use>
+void for_each_number(const Variation& variation, const Use& use) {
+  const auto visit = [&]<class T>(const VariationField<T>& row) {
+    if constexpr (std::is_same_v<T, OfSurfacePairs<double>>) {
+      for (const SurfacePair pair : all_surface_pairs()) {
+        use(name_of(pair), variation.pair_friction[pair]);
+      }
+    } else if constexpr (!std::is_same_v<T, std::uint64_t>) {
+      use(std::string_view(row.name), static_cast<double>(variation.*row.value));
+    }
+  };
+  std::apply([&](const auto&... row) { (visit(row), ...); }, Variation::fields());
+}
 
 // The distance between the first three numbers of two goals.
 [[nodiscard]] double distance_of_places(std::span<const double> achieved,

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -24,7 +25,121 @@ ObjectPose upward(const ObjectPose& pose) noexcept {
   return shown;
 }
 
+ObjectPose pose_of(std::span<const double> goal) noexcept {
+  ObjectPose pose;
+  std::copy_n(goal.begin(), 3, pose.position.begin());
+  std::copy_n(goal.begin() + 3, 4, pose.orientation.begin());
+  return pose;
+}
+
+// Writes the corners of a cube and returns where the next number comes.
+double* write_corners(const ObjectPose& pose, double* next) noexcept {
+  constexpr double kHalf = 0.0325;  // of a cube of 65 mm [m]
+  const auto& [w, x, y, z] = pose.orientation;
+  const Eigen::Matrix3d rotation = Eigen::Quaterniond(w, x, y, z).toRotationMatrix();
+  for (unsigned corner = 0; corner < kCorners; ++corner) {
+    const auto side = [corner](unsigned axis) {
+      return (corner >> axis & 1U) == 0 ? -kHalf : kHalf;
+    };
+    Eigen::Map<Eigen::Vector3d>(next + 3 * corner) =
+        Eigen::Vector3d(pose.position.data()) +
+        rotation * Eigen::Vector3d(side(0), side(1), side(2));
+  }
+  return next + 3 * kCorners;
+}
+
+// Writes the offsets from the object to the tips, from where a tip would push the object to its
+// goal to the tips, and from the object to its goal, and the direction of the latter.
+double* write_offsets(const Observed& one, double* next) noexcept {
+  constexpr double kPushedFrom = 0.045;  // from a tip to the middle of a cube that it pushes [m]
+  constexpr double kNear = 0.01;         // Nearer goals have less direction [m].
+  const Eigen::Vector3d object(one.shown_object.position.data());
+  const Eigen::Vector3d way = Eigen::Vector3d(one.episode->goal.data()) - object;
+  Eigen::Vector3d behind = object;
+  behind.head<2>() -= kPushedFrom / std::max(way.head<2>().norm(), kPushedFrom) * way.head<2>();
+  const auto write = [&next](const Eigen::Vector3d& offset) {
+    next = std::ranges::copy(offset, next).out;
+  };
+  for (const Eigen::Vector3d& from : {object, behind}) {
+    for (Eigen::Index i = 0; i < one.view.tips.size(); i += 3) {
+      write(one.view.tips.segment<3>(i) - from);
+    }
+  }
+  write(way);
+  write(way / std::max(way.norm(), kNear));
+  return next;
+}
+
+// Turns `count` points about the vertical axis.
+void turn_points(double cosine, double sine, std::size_t count, double* points) noexcept {
+  for (double* const end = points + 3 * count; points != end; points += 3) {
+    const auto [x, y] = std::pair(points[0], points[1]);
+    points[0] = cosine * x - sine * y;
+    points[1] = sine * x + cosine * y;
+  }
+}
+
+// Turns a quaternion (w, x, y, z) by `angle` about the vertical axis; of the two that mean the
+// same, that with w >= 0.
+void turn_rotation(double angle, double* wxyz) noexcept {
+  const Eigen::Quaterniond turned = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()) *
+                                    Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+  const double sign = turned.w() < 0.0 ? -1.0 : 1.0;
+  wxyz[0] = sign * turned.w();
+  for (int i = 0; i < 3; ++i) wxyz[i + 1] = sign * turned.vec()[i];
+}
+
 }  // namespace
+
+std::size_t Environment::Implementation::first_finger(const Episode& episode) const noexcept {
+  if (!options.symmetric_view) return 0;
+  const auto distance = [&](std::size_t finger) {
+    const double azimuth = kinematics->finger_azimuth(static_cast<int>(finger));
+    return -(episode.goal[0] * std::cos(azimuth) + episode.goal[1] * std::sin(azimuth));
+  };
+  std::size_t nearest = 0;
+  for (std::size_t finger = 1; finger < turns.size(); ++finger) {
+    if (distance(finger) < distance(nearest)) nearest = finger;
+  }
+  return nearest;
+}
+
+std::size_t Environment::Implementation::place_in_action(std::size_t joint,
+                                                         const Episode& episode) const noexcept {
+  return (joint + num_joints - 3 * first_finger(episode)) % num_joints;
+}
+
+void Environment::Implementation::turn(const Episode& episode, double* values) const noexcept {
+  const std::size_t first = first_finger(episode);
+  if (first == 0) return;
+  const double angle = turns[first];
+  const double cosine = std::cos(angle);
+  const double sine = std::sin(angle);
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const std::size_t size = entries[i].low.size();
+    switch (turnings[i]) {
+      case Turning::kNone:
+        break;
+      case Turning::kTips:
+        turn_points(cosine, sine, size / 3, values);
+        [[fallthrough]];
+      case Turning::kJoints:
+        std::rotate(values, values + 3 * first, values + size);
+        break;
+      case Turning::kPoints:
+        turn_points(cosine, sine, size / 3, values);
+        break;
+      case Turning::kPose:
+        turn_points(cosine, sine, 1, values);
+        turn_rotation(angle, values + 3);
+        break;
+      case Turning::kRotation:
+        turn_rotation(angle, values);
+        break;
+    }
+    values += size;
+  }
+}
 
 double distance_of_places(std::span<const double> achieved,
                           std::span<const double> desired) noexcept {
@@ -148,8 +263,13 @@ void Environment::Implementation::write(const Observed& one,
     if (!task->object_name().empty()) next = std::ranges::copy(one.view.tips, next).out;
     if (shows_object()) {
       next = std::ranges::copy(one.shown_object.position, next).out;
-      next = std::ranges::copy(one.shown_object.orientation, next).out;
+      next = options.keypoints ? write_corners(one.shown_object, next)
+                               : std::ranges::copy(one.shown_object.orientation, next).out;
     }
+    if (options.keypoints && goal.low.size() == 7) {
+      next = write_corners(pose_of(one.episode->goal), next);
+    }
+    if (options.object_offsets) next = write_offsets(one, next);
   }
   if (shows_action) next = std::copy_n(one.episode->action.begin(), num_joints, next);
   if (shows_tracking_error) {
@@ -162,6 +282,7 @@ void Environment::Implementation::write(const Observed& one,
     next += memory_values;
   }
   if (options.layout != Layout::kGoal && !has_own_entries) show_goal(*one.episode, next);
+  if (options.symmetric_view) turn(*one.episode, values.data());
 
   for (std::size_t i = 0; i < flat.size(); ++i) {
     const std::size_t k = flat[i];
@@ -182,6 +303,26 @@ void Environment::Implementation::observe(Observed& one) const noexcept {
   std::array<double, kMaxValues> shown;  // NOLINT(*-member-init)
   if (has_own_entries) of_one->show(one.view, *one.episode, std::span(shown).first(own_values));
   write(one, std::span(shown).first(own_values));
+}
+
+void Environment::show_hidden(const HiddenState& state, const Episode& episode,
+                              std::span<float> shown) const noexcept {
+  const Implementation& self = *checked(implementation_);
+  auto next = shown.begin();
+  if (!self.task->object_name().empty()) {
+    std::array<double, 9> object{};
+    auto* const velocity = std::ranges::copy(state.object.position, object.begin()).out;
+    auto* const rotation = std::ranges::copy(state.object_velocity.linear, velocity).out;
+    std::ranges::copy(state.object_velocity.angular, rotation);
+    const double angle = self.options.symmetric_view ? self.turns[self.first_finger(episode)] : 0.0;
+    turn_points(std::cos(angle), std::sin(angle), 3, object.data());
+    next = std::ranges::transform(object, next, [](double number) {
+             return static_cast<float>(number);
+           }).out;
+  }
+  for_each_number(state.variation, [&next](std::string_view /*name*/, double number) {
+    *next++ = static_cast<float>(number);
+  });
 }
 
 }  // namespace trifinger::learning

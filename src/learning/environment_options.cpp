@@ -84,6 +84,20 @@ void visit(Options& options, const Visitor& field) {
   field("per_finger", options.per_finger,
         About{"Whether observations are ordered finger by finger, with goals in the frame of each "
               "finger. A policy that the fingers share needs this."});
+  field("symmetric_view", options.symmetric_view,
+        About{"Whether positions are shown turned about the middle by thirds of a circle, and "
+              "fingers in another order, so that the goal of an object is on the side of finger 0. "
+              "The fingers are turned copies of one, so a policy has a third of the goals to "
+              "learn."});
+  field(
+      "object_offsets", options.object_offsets,
+      About{
+          "Whether the offsets from the object, and from where a tip would push it to its goal, to "
+          "the tips are observed, too, and how far and in which direction the goal is. They "
+          "follow from the rest, but 2 cm are little among its numbers."});
+  field("keypoints", options.keypoints,
+        About{"Whether the corners of a cube of 65 mm at the object, and at its goal if that has "
+              "an orientation, are observed in place of quaternions."});
   field("frames", options.frames,
         About{"Names of sites, bodies or geoms of a robot from a file, which take the place of "
               "tips: tasks such as reach have a goal for each."});

@@ -19,9 +19,32 @@ namespace {
 using trifinger::detail::text_of;
 
 // Bounds of the observed values.
-constexpr double kMaxSideways = 0.5;                 // [m]
-constexpr double kMaxHeight = 0.6;                   // [m]
+constexpr double kMaxSideways = 0.5;   // [m]
+constexpr double kMaxHeight = 0.6;     // [m]
+constexpr double kMaxOffset = 0.3;     // [m]
+constexpr double kMaxSpeed = 5.0;      // [m/s]
+constexpr double kMaxRotation = 50.0;  // [rad/s]
+constexpr double kLargestVariation = 100.0;
 constexpr std::string_view kImageAge = "image_age";  // What whoever has cameras adds.
+
+struct NamedTurning {
+  std::string_view name;
+  Turning turning;
+};
+constexpr std::array kTurnings{NamedTurning{"joint_position", Turning::kJoints},
+                               NamedTurning{"joint_velocity", Turning::kJoints},
+                               NamedTurning{"action", Turning::kJoints},
+                               NamedTurning{"tracking_error", Turning::kJoints},
+                               NamedTurning{"tip_position", Turning::kTips},
+                               NamedTurning{"tip_offset", Turning::kTips},
+                               NamedTurning{"push_offset", Turning::kTips},
+                               NamedTurning{"object_position", Turning::kPoints},
+                               NamedTurning{"object_keypoints", Turning::kPoints},
+                               NamedTurning{"goal_keypoints", Turning::kPoints},
+                               NamedTurning{"goal_offset", Turning::kPoints},
+                               NamedTurning{"goal_direction", Turning::kPoints},
+                               NamedTurning{"goal", Turning::kPoints},
+                               NamedTurning{"object_orientation", Turning::kRotation}};
 
 // Pose of an object in positions in the order of MuJoCo's `qpos`.
 ObjectPose pose_in(const double* positions, const ObjectAddress& object) noexcept {
@@ -160,6 +183,7 @@ void Environment::Implementation::set_up(const TaskDescription& its_task, Nanose
   num_parts = task->has_goals_of_fingers() ? num_points : 1;
   scores = task->scores();
   list_entries();
+  list_hidden_entries();
   list_flat();
 }
 
@@ -203,6 +227,43 @@ void Environment::Implementation::list_entries() {
     }
   }
   if (options.layout != Layout::kGoal && !has_own_entries) entries.push_back(goal);
+  check_shown();
+  for (const Entry& entry : entries) {
+    const auto* const known = std::ranges::find(kTurnings, entry.name, &NamedTurning::name);
+    turnings.push_back(known == kTurnings.end() ? Turning::kNone : known->turning);
+    if (entry.name == "goal" && entry.low.size() == 7) turnings.back() = Turning::kPose;
+  }
+}
+
+void Environment::Implementation::list_hidden_entries() {
+  std::vector<Entry> shown = std::exchange(entries, {});
+  if (!task->object_name().empty()) {
+    add("true_object_position", "m", 3, -kMaxSideways, kMaxSideways);
+    add("object_velocity", "m/s", 3, -kMaxSpeed, kMaxSpeed);
+    add("object_rotation", "rad/s", 3, -kMaxRotation, kMaxRotation);
+  }
+  for_each_number(Variation{}, [this](std::string_view name, double /*value*/) {
+    add(std::string(name), "1", 1, 0.0, kLargestVariation);
+  });
+  hidden_entries = std::exchange(entries, std::move(shown));
+}
+
+void Environment::Implementation::check_shown() const {
+  const bool has_three = kinematics && kinematics->num_fingers() == 3;
+  for (const auto& [name, is_asked, fits] :
+       {std::tuple{"symmetric_view", options.symmetric_view, has_three},
+        std::tuple{"object_offsets", options.object_offsets, kinematics.has_value()},
+        std::tuple{"keypoints", options.keypoints, kinematics.has_value()}}) {
+    if (!is_asked) continue;
+    const bool has_place = goal.low.size() == 3 || goal.low.size() == 7;
+    const bool shows_both = shows_object() && !has_own_entries && options.layout != Layout::kGoal;
+    if (fits && has_place && shows_both) continue;
+    throw InvalidArgument(text_of(name,
+                                  " is for a TriFinger and tasks with an object, whose pose and "
+                                  "goal are observed, and whose goal is a position, or a position "
+                                  "and a quaternion; the task is '",
+                                  task_name, "'"));
+  }
 }
 
 void Environment::Implementation::list_usual_entries() {
@@ -218,7 +279,20 @@ void Environment::Implementation::list_usual_entries() {
     add("object_position", "m", 3, -kMaxSideways, kMaxSideways);
     entries.back().low[2] = 0.0;
     entries.back().high[2] = kMaxHeight;
-    add("object_orientation", "1", 4, -1.0, 1.0);
+    if (options.keypoints) {
+      add("object_keypoints", "m", 3 * kCorners, -kMaxHeight, kMaxHeight);
+    } else {
+      add("object_orientation", "1", 4, -1.0, 1.0);
+    }
+  }
+  if (options.keypoints && goal.low.size() == 7) {
+    add("goal_keypoints", "m", 3 * kCorners, -kMaxHeight, kMaxHeight);
+  }
+  if (options.object_offsets) {
+    add("tip_offset", "m", num_joints, -kMaxOffset, kMaxOffset);
+    add("push_offset", "m", num_joints, -kMaxOffset, kMaxOffset);
+    add("goal_offset", "m", 3, -kMaxOffset, kMaxOffset);
+    add("goal_direction", "1", 3, -1.0, 1.0);
   }
 }
 

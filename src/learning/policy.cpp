@@ -69,8 +69,9 @@ Network checked(Network network) {
     }
     width = layer.weights.rows();
   }
-  if (network.layers.back().activation == Activation::kRelu) {
-    throw InvalidArgument("the last layer's activation is relu, must be identity or tanh");
+  const Activation last = network.layers.back().activation;
+  if (last != Activation::kIdentity && last != Activation::kTanh) {
+    throw InvalidArgument("the last layer's activation must be identity or tanh");
   }
   if (network.normalization) {
     check(*network.normalization, network.layers.front().weights.cols());
@@ -129,6 +130,9 @@ void apply(Activation activation, Eigen::Map<Eigen::ArrayX<Number>> values) noex
     case Activation::kTanh:
       // Eigen computes several exponentials at once. std::tanh would take longer than the sums.
       values = kOne - kTwo / ((kTwo * values).exp() + kOne);
+      break;
+    case Activation::kElu:
+      values = values.max(Number{0}) + values.min(Number{0}).exp() - kOne;
       break;
   }
 }

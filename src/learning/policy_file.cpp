@@ -28,7 +28,7 @@ constexpr std::size_t kMaxHeader = std::size_t{1} << 20U;  // [bytes]
 constexpr std::uint64_t kMaxWidth = 65'536;                // Largest width of a layer.
 constexpr std::uint64_t kMaxNumbers = 100'000'000;         // Largest number of weights and biases.
 
-const std::vector<std::string_view> kActivations{"identity", "relu", "tanh"};
+const std::vector<std::string_view> kActivations{"identity", "relu", "tanh", "elu"};
 const std::vector<std::string_view> kBoundings{"scale", "clip"};
 
 // ---- the header ----

@@ -18,6 +18,7 @@
 #include "model/mujoco_messages.hpp"
 #include "repair_inertia.hpp"
 #include "self_contained.hpp"
+#include "spec.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger {
@@ -277,8 +278,6 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   if (options_.repair_inertia) repairs_ = std::exchange(impossible, {});
   if (source.is_urdf()) detail::finish_urdf(spec_.get(), source, options_.collision);
   detail::add_objects(spec_.get(), options_.objects);
-  // The simulation must see numbers that are not finite; MuJoCo must not reset silently.
-  spec_->option.disableflags |= mjDSBL_AUTORESET;
   // The motors must work, whatever the file says of its actuators.
   spec_->option.disableflags &= ~mjDSBL_ACTUATION;
   spec_->option.disableactuator = 0;
@@ -289,7 +288,10 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   spec_->option.enableflags &= ~mjENBL_SLEEP;
   const auto compile = [&] {
     model_.reset(mj_compile(spec_.get(), source.files()));
-    if (model_ != nullptr) return;
+    if (model_ != nullptr) {
+      detail::leave_divergence_visible(*model_);
+      return;
+    }
     const std::string problem = source.explained(mjs_getError(spec_.get()));
     if (source.is_missing_file()) {
       throw InvalidArgument(file + ": MuJoCo refuses the model: " + problem +

@@ -26,6 +26,8 @@ SceneModel::Data SceneModel::make_data() const {
   return data;
 }
 
+void SceneModel::set_timestep(double seconds) noexcept { model_->opt.timestep = seconds; }
+
 std::vector<std::string> SceneModel::joint_names() const {
   std::vector<std::string> names;
   names.reserve(joints_.size());

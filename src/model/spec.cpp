@@ -36,8 +36,6 @@ void SpecBuilder::set_options() {
   option.solver = mjSOL_NEWTON;
   option.cone = mjCONE_ELLIPTIC;
   option.impratio = 100;
-  // The simulation must see numbers that are not finite; MuJoCo must not reset silently.
-  option.disableflags |= mjDSBL_AUTORESET;
   // Solving islands of contacts separately pays off only with several objects.
   if (description_.objects.size() < 2) option.disableflags |= mjDSBL_ISLAND;
   // Memory for contacts: twenty times the most that was measured, with a cube between the fingers
@@ -155,7 +153,12 @@ SceneModel::Compiled compile(mjSpec* spec) {
   silence_mujoco();
   SceneModel::Compiled model(mj_compile(spec, nullptr));
   if (!model) throw Error("MuJoCo refuses the model: " + std::string(mjs_getError(spec)));
+  leave_divergence_visible(*model);
   return model;
+}
+
+void leave_divergence_visible(mjModel& model) noexcept {
+  model.opt.disableflags |= mjDSBL_AUTORESET;
 }
 
 }  // namespace trifinger::detail

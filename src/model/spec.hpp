@@ -22,6 +22,10 @@ using Spec = std::unique_ptr<mjSpec, DeleteSpec>;
 // never touches anything.
 [[nodiscard]] std::optional<Surface> surface_of(int contype, int priority) noexcept;
 
+// The simulation must see numbers that are not finite: MuJoCo must not reset silently. Files do not
+// say it, because MuJoCo Warp refuses this flag.
+void leave_divergence_visible(mjModel& model) noexcept;
+
 // Throws Error with MuJoCo's own words. After `validate`, a refusal is a bug of ours.
 [[nodiscard]] SceneModel::Compiled compile(mjSpec* spec);
 

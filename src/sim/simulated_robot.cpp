@@ -87,6 +87,9 @@ SimulatedRobot::SimulatedRobot(SimulationOptions options)
       changed_by_step_(parts_changed_by_step()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
+  detail::require(simulator_.stride() == 1,
+                  "physics_step is longer than the period of the robot: that is only for many "
+                  "simulations at once");
   if (auto companion = object_companion(model()); companion && this->options().exact_poses) {
     companions_.push_back(std::move(*companion));
   }

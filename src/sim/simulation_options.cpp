@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/text_of.hpp"
+#include "in_seconds.hpp"
 #include "model/export.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/counted.hpp"
@@ -19,8 +20,12 @@
 namespace trifinger {
 namespace {
 
+using detail::in_seconds;
 using detail::require;
 using detail::text_of;
+
+// Longer steps are no longer like the robot: docs/planning.md says why 8 ms are too much.
+constexpr Nanoseconds kLongestStep = std::chrono::milliseconds(10);
 
 // Our own choice: a little more than the motors reach against the safety damping [rad/s].
 constexpr FingerJoints kMaxVelocity{5.0, 5.0, 8.0};
@@ -150,6 +155,15 @@ void SimulationOptions::validate() const {
       file != nullptr || (period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero()),
       "period is " + std::to_string(period.count()) +
           " ns, must be a whole number of milliseconds");
+  require(file == nullptr || physics_step == kPhysicsStep,
+          "physics_step is for TriFingers: a robot from a file has the timestep of its file");
+  require(file != nullptr ||
+              (physics_step > Nanoseconds::zero() &&
+               (period % physics_step == Nanoseconds::zero() ||
+                (physics_step % period == Nanoseconds::zero() && physics_step <= kLongestStep))),
+          text_of("physics_step is ", in_seconds(physics_step),
+                  " s, must be a whole part of the period, ", in_seconds(period),
+                  " s, or some whole periods, at most ", in_seconds(kLongestStep), " s"));
   require(object_period >= 1,
           "object_period is " + std::to_string(object_period) + " steps, must be at least 1");
   constexpr TimeIndex kMaxDelay = 100000;
@@ -176,6 +190,7 @@ std::shared_ptr<const SceneModel> make_model(const SimulationOptions& options, D
   if (options.file != nullptr) return options.file;
   auto model = std::make_shared<RobotModel>(options.description, detail);
   model->adopt(options.identified);
+  model->set_timestep(in_seconds(options.physics_step));
   return model;
 }
 

@@ -74,8 +74,12 @@ Simulator::Simulator(std::shared_ptr<const SceneModel> model, SimulationOptions 
       model_(std::move(model)),
       described_(dynamic_cast<const RobotModel*>(model_.get())),
       safety_(options_.limits ? *options_.limits : default_limits(options_.description)),
-      substeps_(options_.file != nullptr ? options_.file->substeps()
-                                         : static_cast<int>(options_.period / kPhysicsStep)) {
+      stride_(options_.file != nullptr
+                  ? 1
+                  : std::max<TimeIndex>(options_.physics_step / options_.period, 1)),
+      substeps_(options_.file != nullptr
+                    ? options_.file->substeps()
+                    : static_cast<int>(stride_ * options_.period / options_.physics_step)) {
   // Saved states have no padding, so equal states have equal bytes.
   static_assert(std::is_trivially_copyable_v<Memory::Counters>);
   static_assert(sizeof(Memory::Counters) ==
@@ -276,6 +280,7 @@ SceneModel::Compiled Simulator::make_varied_model(const Variation& variation) co
   if (has_all) return model_->copy();
   RobotModel changed(description);
   changed.adopt(options_.identified);
+  changed.set_timestep(model_->mujoco()->opt.timestep);
   return changed.copy();
 }
 
@@ -396,8 +401,8 @@ void Simulator::write_observation(const State& state, void* element) const noexc
 
 DriverReport Simulator::step(const Action& desired, const mjModel_& model, mjData_& data,
                              State& state, AppliedAction& applied) const noexcept {
-  const SafetyReport report =
-      safety_.apply(desired, state.observation, options_.period, state.safety, applied, nullptr);
+  const SafetyReport report = safety_.apply(desired, state.observation, stride_ * options_.period,
+                                            state.safety, applied, nullptr);
   if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
   if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
   return {.action_rejected = report.action_rejected};
@@ -407,10 +412,10 @@ bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjDa
                      State& state, detail::Puller* puller) const noexcept {
   Memory& memory = state.memory;
   Memory::Counters& counters = memory.counters;
-  ++counters.step;
+  counters.step += stride_;
   memory.torque = torque;
-  const auto delay = static_cast<std::uint64_t>(counters.variation.torque_delay +
-                                                options_.identified.torque_delay);
+  const std::uint64_t delay =
+      in_strides(counters.variation.torque_delay + options_.identified.torque_delay);
   if (delay > 0) {
     const std::size_t n = num_joints();
     const auto slot_of = [&](std::uint64_t i) {
@@ -463,8 +468,13 @@ void Simulator::pass_on_measurements(const mjData_& data, State& state) const no
 }
 
 std::uint64_t Simulator::measurement_delay(const Memory& memory) const noexcept {
-  return static_cast<std::uint64_t>(memory.counters.variation.measurement_delay +
-                                    options_.identified.measurement_delay);
+  return in_strides(memory.counters.variation.measurement_delay +
+                    options_.identified.measurement_delay);
+}
+
+// The number of calls of `step` that come nearest to so many steps of the robot.
+std::uint64_t Simulator::in_strides(TimeIndex steps) const noexcept {
+  return static_cast<std::uint64_t>((steps + stride_ / 2) / stride_);
 }
 
 // The whole play of a joint.
@@ -505,7 +515,7 @@ double Simulator::delivered(std::size_t joint, const mjData_& data,
 // Moves each motor against its joint by what its torque does to its rotor, after a step.
 void Simulator::turn_in_play(const mjModel_& model, const mjData_& data,
                              Memory& memory) const noexcept {
-  const double step = std::chrono::duration<double>(options_.period).count();
+  const double step = std::chrono::duration<double>(stride_ * options_.period).count();
   for (std::size_t i = 0; i < num_joints(); ++i) {
     const double inertia = std::max(model_->rotor_inertia(i, model), 1e-9);
     const double acceleration =

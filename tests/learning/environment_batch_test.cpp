@@ -6,6 +6,8 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <span>
@@ -76,6 +78,73 @@ TEST(EnvironmentBatch, GivesTheSameWhateverTheNumberOfThreadsAndSimulations) {
       }
     }
   }
+}
+
+// Positions of the joints after two seconds of the same random actions, with steps of this length.
+std::vector<double> moved_with(std::chrono::milliseconds physics_step, TimeIndex delay) {
+  constexpr int kSize = 4;
+  EnvironmentOptions options = default_options("reach");
+  options.torque_delay = {delay, delay};
+  options.duration = 10.0;
+  options.layout = Layout::kDictionary;
+  // Fingers that touch each other or the table would amplify any difference.
+  options.action = ActionKind::kPositionChange;
+  options.position_change = 0.01;
+  EnvironmentBatch batch("reach", options,
+                         {.description{.objects = {}}, .physics_step = physics_step}, kSize, 1);
+  batch.reset();
+  Random random{.seed = 1};
+  std::vector<float> actions(std::size_t{9} * kSize);
+  for (int i = 0; i < 100; ++i) {
+    if (i % 10 == 0) actions = random_actions(random, actions.size());
+    batch.step(actions);
+  }
+  std::vector<double> positions;
+  const auto& seen = batch.results().seen.observation;
+  for (std::size_t i = 0; i < kSize; ++i) {
+    const auto first = seen.begin() + static_cast<std::ptrdiff_t>(i * seen.size() / kSize);
+    positions.insert(positions.end(), first, first + 9);
+  }
+  return positions;
+}
+
+TEST(EnvironmentBatch, MovesNearlyAlikeWithLongSteps) {
+  using std::chrono::milliseconds;
+  for (const TimeIndex delay : {0, 4}) {
+    const std::vector<double> reference = moved_with(milliseconds(1), delay);
+    double before = 0.0;
+    for (const int step : {2, 4, 5}) {
+      const std::vector<double> other = moved_with(milliseconds(step), delay);
+      double furthest = 0.0;
+      for (std::size_t i = 0; i < other.size(); ++i) {
+        furthest = std::max(furthest, std::abs(other[i] - reference[i]));
+      }
+      EXPECT_LT(furthest, 0.05) << step << " ms, delays of " << delay;
+      EXPECT_GT(furthest, 1e-6);
+      if (delay == 0) {
+        EXPECT_GT(furthest, before);
+      }
+      before = furthest;
+    }
+  }
+}
+
+TEST(EnvironmentBatch, SaysWhichLengthsOfStepsAreAllowed) {
+  const auto make = [](Nanoseconds step) {
+    return EnvironmentBatch("push", default_options("push"), {.physics_step = step}, 1).size();
+  };
+  using std::chrono::microseconds;
+  for (const int wrong : {0, -1000, 1500, 12000, 700}) {
+    EXPECT_THAT([&] { make(microseconds(wrong)); },
+                ThrowsMessage<InvalidArgument>(HasSubstr("physics_step is ")))
+        << wrong;
+  }
+  EXPECT_THAT([&] { make(microseconds(3000)); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("must be a multiple of 3")));
+  EXPECT_EQ(make(microseconds(500)), 1);
+  EXPECT_EQ(make(microseconds(10'000)), 1);
+  EXPECT_THAT([] { SimulatedRobot({.physics_step = std::chrono::milliseconds(2)}); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("many simulations")));
 }
 
 TEST(EnvironmentBatch, fault_64_RefusesToMoveInAForkedChildAndGoesOnInItsParent) {

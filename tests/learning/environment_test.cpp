@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +14,7 @@
 #include <set>
 #include <span>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -360,6 +362,118 @@ std::vector<std::string> tasks_of_fingers() {
 
 INSTANTIATE_TEST_SUITE_P(Learning, EveryTask, ::testing::ValuesIn(tasks_of_fingers()),
                          [](const auto& task) { return std::string(task.param); });
+
+// A scene that is turned about the middle by a third of a circle: each joint is where that of the
+// finger before was.
+struct Scene {
+  std::array<double, 9> joints{};
+  ObjectPose object{};
+  std::vector<double> goal{};
+
+  [[nodiscard]] Scene turned(double angle) const {
+    Scene scene = *this;
+    std::ranges::rotate_copy(joints, joints.end() - 3, scene.joints.begin());
+    const Eigen::AngleAxisd turn(angle, Eigen::Vector3d::UnitZ());
+    const auto place = [&turn](double* xyz) {
+      Eigen::Map<Eigen::Vector3d>(xyz, 3) = turn * Eigen::Vector3d(xyz);
+    };
+    const auto rotate = [&turn](double* wxyz) {
+      Eigen::Quaterniond all = turn * Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+      if (all.w() < 0.0) all.coeffs() *= -1.0;  // Goals are drawn so.
+      std::ranges::copy(std::array{all.w(), all.x(), all.y(), all.z()}, wxyz);
+    };
+    place(scene.object.position.data());
+    rotate(scene.object.orientation.data());
+    place(scene.goal.data());
+    if (goal.size() == 7) rotate(&scene.goal[3]);
+    return scene;
+  }
+};
+
+class WithSymmetry : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(WithSymmetry, SeesAndDoesInATurnedSceneWhatItSeesAndDoesInTheOther) {
+  for (const bool keypoints : {false, true}) {
+    EnvironmentOptions options = default_options(GetParam());
+    options.symmetric_view = options.object_offsets = true;
+    options.keypoints = keypoints;
+    options.mapping = Mapping::kStateAugmentation;
+    options.action = ActionKind::kPositionChange;
+    const RobotDescription robot = description_for(GetParam());
+    const Environment environment(GetParam(), options, robot);
+    const Kinematics kinematics(robot);
+    const double third = kinematics.finger_azimuth(1) - kinematics.finger_azimuth(0);
+    Random random{.seed = 3};
+    std::set<double> firsts;
+    for (std::uint64_t number = 0; number < 30; ++number) {
+      Episode begun;
+      Scene scene{.object = environment.begin(1, number, begun).object};
+      scene.goal.assign(begun.goal.begin(),
+                        begun.goal.begin() + static_cast<int>(environment.goal_size()));
+      for (std::size_t i = 0; i < 9; ++i) {
+        scene.joints[i] =
+            random.uniform(environment.position_low()[i], environment.position_high()[i]);
+      }
+      std::vector<float> action(9);
+      for (float& one : action) one = static_cast<float>(random.uniform(-1.0, 1.0));
+      const std::array<double, 9> velocity{0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9};
+      const auto play = [&](const Scene& at, std::span<const double> speeds) {
+        Episode episode = begun;
+        std::ranges::copy(at.goal, episode.goal.begin());
+        environment.begin_at(at.joints, episode);
+        std::vector<double> torque(9);
+        std::vector<double> position(9);
+        EXPECT_TRUE(environment.take_action(action, episode, torque, position));
+        std::vector<float> seen(environment.observation_size());
+        std::vector<double> achieved(environment.goal_size());
+        std::vector<double> desired(environment.goal_size());
+        const Outcome outcome =
+            environment.observe({.position = at.joints, .velocity = speeds, .object = &at.object},
+                                episode, seen, achieved, desired);
+        return std::tuple(seen, position, outcome.reward);
+      };
+      const auto [seen, position, reward] = play(scene, velocity);
+      std::array<double, 9> turned_velocity{};
+      std::ranges::rotate_copy(velocity, velocity.end() - 3, turned_velocity.begin());
+      const auto [other, turned_position, other_reward] =
+          play(scene.turned(third), turned_velocity);
+      std::vector<double> expected = position;
+      std::ranges::rotate(expected, expected.end() - 3);
+      EXPECT_THAT(other, ::testing::Pointwise(::testing::FloatNear(2e-6F), seen));
+      EXPECT_THAT(turned_position, ::testing::Pointwise(::testing::DoubleNear(1e-12), expected));
+      EXPECT_NEAR(other_reward, reward, 1e-9);
+      firsts.insert(std::round(std::atan2(scene.goal[1], scene.goal[0]) / third));
+    }
+    EXPECT_GE(firsts.size(), 3);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Learning, WithSymmetry,
+                         ::testing::Values("push", "lift", "lift_pose", "move_cube_on_trajectory"));
+
+TEST(Symmetry, IsForTasksThatShowAnObject) {
+  const auto make = [](std::string_view task, auto change) {
+    EnvironmentOptions options = default_options(task);
+    change(options);
+    return Environment(task, options, description_for(task)).observation_size();
+  };
+  for (const auto option : {&EnvironmentOptions::symmetric_view,
+                            &EnvironmentOptions::object_offsets, &EnvironmentOptions::keypoints}) {
+    EXPECT_THAT([&] { make("reach", [option](auto& options) { options.*option = true; }); },
+                ThrowsMessage<InvalidArgument>(HasSubstr("tasks with an object")));
+    EXPECT_THAT(
+        [&] {
+          make("push", [option](auto& options) {
+            options.*option = true;
+            options.layout = Layout::kGoal;
+          });
+        },
+        ThrowsMessage<InvalidArgument>(HasSubstr("tasks with an object")));
+  }
+  const std::size_t usual = make("lift_pose", [](auto&) {});
+  EXPECT_EQ(make("lift_pose", [](auto& options) { options.object_offsets = true; }), usual + 24);
+  EXPECT_EQ(make("lift_pose", [](auto& options) { options.keypoints = true; }), usual + 48 - 4);
+}
 
 class Actions : public ::testing::Test {
  protected:

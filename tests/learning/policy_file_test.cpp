@@ -171,7 +171,7 @@ TEST_F(PolicyFile, SaysWhatIsWrongWithIt) {
       {with(R"("clip": 3)", R"("klip": 3)"), "of the header has the unknown key 'klip'"},
       {with(R"(, "clip": 3)", "") + " ", "'normalization' of the header has no 'clip'"},
       {with(R"("relu")", R"("sigmoid")"),
-       "'activation' of layer 0 is 'sigmoid', must be 'identity', 'relu' or 'tanh'"},
+       "'activation' of layer 0 is 'sigmoid', must be 'identity', 'relu', 'tanh' or 'elu'"},
       {with(R"("relu")", "7"), "'activation' of layer 0 is not a string"},
       {with(R"("clip"})", R"("fold"})"), "is 'fold', must be 'scale' or 'clip'"},
       {with(R"("inputs": 2)", R"("inputs": 0)"),

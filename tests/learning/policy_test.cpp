@@ -43,6 +43,7 @@ std::vector<double> recomputed(const Network& network, std::vector<double> value
       }
       if (layer.activation == Activation::kRelu && output < 0) output = 0;
       if (layer.activation == Activation::kTanh) output = std::tanh(output);
+      if (layer.activation == Activation::kElu && output < 0) output = std::expm1(output);
       outputs.push_back(output);
     }
     values = outputs;
@@ -85,7 +86,9 @@ std::vector<double> bound_of_deviation(const Network& network,
       }
       deviation += rounding * size;
       // No activation increases a difference. The exponential in tanh is rounded a few times.
-      if (layer.activation == Activation::kTanh) deviation += 4 * kUnit;
+      if (layer.activation == Activation::kTanh || layer.activation == Activation::kElu) {
+        deviation += 4 * kUnit;
+      }
       outputs.push_back(deviation);
     }
     deviations = outputs;
@@ -284,7 +287,9 @@ TEST(Policy, SaysWhatIsWrongWithANetwork) {
        "the weight matrix of layer 0 has a number that is not finite"},
       {"infinite bias", [](Network& n) { n.layers[1].bias[0] = HUGE_VALF; }, "the bias of layer 1"},
       {"relu", [](Network& n) { n.layers[1].activation = Activation::kRelu; },
-       "the last layer's activation is relu"},
+       "the last layer's activation must be"},
+      {"elu", [](Network& n) { n.layers[1].activation = Activation::kElu; },
+       "the last layer's activation must be"},
       {"mean", [&](Network& n) { n.normalization = {.mean = two, .variance = three}; },
        "the mean of the inputs has 2 numbers, must have 3"},
       {"variance", [&](Network& n) { n.normalization = {.mean = three, .variance = -three}; },

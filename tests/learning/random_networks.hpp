@@ -31,8 +31,8 @@ inline Network random_network(Random& random) {
     const double deviation = 1 / std::sqrt(static_cast<double>(width));
     const auto weights = random_numbers<Eigen::VectorXf>(random, outputs * width, deviation);
     // The last layer is identity or tanh.
-    auto activation = static_cast<Activation>(random.integer(0, 3));
-    if (i + 1 == depth && activation == Activation::kRelu) activation = Activation::kTanh;
+    auto activation = static_cast<Activation>(random.integer(0, 4));
+    if (i + 1 == depth && activation != Activation::kIdentity) activation = Activation::kTanh;
     network.layers.push_back({.weights = weights.reshaped(outputs, width),
                               .bias = random_numbers<Eigen::VectorXf>(random, outputs, 0.3),
                               .activation = activation});

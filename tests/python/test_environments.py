@@ -1007,3 +1007,59 @@ def test_hindsight_experience_replay_takes_the_variant_with_goals(tmp_path, monk
     distance = np.linalg.norm(achieved - desired, axis=2).mean(axis=1)
     np.testing.assert_allclose(batch.rewards.numpy()[:, 0], -distance, atol=1e-6)
     assert (distance < 1e-6).any()  # the goals that hindsight has chosen
+
+
+def test_what_is_hidden_is_what_a_simulation_knows():
+    varied = {"object_mass": (0.5, 2.0), "pair_friction": {"tip_object": (0.5, 0.9)}}
+    noisy = {"object_position_noise": 0.01, "object_speed": (0.1, 0.2)}
+    many = VectorEnvironment(
+        "push", 3, duration=0.2, autoreset_mode=AutoresetMode.SAME_STEP, **varied, **noisy
+    )
+    observations, _ = many.reset(seed=4)
+    hidden = many.hidden
+    seen = many.entries(observations)["object_position"]
+    away = np.linalg.norm(hidden["true_object_position"] - seen, axis=1)
+    assert (away > 1e-4).all()
+    assert (away < 0.06).all()
+    speed = np.linalg.norm(hidden["object_velocity"], axis=1)
+    assert (speed > 0.09).all()
+    assert (speed < 0.21).all()
+    for name, low, high in (("object_mass", 0.5, 2.0), ("tip_object", 0.5, 0.9)):
+        assert (hidden[name] >= low).all()
+        assert (hidden[name] <= high).all()
+        assert len(set(hidden[name].ravel())) == 3
+    assert (hidden["friction"] == 1.0).all()
+    assert "seed" not in hidden
+    # With `symmetric_view` it is turned like what is seen: distances stay.
+    other = VectorEnvironment("push", 3, symmetric_view=True, duration=0.2, **varied, **noisy)
+    turned = other.entries(other.reset(seed=4)[0])["object_position"]
+    assert not np.allclose(turned, seen)
+    offset = np.linalg.norm(other.hidden["true_object_position"] - turned, axis=1)
+    np.testing.assert_allclose(offset, away, atol=1e-6)
+    while True:
+        *_, ended, _ = many.step(np.zeros((3, 9), np.float32))
+        if ended.all():
+            break
+    before, after = many.final_hidden["object_mass"], many.hidden["object_mass"]
+    np.testing.assert_array_equal(before, hidden["object_mass"])
+    assert (after != before).all()
+
+
+def test_long_steps_of_the_physics_take_fewer_of_them_and_end_nearly_alike():
+    ends = []
+    for step in (0.001, 0.005):
+        many = VectorEnvironment("push", 2, physics_step=step, duration=0.4)
+        observations, _ = many.reset(seed=4)
+        for _ in range(19):
+            observations, *_, truncated, _ = many.step(np.full((2, 9), 0.1, np.float32))
+        assert not truncated.any()
+        assert many.step(np.zeros((2, 9), np.float32))[3].all()
+        ends.append(many.entries(observations)["joint_position"])
+    away = np.abs(ends[0] - ends[1]).max()
+    assert 1e-7 < away < 0.03
+    for wrong, said in ((0.0015, "whole part"), (0.02, "at most 0.01"), (0.003, "multiple of 3")):
+        with pytest.raises(trifinger.InvalidArgument, match=said):
+            VectorEnvironment("push", 1, physics_step=wrong)
+    for wrong in (0, -1.0, float("nan"), "fast"):
+        with pytest.raises(trifinger.InvalidArgument, match="physics_step"):
+            VectorEnvironment("push", 1, physics_step=wrong)

@@ -17,10 +17,11 @@ import torch
 import trifinger
 from conftest import BUILD, StartProgram
 from torch import nn
+from trifinger import policy_file
 from trifinger.commands import policy as policy_command
 from trifinger.environments import Options
 from trifinger.evaluation import act_of, evaluate
-from trifinger.policy_file import with_metadata
+from trifinger.policy_file import Layer, with_metadata
 
 import onnx
 from onnx import TensorProto, helper
@@ -292,3 +293,50 @@ def test_says_what_is_wrong(
     assert policy_command.main(words) in (1, 2)
     assert says in capsys.readouterr().err
     assert not Path("reach.onnx").exists()
+
+
+@pytest.mark.parametrize("activation", ["relu", "tanh", "elu"])
+@pytest.mark.parametrize("bounding", [None, "scale", "clip"])
+def test_a_policy_of_ours_is_the_same_as_onnx(
+    activation: str, bounding: str | None, tmp_path: Path
+) -> None:
+    random = np.random.default_rng(3)
+    widths = [12, 40, 30, 5]
+    layers: list[Layer] = [
+        (random.normal(0, before**-0.5, (after, before)), random.normal(0, 0.3, after), activation)
+        for before, after in itertools.pairwise(widths)
+    ]
+    layers[-1] = (*layers[-1][:2], "tanh" if bounding == "scale" else "identity")
+    bounds = {"low": random.uniform(-2, -0.5, 5), "high": random.uniform(0.5, 2, 5)}
+    ours = policy_file.write(
+        tmp_path / "ours.policy",
+        layers,
+        mean=random.normal(size=12),
+        variance=random.uniform(0.1, 2, 12),
+        clip=3.0,
+        **({} if bounding is None else {**bounds, "bounding": bounding}),
+        metadata={"task": "reach", "rate": "50 Hz"},
+    )
+    path = tmp_path / "ours.onnx"
+    assert policy_command.main(["export", str(tmp_path / "ours.policy")]) == 0
+    onnx.checker.check_model(onnx.load(path), full_check=True)
+    theirs = onnxruntime.InferenceSession(path)
+    read = trifinger.Policy(path)
+    assert read.metadata == ours.metadata
+    seen = random.normal(0, 2, (1000, 12)).astype(np.float32)
+    expected = np.array([ours(one) for one in seen])
+    np.testing.assert_allclose(theirs.run(None, {"observation": seen})[0], expected, atol=2e-6)
+    np.testing.assert_allclose([read(one) for one in seen], expected, atol=2e-6)
+
+
+def test_what_cannot_be_exported_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    layer = (np.ones((2, 3)), np.zeros(2), "identity")
+    policy_file.write(tmp_path / "a.policy", [layer])
+    words = ["export", str(tmp_path / "a.policy")]
+    assert policy_command.main([*words, "-o", str(tmp_path / "b.txt")]) == 2
+    assert "b.txt does not end in .onnx" in capsys.readouterr().err
+    assert policy_command.main(words) == 0
+    assert policy_command.main(["export", str(tmp_path / "a.onnx")]) == 2
+    assert "is of ONNX already" in capsys.readouterr().err

@@ -60,9 +60,13 @@ def test_computes_what_numpy_does(widths: list[int], tmp_path: Path) -> None:
     layers = random_layers(random, widths)
     made = policy_file.write(tmp_path / "a.policy", layers, metadata={"rate": "50 Hz"})
     policy = trifinger.Policy(tmp_path / "a.policy")
-    assert policy.widths == made.widths == widths
+    assert [len(bias) for _, bias, _ in policy.layers] == widths[1:]
+    assert len(made.layers) == len(policy.layers)
     assert (policy.num_inputs, policy.num_outputs) == (widths[0], widths[-1])
-    assert policy.activations == [activation for _, _, activation in layers]
+    for read, written in zip(policy.layers, layers, strict=True):
+        np.testing.assert_array_equal(read[0], np.asarray(written[0], np.float32))
+        np.testing.assert_array_equal(read[1], np.asarray(written[1], np.float32))
+        assert read[2] == written[2]
     assert policy.metadata == {"rate": "50 Hz"}
     assert policy.bounds is None
     for _ in range(100):
@@ -198,7 +202,7 @@ def test_says_what_is_wrong_with_layers(tmp_path: Path) -> None:
         return str(error.value)
 
     assert "at least one layer" in refusal([])
-    assert "activation is 'gelu', must be 'identity', 'relu' or 'tanh'" in refusal(
+    assert "activation is 'gelu', must be 'identity', 'relu', 'tanh' or 'elu'" in refusal(
         [(weights, bias, "gelu")]
     )
     assert "weights of layer 0 has the shape (2,)" in refusal([(bias, bias, "tanh")])
@@ -239,7 +243,7 @@ class Module:
     def __init__(self, *children: Any) -> None:
         self._children = children
 
-    def children(self) -> Any:
+    def __iter__(self) -> Any:
         return iter(self._children)
 
 
@@ -387,7 +391,7 @@ def test_equals_stable_baselines3(algorithm: str, is_dictionary: bool, tmp_path:
     policy_file.export(model, path, metadata={"algorithm": algorithm})
     policy = trifinger.Policy(path)
     assert policy.metadata == {"algorithm": algorithm}
-    assert policy.widths == [10, 64, 48, 3]
+    assert [np.shape(weights) for weights, _, _ in policy.layers] == [(64, 10), (48, 64), (3, 48)]
     assert policy.bounds is not None
     assert policy.bounds[2] == ("clip" if algorithm in {"PPO", "A2C"} else "scale")
     for _ in range(100):

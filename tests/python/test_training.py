@@ -25,7 +25,7 @@ from gymnasium.vector import AutoresetMode
 from link_into_venv import write_scripts
 from stable_baselines3 import DDPG
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from trifinger import evaluation
+from trifinger import evaluation, policy_file
 from trifinger.commands import evaluate, train
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
@@ -93,7 +93,7 @@ def test_a_training_has_figures(undisturbed, tmp_path):
     assert list((tmp_path / "tensorboard").iterdir())
 
 
-@pytest.mark.parametrize("algorithm", MODELS)
+@pytest.mark.parametrize("algorithm", [*MODELS, "ppo"])
 @pytest.mark.parametrize("is_shared", [False, True])
 def test_every_algorithm_ends_in_a_file_of_its_policy(algorithm, is_shared, tmp_path):
     settings = {"num_envs": 2, "rollout": 10}
@@ -159,7 +159,7 @@ def test_fault_65_a_killed_training_of_many_robots_goes_on_with_what_it_knows(tm
     plan = short_plan("ppo", is_shared=False, episodes=12, settings=settings)
     undisturbed = trained(plan, tmp_path / "undisturbed").folder
     killed = tmp_path / "killed"
-    run_until_killed(killed, plan, "stable_baselines3.ppo.ppo", "PPO.train", 4)
+    run_until_killed(killed, plan, "rsl_rl.algorithms.ppo", "PPO.update", 4)
     Training.resume(killed).run()
     assert_same_training(killed, undisturbed)
 
@@ -411,6 +411,49 @@ def test_nothing_is_near_where_nothing_follows(monkeypatch):
     assert rows.step(np.zeros((1, 9)))[1] == pytest.approx(-potential, rel=1e-5)
 
 
+def test_an_activation_that_serves_twice_is_written_twice(tmp_path):
+    for activation in (torch.nn.ELU(), torch.nn.ReLU(), torch.nn.Tanh()):
+        linear = [torch.nn.Linear(*sizes) for sizes in ((3, 8), (8, 8), (8, 2))]
+        network = torch.nn.Sequential(linear[0], activation, linear[1], activation, linear[2])
+        policy = policy_file.write(tmp_path / "p.policy", policy_file.layers_of(network))
+        seen = np.random.default_rng(1).normal(size=3).astype(np.float32)
+        with torch.no_grad():
+            np.testing.assert_allclose(policy(seen), network(torch.from_numpy(seen)), atol=1e-6)
+
+
+def test_a_critic_may_see_what_is_hidden(tmp_path):
+    settings = {"num_envs": 4, "rollout": 20, "duration": 0.2, "object_mass": (0.5, 2.0)}
+    policies = []
+    for asymmetric in (False, True):
+        plan = Plan.of("push", "ppo", episodes=8, settings=settings | {"asymmetric": asymmetric})
+        training = trained(plan, tmp_path / str(asymmetric))
+        critic, actor = training._model._critic, training._model._actor
+        hidden = VectorEnvironment("push", 1).hidden
+        size = sum(numbers.shape[1] for numbers in hidden.values())
+        seen = training._rows.observation_space.shape[0]
+        assert actor.obs_dim == seen
+        assert critic.obs_dim == seen + (size if asymmetric else 0)
+        policies.append(trifinger.Policy(training.policy_path))
+    # Only the critic has changed, so what acts has learned something else.
+    zeros = np.zeros(policies[0].num_inputs, np.float32)
+    assert not np.array_equal(policies[0](zeros), policies[1](zeros))
+
+
+def test_nearness_is_worth_what_it_says():
+    rows = Rows(VectorEnvironment("push", 2, autoreset_mode=AutoresetMode.SAME_STEP), kernel=0.5)
+    observations = rows.begin(1, [0, 0])
+    seen = rows.entries(observations)
+    far = np.linalg.norm(seen["object_position"] - seen["goal"], axis=1)
+    for distance in (0.0, 0.02, 0.05):
+        places, low, high = rows.flat["object_position"]
+        aside = seen["goal"] + [distance, 0, 0]
+        observations[:, places] = 2 * (aside - low) / (high - low) - 1
+        near = rows._potential(observations)[1]
+        expected = 0.8 * np.exp(-((distance / 0.02) ** 2)) + 0.2 * np.exp(-distance / 0.05)
+        np.testing.assert_allclose(near, expected, atol=1e-3)
+    assert (far > 0.01).all()
+
+
 def test_a_recipe_brings_its_episodes_unless_others_are_asked_for():
     plan = Plan.of("push", "ppo")
     assert (plan.episodes, plan.options.duration, plan.evaluation_interval) == (30000, 6.0, 300)
@@ -424,10 +467,10 @@ def test_gradient_steps_are_those_of_the_library(tmp_path, monkeypatch):
     for index, model in enumerate((QuickDDPG, DDPG)):
         monkeypatch.setitem(MODELS, "ddpg", model)
         training = trained(short_plan(), tmp_path / str(index))
-        policy = training._model.policy
+        policy = training._model._model.policy
         assert all(np.isfinite(one.detach().numpy()).all() for one in policy.parameters())
         parameters.append([one.detach().numpy() for one in policy.parameters()])
-        assert training._model._n_updates > 40
+        assert training._model._model._n_updates > 40
     for mine, others in zip(*parameters, strict=True):
         np.testing.assert_allclose(mine, others, atol=1e-4)
 
@@ -494,7 +537,10 @@ def test_the_programs_of_the_pages_run(page, word, changes, tmp_path, monkeypatc
     [
         (["reach", "--set", "gama=1"], "no setting 'gama'; did you mean 'gamma'?"),
         (["reach", "--set", "durration=1"], "no setting 'durration'; did you mean 'duration'?"),
-        (["reach", "--set", "colour=1"], "no setting 'colour'; there are action, algorithm, appr"),
+        (
+            ["reach", "--set", "colour=1"],
+            "no setting 'colour'; there are action, action_cost, algorithm, appr",
+        ),
         (["reach", "--set", "gamma"], "KEY=VALUE"),
         (["reach", "--set", "gamma='high'"], "gamma"),
         (["reach", "--episodes", "0"], "episodes"),

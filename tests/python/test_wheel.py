@@ -192,7 +192,7 @@ def assert_asks_for(told: str, missing: str, packages: list[str]) -> None:
     [
         (
             "train reach",
-            "gymnasium, stable_baselines3, torch, tensorboard, tqdm and moviepy",
+            "gymnasium, stable_baselines3, rsl_rl, torch, tensorboard, tqdm and moviepy",
             "learning",
         ),
         ("evaluate reach.policy", "gymnasium", "learning"),

@@ -108,6 +108,13 @@ struct Outcome {
   std::array<double, kMaxScores> scores{};
 };
 
+/// What only a simulation knows of a robot.
+struct HiddenState {
+  ObjectPose object{};  ///< Where the task's object really is.
+  ObjectVelocity object_velocity{};
+  Variation variation{};
+};
+
 /// A part of an observation.
 struct Entry {
   std::string name;
@@ -157,6 +164,12 @@ class Environment {
   [[nodiscard]] bool has_goals_of_fingers() const noexcept;
   /// Names of the scores of the task.
   [[nodiscard]] const std::vector<std::string>& scores() const noexcept;
+  /// Entries that are not observed, for a critic (Pinto et al. 2018): where the object really is,
+  /// how it moves, and what varies from robot to robot. Their numbers are in SI units.
+  [[nodiscard]] const std::vector<Entry>& hidden_entries() const noexcept;
+  /// Writes the numbers of `hidden_entries`, one entry after the other.
+  void show_hidden(const HiddenState& state, const Episode& episode,
+                   std::span<float> shown) const noexcept;
   /// Number of actions in an episode that is not terminated.
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
   /// Name of the object that the task is about; empty if there is none.

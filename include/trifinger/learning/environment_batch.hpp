@@ -37,6 +37,7 @@ struct Observations {
   std::vector<double> distance;
   std::vector<double> finger_rewards;  ///< `Outcome::finger_rewards`, as many.
   std::vector<double> scores;          ///< `Outcome::scores`, those that the task has.
+  std::vector<float> hidden;           ///< The numbers of `Environment::hidden_entries`.
   std::vector<std::uint8_t> success;
   /// Age of the object's pose [steps]; -1 if it was not found yet. Empty if there is no object.
   std::vector<TimeIndex> object_age;

@@ -62,6 +62,13 @@ struct EnvironmentOptions {
   /// Gives observations finger by finger and goals in the frame of their finger, so that the
   /// fingers cannot be distinguished. For tasks with a goal for each finger.
   bool per_finger{false};
+  /// Shows positions turned about the middle by thirds of a circle, and fingers in another order,
+  /// so that the goal of an object is on the side of finger 0. Actions are for fingers in this
+  /// order.
+  bool symmetric_view{false};
+  bool object_offsets{
+      false};             ///< Shows how far tips are from the object, and the object from its goal.
+  bool keypoints{false};  ///< Shows the corners of object and goal in place of their orientation.
   /// Sites, bodies or geoms of a robot from a file, which take the place of tips: tasks such as
   /// reach have a goal for each. Up to `kMaxFrames`.
   std::vector<std::string> frames{};

@@ -24,7 +24,7 @@ class PolicyFileError : public Error {
   using Error::Error;
 };
 
-enum class Activation : std::uint8_t { kIdentity, kRelu, kTanh };
+enum class Activation : std::uint8_t { kIdentity, kRelu, kTanh, kElu };
 
 /// activation(weights * input + bias): PyTorch's `Linear` and the activation after it.
 struct Layer {

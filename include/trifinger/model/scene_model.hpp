@@ -75,6 +75,8 @@ class SceneModel {
   /// Makes this model be so, before others share it.
   /// @throws InvalidArgument as above
   void adopt(const Identified& identified);
+  /// Makes steps of the physics so long [s], before others share this model.
+  void set_timestep(double seconds) noexcept;
   /// What this model says of a driven joint, by the name of a row of `Identified::fields()`.
   [[nodiscard]] double described(const char* field, std::size_t joint) const;
   /// Puts everything in a simulation of the model, or of a copy, where sessions begin.

@@ -23,7 +23,7 @@
 
 namespace trifinger {
 
-/// One step of the physics of a robot from a description.
+/// One step of the physics of a robot from a description, unless somebody asks for another.
 inline constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 
 /// The limits of the real robot of this variant, from its figures.
@@ -55,6 +55,10 @@ struct SimulationOptions {
   /// Length of a step: a whole number of `kPhysicsStep`, that is of milliseconds; of a robot from a
   /// file that of the file.
   Nanoseconds period{std::chrono::milliseconds(1)};
+  /// One step of the physics of a robot from a description: a whole part of `period`; or, for those
+  /// who learn from many simulations (`Simulator`, `EnvironmentBatch`), so many whole periods,
+  /// which are then one step for motors and safety checks, too. Contacts are as soft as it needs.
+  Nanoseconds physics_step{kPhysicsStep};
   TimeIndex object_period{10};           ///< Steps between two poses of the objects.
   TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
   double object_position_noise{0.0};     ///< Standard deviation of a pose's position, per axis [m].

@@ -161,7 +161,10 @@ class Simulator {
   void observe(const mjData_& data, State& state) const noexcept;
   /// Writes what `observe` has measured as an element of a session.
   void write_observation(const State& state, void* element) const noexcept;
-  /// Checks `desired` against `state.observation` and moves on by one step. If a number is not
+  /// The steps of the robot that one call of `step` or `move` takes: 1, unless the physics has
+  /// longer steps. Delays are then rounded to whole calls.
+  [[nodiscard]] TimeIndex stride() const noexcept { return stride_; }
+  /// Checks `desired` against `state.observation` and moves on by `stride`. If a number is not
   /// finite after the step, the simulation has diverged, and the previous step is the last good
   /// one.
   [[nodiscard]] DriverReport step(const Action& desired, const mjModel_& model, mjData_& data,
@@ -184,6 +187,7 @@ class Simulator {
 
  private:
   void require_soft_limits() const;
+  [[nodiscard]] std::uint64_t in_strides(TimeIndex steps) const noexcept;
   void vary_pairs(const Variation& variation, mjModel_& varied) const noexcept;
   void vary_joints(const Variation& variation, mjModel_& varied) const noexcept;
   void capture(const mjData_& data, State& state, Capture& capture) const noexcept;
@@ -203,6 +207,7 @@ class Simulator {
   const RobotModel* described_;                 // the same model; null if it is from a file
   std::optional<ActuatorParameters> actuator_;  // of a described robot
   SafetyChain<CountedJoints> safety_;
+  TimeIndex stride_;
   int substeps_;
   std::vector<double> initial_position_;
   std::vector<double> initial_configuration_;

@@ -13,7 +13,7 @@ from trifinger._trifinger import Policy
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_json, add_output, say, say_json
 from trifinger.errors import InvalidArgument
-from trifinger.policy_file import with_metadata
+from trifinger.policy_file import to_onnx, with_metadata
 from trifinger.whole_file import whole_file
 
 
@@ -21,12 +21,13 @@ def main(words: Sequence[str] | None = None) -> int:
     """`trifinger policy`."""
     parser = ArgumentParser(
         prog="trifinger policy",
-        description="Look at the file of a policy, or make a policy of a network that another "
-        "program has trained and exported as ONNX.",
+        description="Look at the file of a policy, make a policy of a network that another "
+        "program has trained and exported as ONNX, or write one as ONNX.",
         epilog="Examples:\n"
         "  trifinger policy info reach/reach.policy\n"
         "  trifinger policy import actor.onnx --task reach --set action=torque -o reach.onnx\n"
-        "  trifinger run-policy reach.onnx --robot sim",
+        "  trifinger run-policy reach.onnx --robot sim\n"
+        "  trifinger policy export reach/reach.policy",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     info = commands.add_parser("info", help="say what a policy turns into what, and for which task")
@@ -44,8 +45,11 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     take.add_argument("--robot-config", metavar="NAME|FILE", help="the robot of its training")
     add_output(take, "the file that is written; default: TASK.onnx", "FILE")
+    give = commands.add_parser("export", help="write a policy as ONNX, for the programs of others")
+    give.add_argument("policy", type=Path, help="a file of a policy")
+    add_output(give, "the file that is written; default: that of the policy, with .onnx", "FILE")
     arguments = parser.parse_args(words)
-    work = {"info": _info, "import": _import}[arguments.command]
+    work = {"info": _info, "import": _import, "export": _export}[arguments.command]
     return command_line.run(lambda: work(arguments))
 
 
@@ -86,3 +90,14 @@ def _import(arguments: argparse.Namespace) -> None:
     with whole_file(output) as part:
         part.write_bytes(with_metadata(arguments.network.read_bytes(), known))
     say(f"{output} is a policy for the task '{arguments.task}'.", file=sys.stderr)
+
+
+def _export(arguments: argparse.Namespace) -> None:
+    extras.require("learning", "onnx")
+    output = arguments.output or arguments.policy.with_suffix(".onnx")
+    if output.suffix != ".onnx":
+        raise InvalidArgument(f"{output} does not end in .onnx")
+    content = to_onnx(Policy(arguments.policy))
+    with whole_file(output) as part:
+        part.write_bytes(content)
+    say(f"{output} has what {arguments.policy} computes.", file=sys.stderr)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The models of Stable-Baselines3 that learn by a plan."""
+"""What learns by a plan with the algorithms of Stable-Baselines3."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,14 +11,13 @@ from trifinger.stable_baselines import Flat, Rows, Vector
 # isort: split
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from stable_baselines3 import PPO, SAC, TD3
-from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3 import SAC, TD3
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule
-from stable_baselines3.common.vec_env import VecNormalize
 
 from trifinger import policy_file
 from trifinger._trifinger import num_processors
@@ -28,10 +26,10 @@ from trifinger.environments import Environment, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.training import checkpoint
 from trifinger.training.ddpg import QuickDDPG
-from trifinger.training.plan import Plan
+from trifinger.training.plan import ON_POLICY, Plan
 from trifinger.training.replay import DemonstrationReplayBuffer, FingerReplayBuffer
 
-MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
+MODELS: dict[str, type[OffPolicyAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC}
 
 
 def threads_for(num_envs: int) -> int:
@@ -49,6 +47,7 @@ def rows_of(plan: Plan, num_envs: int) -> Rows:
         environment = VectorEnvironment(
             num_envs=num_envs,
             num_threads=threads_for(num_envs),
+            physics_step=recipe.physics_step,
             autoreset_mode=mode,
             **plan.environment,
         )
@@ -58,49 +57,45 @@ def rows_of(plan: Plan, num_envs: int) -> Rows:
         is_shared=recipe.is_shared,
         reward_scale=recipe.reward_scale,
         approach=recipe.approach,
-        gamma=recipe.gamma,
+        kernel=recipe.kernel,
+        # Plain differences are what PPO learns from: docs/decisions/push_in_simulation.md.
+        gamma=1.0 if recipe.algorithm == ON_POLICY else recipe.gamma,
     )
 
 
-def make_model(plan: Plan, rows: Rows | VecNormalize, total: int) -> BaseAlgorithm:
+def make_model(plan: Plan, rows: Rows, total: int) -> OffPolicyAlgorithm:
     """The model that learns by a plan, with all its settings; `total` is its number of actions."""
     recipe = plan.recipe
     if recipe.algorithm not in MODELS:
         raise InvalidArgument(
             f"'{recipe.algorithm}' is only for a robot that runs: trifinger learn"
         )
-    common: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "learning_rate": LinearSchedule(recipe.learning_rate, recipe.final_learning_rate, 1.0),
         "gamma": recipe.gamma,
         "batch_size": recipe.batch_size,
         "seed": plan.seed,
         "device": "cpu",
+        "buffer_size": min(recipe.buffer_size, total),
+        "learning_starts": recipe.random_actions * rows.num_envs,
+        "train_freq": 1,
+        "gradient_steps": recipe.gradient_steps,
+        "replay_buffer_class": DemonstrationReplayBuffer,
+        "replay_buffer_kwargs": {"demonstrations": recipe.demonstrations},
     }
     network: dict[str, Any] = {
         "net_arch": list(recipe.layers),
         "optimizer_kwargs": {"fused": True},  # saves a tenth of the time of a gradient step
     }
-    if recipe.algorithm == "ppo":
-        network["log_std_init"] = math.log(recipe.initial_noise)
-        common |= {"n_steps": recipe.rollout, "n_epochs": recipe.epochs}
-    else:
-        common |= {
-            "buffer_size": min(recipe.buffer_size, total),
-            "learning_starts": recipe.random_actions * rows.num_envs,
-            "train_freq": 1,
-            "gradient_steps": recipe.gradient_steps,
-            "replay_buffer_class": DemonstrationReplayBuffer,
-            "replay_buffer_kwargs": {"demonstrations": recipe.demonstrations},
+    if recipe.relabelled > 0:
+        settings |= {
+            "replay_buffer_class": FingerReplayBuffer,
+            "replay_buffer_kwargs": relabelling_of(plan, rows.flat),
         }
-        if recipe.relabelled > 0:
-            common |= {
-                "replay_buffer_class": FingerReplayBuffer,
-                "replay_buffer_kwargs": relabelling_of(plan, rows.flat),
-            }
-        if recipe.algorithm in ("ddpg", "td3"):
-            calls, (size,) = total // rows.num_envs, rows.action_space.shape or (0,)
-            common["action_noise"] = FallingNoise(recipe.noise, recipe.final_noise, calls, size)
-    return MODELS[recipe.algorithm]("MlpPolicy", rows, policy_kwargs=network, **common)
+    if recipe.algorithm in ("ddpg", "td3"):
+        calls, (size,) = total // rows.num_envs, rows.action_space.shape or (0,)
+        settings["action_noise"] = FallingNoise(recipe.noise, recipe.final_noise, calls, size)
+    return MODELS[recipe.algorithm]("MlpPolicy", rows, policy_kwargs=network, **settings)
 
 
 def relabelling_of(plan: Plan, flat: Flat) -> dict[str, Any]:
@@ -133,12 +128,75 @@ class FallingNoise(ActionNoise):
         return np.random.normal(0.0, deviation, self._size).astype(np.float32)  # noqa: NPY002
 
 
+class OffPolicy:
+    """What learns by a model of Stable-Baselines3 while it acts in simulations."""
+
+    def __init__(self, plan: Plan, rows: Rows, total: int) -> None:
+        """`total` is the number of actions of all rows."""
+        self._model, self._rows, self._total = make_model(plan, rows, total), rows, total
+
+    @property
+    def actions(self) -> int:
+        """Number of actions of all rows so far."""
+        return self._model.num_timesteps
+
+    def begin(self, observations: Array) -> None:
+        """Begins with the first observations of new episodes."""
+        self._model._last_obs = observations
+        self._model._last_episode_starts = np.ones(self._rows.num_envs, bool)
+
+    def learn(self, logger: Logger, between: Callable[[], None]) -> None:
+        """Learns to the end; `between` is called when all gradient steps that are due are done."""
+        self._model.set_logger(logger)
+        self._model.learn(
+            self._total - self.actions,
+            callback=_Between(between),
+            reset_num_timesteps=False,
+            log_interval=4 * self._rows.rows,
+        )
+
+    def act(self, observations: Array, *, with_noise: bool) -> Array:
+        """Actions of the policy; `with_noise` SAC draws them as in training."""
+        actions, _ = self._model.predict(observations, deterministic=not with_noise)
+        return actions
+
+    def export(self, path: Path, metadata: Mapping[str, str]) -> None:
+        """Writes the file of the policy without noise."""
+        policy_file.export(self._model, path, metadata=metadata)
+
+    def state(self) -> dict[str, Any]:
+        """All that learning has changed."""
+        return {
+            "model": checkpoint.state_of(self._model),
+            "memory": checkpoint.arrays_of(self._model.replay_buffer),
+            "random_actions": self._model.action_space.np_random.bit_generator.state,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from a state(); raises errors as checkpoint.restore() does."""
+        checkpoint.restore(self._model, state["model"])
+        checkpoint.set_arrays(self._model.replay_buffer, state["memory"])
+        self._model.action_space.np_random.bit_generator.state = state["random_actions"]
+
+
+class _Between(BaseCallback):
+    def __init__(self, look: Callable[[], None]) -> None:
+        super().__init__()
+        self._look = look
+
+    def _on_rollout_start(self) -> None:
+        self._look()
+
+    def _on_step(self) -> bool:
+        return True
+
+
 class LibraryModel:
     """What learns by a model of Stable-Baselines3 from transitions that others have made."""
 
     def __init__(self, plan: Plan, rows: Rows, size: int) -> None:
         """`size` is the number of rows that the memory may need."""
-        self._model = cast(OffPolicyAlgorithm, make_model(plan, rows, size))
+        self._model = make_model(plan, rows, size)
         self._model.set_logger(Logger(None, []))
         self._batch_size = plan.recipe.batch_size
         self.memory = cast(ReplayBuffer, self._model.replay_buffer)

@@ -13,7 +13,8 @@ from trifinger.environments import Options
 from trifinger.errors import InvalidArgument
 from trifinger.own_class import name_of_file
 
-LIBRARY = ("ddpg", "td3", "sac", "ppo")  # algorithms of Stable-Baselines3
+LIBRARY = ("ddpg", "td3", "sac")  # algorithms of Stable-Baselines3
+ON_POLICY = "ppo"  # of rsl_rl; it learns in simulations only
 # The others: each is a trifinger.training.algorithm.Algorithm, and here by name.
 CLASSES = {"rlpd": "trifinger.training.rlpd:Rlpd"}
 PLAN = "plan.json"  # the file in the folder of a training
@@ -25,15 +26,22 @@ class Recipe:
     """Settings of how a policy learns."""
 
     algorithm: str = "ddpg"
-    """One of LIBRARY or of CLASSES, or MODULE:CLASS of your own."""
+    """ON_POLICY, one of LIBRARY or of CLASSES, or MODULE:CLASS of your own."""
     is_shared: bool = False
     """Whether the fingers share one policy."""
     num_envs: int = 1
     """Number of robots that learn at once; a single one uses the interface of real robots."""
+    physics_step: float = 0.001
+    """Time step of many robots while they learn [s]; evaluations have steps of 1 ms."""
+    asymmetric: bool = False
+    """Whether the critic of PPO also sees what only simulations know: the true pose of the object,
+    its velocities, and what varies from robot to robot (Pinto et al. 2018)."""
     gamma: float = 0.9
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-4
     """Learning rate at the end; it falls linearly from `learning_rate`."""
+    device: str = "auto"
+    """Where networks of PPO learn: "cpu", "cuda" or, with "auto", "cuda" where there is one."""
     batch_size: int = 128
     gradient_steps: int = 1
     """Gradient steps after each action of all robots; PPO does not use this."""
@@ -61,6 +69,11 @@ class Recipe:
     approach: float = 0.0
     """Reward for a tip that comes nearer to where it could push the object to its goal [1/m]. An
     object that comes nearer to its goal gets twice as much."""
+    kernel: float = 0.0
+    """Reward of each action for an object at its goal; at 2 cm it is half of that, at 5 cm a
+    tenth."""
+    action_cost: float = 0.0
+    """What PPO takes off the reward for each action: times the sum of its squares."""
     random_actions: int = 100
     """Random actions of each robot before it learns; PPO does not use this. A connected robot acts
     by its first policy instead."""
@@ -78,6 +91,8 @@ class Recipe:
     """How often an update of PPO goes through the actions of a rollout."""
     initial_noise: float = 1.0
     """Standard deviation of actions of PPO at the start; PPO learns the later ones."""
+    entropy: float = 0.0
+    """Weight of the entropy of actions in the loss of PPO: more keeps them noisy for longer."""
 
     @classmethod
     def of(
@@ -93,13 +108,13 @@ class Recipe:
         Only a robot that `has_fingers` can share experience or a policy between them.
         """
         reaches_with_fingers = has_fingers and task in ("reach", "finger_reach")
-        known = (*LIBRARY, *CLASSES)
+        known = (*LIBRARY, ON_POLICY, *CLASSES)
         if algorithm not in known and ":" not in algorithm:
             raise InvalidArgument(
                 f"there is no algorithm '{algorithm}', only {', '.join(known)} and MODULE:CLASS"
             )
         common: dict[str, Any] = {"algorithm": algorithm, "is_shared": is_shared}
-        if algorithm == "ppo":
+        if algorithm == ON_POLICY:
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
             if reaches_with_fingers:
                 return cls(**common, num_envs=16, batch_size=160)
@@ -107,9 +122,11 @@ class Recipe:
                 common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
             common |= {"gamma": 0.99, "reward_scale": 1.0, "initial_noise": 0.6}
+            common |= {"entropy": 5e-4}
             if ":" not in task and task != "reach":
-                common |= {"approach": 60.0}
-            return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
+                common |= {"physics_step": 0.005, "approach": 20.0, "kernel": 0.25}
+                common |= {"action_cost": 0.002, "reward_scale": 0.0 if task == "push" else 1.0}
+            return cls(**common, num_envs=128, rollout=64, batch_size=1024, epochs=4)
         if task == "push" and algorithm == "rlpd":
             common |= {"gamma": 0.95, "learning_rate": 3e-4, "gradient_steps": 12, "approach": 40.0}
             common |= {"relabelled": 0.5, "symmetry": True, "offsets": True, "random_actions": 0}
@@ -170,13 +187,14 @@ class Plan:
         recipe = dataclasses.replace(recipe, **changes)
         if recipe.is_shared or (recipe.relabelled > 0 and task != "push"):
             settings = {"per_finger": True} | settings
-        if (task, algorithm) == ("push", "ppo"):
-            settings = {"duration": 6.0} | settings
+        if (task, algorithm) == ("push", ON_POLICY):
+            shown = {"symmetric_view": True, "object_offsets": True}
+            settings = {"duration": 6.0, "position_change": 0.06} | shown | settings
             more = {"episodes": 30_000} | more
         if (task, algorithm) == ("push", "rlpd"):
             slow = {"steps_per_action": 100, "duration": 10.0}
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
-        if task.startswith("dclaw_") and algorithm == "ppo":
+        if task.startswith("dclaw_") and algorithm == ON_POLICY:
             more = {"episodes": 20_000, "evaluation_interval": 1000} | more
         robot = more.get("robot_config")
         if robot is not None and Path(robot).is_file():

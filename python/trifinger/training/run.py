@@ -8,20 +8,17 @@ import random
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 # This import comes first because its error says what to install.
-from trifinger.training.model import make_model, rows_of, threads_for
+from trifinger.training.model import OffPolicy, rows_of
 
 # isort: split
 import numpy as np
 import torch
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
-from stable_baselines3.common.vec_env import VecNormalize
 from torch.utils.tensorboard import SummaryWriter
 
-from trifinger import policy_file
 from trifinger.arrays import Array
 from trifinger.environments import Environment, policy_metadata
 from trifinger.errors import InvalidArgument
@@ -34,9 +31,13 @@ from trifinger.evaluation import (
     save_policy_film,
 )
 from trifinger.picture import View
+from trifinger.stable_baselines import Rows
 from trifinger.training import checkpoint
-from trifinger.training.plan import PLAN, TALLY, Plan
+from trifinger.training.plan import ON_POLICY, PLAN, TALLY, Plan
 from trifinger.whole_file import replace_file
+
+if TYPE_CHECKING:
+    from trifinger.training.on_policy import OnPolicy
 
 CHECKPOINT = "checkpoint"
 CURVE = "curve.csv"
@@ -73,26 +74,19 @@ class Training:
         self._paths: dict[str, Array] = {}
         self._next_checkpoint = 0
         recipe = plan.recipe
-        # A set number keeps sums the same. One thread is enough for the batches of a single robot.
-        torch.set_num_threads(threads_for(recipe.num_envs))
+        # A set number keeps sums the same. Batches are so small that a second thread mostly waits.
+        torch.set_num_threads(1)
         self._rows = rows_of(plan, recipe.num_envs)
-        self._normalizer = (
-            VecNormalize(self._rows, gamma=recipe.gamma) if recipe.algorithm == "ppo" else None
-        )
         self._evaluator = Evaluator(**plan.environment)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
-        self._model = make_model(plan, self._normalizer or self._rows, self._total)
-        # What has arrays and numbers that learning changes beside those of the model.
-        means = [self._normalizer.obs_rms, self._normalizer.ret_rms] if self._normalizer else []
-        buffer = getattr(self._model, "replay_buffer", None)
-        self._holders = means if buffer is None else [buffer]
+        self._model = _model_of(plan, self._rows, self._total)
         # Each robot begins with episode 0 of its seed.
         self._begin(np.zeros(recipe.num_envs, np.int64))
         folder.mkdir(parents=True, exist_ok=True)
         replace_file(folder / PLAN, plan.to_json().encode())
         self._restore()
-        board = _Board(folder / "tensorboard", self._model.num_timesteps)
-        self._model.set_logger(Logger(str(folder), [board]))
+        board = _Board(folder / "tensorboard", self._model.actions)
+        self._logger = Logger(str(folder), [board])
 
     @classmethod
     def resume(
@@ -112,20 +106,13 @@ class Training:
             f"robot{'s' if count > 1 else ''}, seed {plan.seed}; {self.folder / PLAN} has all "
             "settings."
         )
-        remaining = self._total - self._model.num_timesteps
-        if remaining > 0:
-            self._started = (time.monotonic(), self._model.num_timesteps)
-            self._model.learn(
-                remaining,
-                callback=_BetweenRollouts(self._look),
-                reset_num_timesteps=False,
-                log_interval=4 * self._rows.rows,
-            )
+        if self._model.actions < self._total:
+            self._started = (time.monotonic(), self._model.actions)
+            self._model.learn(self._logger, self._look)
             self._evaluate("end")
             self._save()
         replace_file(self.folder / CURVE, _curve_file(self.curve))
-        metadata = policy_metadata(**self.plan.environment)
-        policy_file.export(self._model, self.policy_path, metadata=metadata)
+        self._model.export(self.policy_path, policy_metadata(**self.plan.environment))
         return self.curve[-1][1]
 
     def save_curve(self) -> None:
@@ -153,26 +140,14 @@ class Training:
 
     def act(self, observations: Array, *, with_noise: bool = False) -> Array:
         """Actions of the policy; with `with_noise`, SAC and PPO draw them as in training."""
-        actions, _ = self._model.predict(
-            self._normalized(observations), deterministic=not with_noise
-        )
-        return actions
+        return self._model.act(observations, with_noise=with_noise)
 
     def close(self) -> None:
         """Closes the environments."""
         self._rows.close()
 
     def _begin(self, episodes: Array) -> None:
-        self._model._last_obs = self._normalized(self._rows.begin(self.plan.seed, episodes))
-        self._model._last_episode_starts = np.ones(self._rows.num_envs, bool)
-
-    # Observations in the form that the networks get.
-    def _normalized(self, observations: Array) -> Array:
-        if self._normalizer is None:
-            return observations
-        # It returns a dictionary only for a dictionary, but its annotation does not say so.
-        normalized: Array = self._normalizer.normalize_obs(observations)  # type: ignore[assignment]
-        return normalized
+        self._model.begin(self._rows.begin(self.plan.seed, episodes))
 
     # Called between rollouts, when all transitions are stored and all gradient steps are done.
     def _look(self) -> None:
@@ -195,10 +170,10 @@ class Training:
         if name:
             self._paths[name] = evaluation.paths[:SHOWN_EPISODES].astype(np.float32)
         for field in ("median", "success"):
-            self._model.logger.record(f"evaluation/{field}", getattr(summary, field))
-        self._model.logger.dump(self._model.num_timesteps)
+            self._logger.record(f"evaluation/{field}", getattr(summary, field))
+        self._logger.dump(self._model.actions)
         begin, first = self._started
-        done = self._model.num_timesteps
+        done = self._model.actions
         spent = time.monotonic() - begin
         left = ""
         if spent and done > first:
@@ -207,17 +182,13 @@ class Training:
         self._after_evaluation(self)
 
     def _save(self) -> None:
-        model = self._model
         state = {
-            "model": checkpoint.state_of(model),
-            "holders": [checkpoint.arrays_of(one) for one in self._holders],
-            "returns": getattr(self._normalizer, "returns", None),
+            "model": self._model.state(),
             "episodes": self._rows.episodes,
             "curve": [(episode, dataclasses.asdict(one)) for episode, one in self.curve],
             "ways": self._paths,
             "next_checkpoint": self._next_checkpoint,
             "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
-            "random_actions": model.action_space.np_random.bit_generator.state,
         }
         # The whole state is one file, replaced in one step: a kill leaves the old or the new file.
         replace_file(self.folder / CHECKPOINT, checkpoint.dump(state))
@@ -238,12 +209,7 @@ class Training:
             ) from error
 
     def _take(self, state: dict[str, Any]) -> None:
-        model = self._model
-        checkpoint.restore(model, state["model"])
-        for holder, arrays in zip(self._holders, state["holders"], strict=True):
-            checkpoint.set_arrays(holder, arrays)
-        if self._normalizer is not None:
-            self._normalizer.returns = state["returns"]
+        self._model.restore(state["model"])
         self._begin(state["episodes"])
         self.curve = [(episode, Summary(**one)) for episode, one in state["curve"]]
         self._paths = state["ways"]
@@ -252,19 +218,15 @@ class Training:
         random.setstate(python)
         np.random.set_state(numpy)  # noqa: NPY002
         torch.set_rng_state(pytorch)
-        model.action_space.np_random.bit_generator.state = state["random_actions"]
 
 
-class _BetweenRollouts(BaseCallback):
-    def __init__(self, look: Callable[[], None]) -> None:
-        super().__init__()
-        self._look = look
+def _model_of(plan: Plan, rows: Rows, total: int) -> "OffPolicy | OnPolicy":
+    if plan.recipe.algorithm != ON_POLICY:
+        return OffPolicy(plan, rows, total)
+    # Its import takes a second that the others need not wait.
+    from trifinger.training.on_policy import OnPolicy
 
-    def _on_rollout_start(self) -> None:
-        self._look()
-
-    def _on_step(self) -> bool:
-        return True
+    return OnPolicy(plan, rows, total)
 
 
 class _Board(TensorBoardOutputFormat):
