@@ -2,11 +2,13 @@
 """Evaluates a policy in episodes that it was not trained on: numbers, figures and a film."""
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 # This import comes first because its error says what to install.
 from trifinger.arrays import Array
@@ -81,6 +83,10 @@ class Evaluation:
     """Achieved minus desired goal: episode, action, number; NaN after the end of an episode."""
     unit: str = "m"
     """Unit of the distances."""
+    rewards: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Rewards: episode, action; NaN after the end of an episode."""
+    scores: Mapping[str, Array] = field(default_factory=dict)
+    """Scores of the task's own by their names, as rewards are."""
 
     def summary(self) -> Summary:
         """The figures of these results."""
@@ -96,8 +102,21 @@ class Evaluation:
         )
 
 
+def interval_of_rate(successes: int, trials: int) -> tuple[float, float]:
+    """The 95 % interval of a rate by E. B. Wilson, Probable inference, 1927."""
+    z = 1.96
+    share, scale = successes / trials, 1 + z * z / trials
+    middle = (share + z * z / (2 * trials)) / scale
+    half = z / scale * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials**2))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
 class Evaluator:
-    """Evaluates policies in the same fixed episodes: episode 0 of `episodes` successive seeds."""
+    """Evaluates policies in the same fixed episodes: episode 0 of `episodes` successive seeds.
+
+    The number of threads changes no result; 0 is one for each processor. `scores` are names in the
+    task's info that an evaluation keeps, too.
+    """
 
     def __init__(
         self,
@@ -106,16 +125,22 @@ class Evaluator:
         episodes: int = 50,
         seed: int = SEED,
         config: str | None = None,
+        num_threads: int = 1,
+        scores: Sequence[str] = (),
     ) -> None:
-        self._environment = VectorEnvironment(
+        self.environment = VectorEnvironment(
             task,
             episodes,
             options=options,
-            num_threads=1,
+            num_threads=num_threads,
             autoreset_mode=AutoresetMode.SAME_STEP,
             config=config,
         )
-        self._seed = seed
+        self._seed, self._scores = seed, scores
+        self.info: dict[str, Any] = {}
+        """What the environment tells beside the observations that are acted upon."""
+        self.has_ended = np.zeros(episodes, bool)
+        """Which episodes have ended: whatever is done in these has no effect on the results."""
 
     def __call__(self, act: Act, rows: int = 1, watch: Watch | None = None) -> Evaluation:
         """Lets a policy act in all episodes and returns the results.
@@ -123,18 +148,22 @@ class Evaluator:
         A policy that the fingers share gets `rows` rows for each episode. After each action,
         `watch` is called with the share of the longest episode that is done.
         """
-        environment = self._environment
+        environment = self.environment
         count = environment.num_envs
         observations, info = environment.reset(seed=self._seed)
+        self.info = info
+        measured: list[dict[str, Array]] = []
         paths = [info["achieved_goal"] - info["desired_goal"]]
         distances = np.array(info["distance"])
         successes = np.zeros(count, bool)
-        has_ended = np.zeros(count, bool)
+        self.has_ended = has_ended = np.zeros(count, bool)
         while not has_ended.all():
             seen = np.asarray(observations).reshape(count * rows, -1)
             actions = act(seen).reshape(count, -1)
-            observations, _, terminated, truncated, info = environment.step(actions)
+            observations, reward, terminated, truncated, info = environment.step(actions)
+            self.info = info
             ended = (terminated | truncated) & ~has_ended
+            told = {name: info[name].copy() for name in self._scores}
             offset = np.where(
                 has_ended[:, None], np.nan, info["achieved_goal"] - info["desired_goal"]
             )
@@ -143,24 +172,34 @@ class Evaluator:
                 offset[ended] = (final["achieved_goal"] - final["desired_goal"])[ended]
                 distances[ended] = final["distance"][ended]
                 successes[ended] = final["is_success"][ended]
+                for name, score in told.items():
+                    score[ended] = final[name][ended]
             paths.append(offset)
+            told["reward"] = reward
+            measured.append(
+                {name: np.where(has_ended, np.nan, score) for name, score in told.items()}
+            )
             has_ended |= ended
             if watch:
                 watch((len(paths) - 1) / self.episode_actions)
         unit = environment.goal_unit.partition(",")[0]
-        return Evaluation(distances, successes, np.stack(paths, axis=1), unit)
+        series = {name: np.stack([one[name] for one in measured], axis=1) for name in measured[0]}
+        rewards = series.pop("reward")
+        return Evaluation(
+            distances, successes, np.stack(paths, axis=1), unit, rewards=rewards, scores=series
+        )
 
     @property
     def episode_actions(self) -> int:
         """Number of actions in an episode that is not terminated early."""
-        return self._environment.episode_actions
+        return self.environment.episode_actions
 
     def rows_of(self, policy: Policy) -> int:
         """Number of actions that a policy computes per step: 1, or one per finger if they share it.
 
         Raises InvalidArgument if the policy does not fit the task.
         """
-        environment = self._environment
+        environment = self.environment
         return rows_of(
             policy,
             environment.task,
