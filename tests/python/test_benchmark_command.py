@@ -3,17 +3,20 @@
 
 import csv
 import json
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from trifinger import benchmark, policy_file
 from trifinger.arrays import Array
-from trifinger.commands.benchmark import main
+from trifinger.commands.benchmark import TASKS, main
 from trifinger.environments import Environment, Options, policy_metadata
 from trifinger.errors import InvalidArgument
 from trifinger_simulation.tasks import move_cube
 
+PAGE = Path(__file__).parents[2] / "docs/benchmark.md"
 OWN = """\
 import numpy as np
 
@@ -59,7 +62,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with controllers and a policy for each of two tasks."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.py").write_text(OWN)
-    monkeypatch.delitem(__import__("sys").modules, "own", raising=False)
+    (shown,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    (tmp_path / "my_controllers.py").write_text(shown)
+    for module in ("own", "my_controllers"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
     write_policy(tmp_path / "reach.policy", "reach", Options.of("reach", friction=(0.5, 1.0)))
     write_policy(tmp_path / "push.policy", "push", Options.of("push", duration=1.0))
     return tmp_path
@@ -163,6 +169,8 @@ def test_controllers_of_ones_own_act(capsys: pytest.CaptureFixture[str]) -> None
     assert main(["push", *words]) == 0
     middle, zero = json.loads(capsys.readouterr().out)["rows"]
     assert middle["figures"] == zero["figures"]
+    assert main(["push", "--controller", "my_controllers:Hold", "--episodes", "1"]) == 0
+    assert "push ['joint_position', 'joint_velocity', 'tip_position'" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("folder")
@@ -237,6 +245,7 @@ def test_what_is_wrong_is_said(
 
 
 def test_without_words_it_lists_the_tasks(capsys: pytest.CaptureFixture[str]) -> None:
+    assert set(TASKS) == set(benchmark.BENCHMARKS)
     assert main([]) == 0
     assert "move_cube_on_trajectory     20 episodes of 120 s\n" in capsys.readouterr().out
     assert main(["--json"]) == 0

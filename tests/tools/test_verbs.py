@@ -177,7 +177,10 @@ def test_counts_the_tests_of_processes_and_those_that_left_no_result(tmp_path: P
         (["tset"], "there is no verb 'tset'; did you mean 'test'?"),
         (["test", "cor"], "there is no layer 'cor'; did you mean 'core'?"),
         (["build", "relese"], "there is no preset 'relese'; did you mean 'release'?"),
-        (["evaluate", "x"], "there is no experiment 'x'; there are algorithms, challenge, cliffs"),
+        (
+            ["evaluate", "x"],
+            "there is no experiment 'x'; there are algorithms, benchmark, challenge, cliffs",
+        ),
         (["soak", "kils"], "there is no part 'kils'; did you mean 'kills'?"),
         (["evaluate"], "evaluate: missing a required argument: 'experiment'"),
         (["clean", "dev"], "clean: too many positional arguments"),

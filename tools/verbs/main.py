@@ -42,7 +42,7 @@ usage: ./run VERB [ARGUMENT ...]
   bench [MEASURE]  measure speed and latency and compare with references; --help lists the measures
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
                    skills: throw, turn, draw and so on; cliffs: what each skill stands;
-                   challenge: its tasks, by its costs;
+                   challenge: its tasks, by its costs; benchmark: our policies in it;
                    identify: find out what drawn robots are like;
                    learning, push: train policies; tracking: find the cube in images;
                    robots: print a table of TriFinger and D'Claw

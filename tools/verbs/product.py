@@ -54,6 +54,7 @@ def bench(*measures: str) -> NoReturn:
 
 EVALUATIONS = {
     "algorithms": "evaluation/compare_algorithms.py",
+    "benchmark": "evaluation/benchmark.py",
     "challenge": "evaluation/challenge.py",
     "cliffs": "evaluation/cliffs.py",
     "control": "evaluation/skills.py",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args, get_type_hints
 
 from trifinger import extras
+from trifinger._trifinger import task_names
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_json, add_output, say, say_json
 from trifinger.environment_options import OptionFields
@@ -18,6 +19,8 @@ from trifinger.whole_file import whole_file
 if TYPE_CHECKING:
     from trifinger.benchmark import Actor
 
+TASKS = [task for task in task_names() if task not in ("finger_reach", "throw")]  # benchmarks
+
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger benchmark`."""
@@ -25,12 +28,13 @@ def main(words: Sequence[str] | None = None) -> int:
         prog="trifinger benchmark",
         description="Judge policies and controllers over fixed seeds, in a table that others can "
         "repeat. Without a task or policy, list the tasks.",
-        epilog="Examples:\n"
+        epilog="Tasks:\n  " + "\n  ".join(TASKS) + "\n"
+        "Examples:\n"
         "  trifinger benchmark --policy reach/reach.policy\n"
         "  trifinger benchmark push lift --controller my_controllers:Pusher -o table",
     )
     parser.add_argument(
-        "tasks", nargs="*", metavar="TASK", help="what is done; default: what the policies are for"
+        "tasks", nargs="*", metavar="TASK", help="of those below; default: those of the policies"
     )
     parser.add_argument(
         "--policy",
