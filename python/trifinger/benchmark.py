@@ -27,7 +27,6 @@ from trifinger.own_class import load
 
 SEED = 5_000_000_000  # of the first episode; no seed that is drawn by chance is above 2^32
 STEPS_PER_SECOND = 1000  # in which the challenge adds up its cost
-USUAL = "as documented"  # condition of the robots
 
 AGES = ("object_age", "object_is_sure")
 Observation = Mapping[str, Array]
@@ -215,7 +214,7 @@ def judge(
     actor: Actor,
     *,
     episodes: int | None = None,
-    condition: str = USUAL,
+    condition: str = "as documented",
     robot: str | None = None,
     watch: Watch | None = None,
 ) -> Row:

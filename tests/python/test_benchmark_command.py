@@ -248,8 +248,4 @@ def test_without_words_it_lists_the_tasks(capsys: pytest.CaptureFixture[str]) ->
     assert set(TASKS) == set(benchmark.BENCHMARKS)
     assert main([]) == 0
     assert "move_cube_on_trajectory     20 episodes of 120 s\n" in capsys.readouterr().out
-    assert main(["--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["benchmarks"]["push"] == {
-        "episodes": 100,
-        "duration": 15.0,
-    }
+    assert "a task is needed" in said(capsys, "--json")

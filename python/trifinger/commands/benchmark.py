@@ -82,11 +82,9 @@ def run(arguments: argparse.Namespace) -> None:
     for task in tasks:
         benchmark.require(task)
     if not tasks:
-        if arguments.controller or arguments.output:
-            raise InvalidArgument(
-                f"a task is needed: {', '.join(benchmark.BENCHMARKS)}, or the --policy of one"
-            )
-        show(as_json=arguments.json)
+        if arguments.controller or arguments.output or arguments.json:
+            raise InvalidArgument(f"a task is needed: {', '.join(TASKS)}, or the --policy of one")
+        show()
         return
     if arguments.episodes is not None and arguments.episodes < 1:
         raise InvalidArgument(f"--episodes is {arguments.episodes}, must be at least 1")
@@ -132,21 +130,15 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.json:
         say_json(report)
     else:
-        say(benchmark.table(rows))
+        for line in benchmark.table(rows).splitlines():
+            say(line)
 
 
-def show(*, as_json: bool) -> None:
+def show() -> None:
     """Lists the benchmarks."""
     from trifinger.benchmark import BENCHMARKS
     from trifinger.environments import Options
 
-    found = {
-        task: {"episodes": one.episodes, "duration": Options.of(task).duration}
-        for task, one in BENCHMARKS.items()
-    }
-    if as_json:
-        say_json({"benchmarks": found})
-        return
-    for task, one in found.items():
-        say(f"{task:<28}{one['episodes']} episodes of {one['duration']:g} s")
+    for task, one in BENCHMARKS.items():
+        say(f"{task:<28}{one.episodes} episodes of {Options.of(task).duration:g} s")
     say("`trifinger benchmark push` judges a controller that does nothing, and one by chance.")
