@@ -274,13 +274,20 @@ def judge(
 
 
 def table(rows: Sequence[Row]) -> str:
-    """A table for readers, in Markdown; columns that all rows leave empty are left out."""
+    """A table for readers, in Markdown, and what its rows have in common.
+
+    Columns that all rows leave empty are left out.
+    """
     lines = [_cells(row) for row in rows]
     names = [name for name in lines[0] if any(line[name] for line in lines)]
     columns = [[name, *(line[name] for line in lines)] for name in names]
     ruled = [[column[0], "-", *column[1:]] for column in columns]
     padded = [_padded(column) for column in ruled]
-    return "\n".join(f"| {' | '.join(line)} |" for line in zip(*padded, strict=True))
+    text = "\n".join(f"| {' | '.join(line)} |" for line in zip(*padded, strict=True))
+    robots, conditions = (
+        ", ".join(sorted({getattr(row, name) for row in rows})) for name in ("robot", "condition")
+    )
+    return f"{text}\n\nTriFinger {__version__}; {robots}, {conditions}; seeds from {SEED:,}."
 
 
 def to_csv(rows: Sequence[Row]) -> str:

@@ -14,6 +14,7 @@ from trifinger.arrays import Array
 from trifinger.commands.benchmark import TASKS, main
 from trifinger.environments import Environment, Options, policy_metadata
 from trifinger.errors import InvalidArgument
+from trifinger.evaluation import interval_of_rate
 from trifinger_simulation.tasks import move_cube
 
 PAGE = Path(__file__).parents[2] / "docs/benchmark.md"
@@ -141,6 +142,13 @@ def test_figures_are_what_single_episodes_come_to() -> None:
     assert figures["successes"] == successes
 
 
+def test_the_interval_of_a_rate_is_wilsons() -> None:
+    stats = pytest.importorskip("scipy.stats")
+    for good in range(21):
+        wanted = stats.binomtest(good, 20).proportion_ci(method="wilson")
+        assert interval_of_rate(good, 20) == pytest.approx(tuple(wanted), abs=1e-4)
+
+
 def test_dclaws_scores_are_means_over_the_actions() -> None:
     figures = benchmark.judge("dclaw_turn_random", benchmark.controller("zero"), episodes=1).figures
     environment = Environment("dclaw_turn_random")
@@ -181,6 +189,7 @@ def test_the_condition_of_the_robots_makes_a_difference() -> None:
         for condition in ("as documented", "as built")
     ]
     assert rows[0].figures != rows[1].figures
+    assert "; trifinger_edu, as built; seeds from 5,000,000,000." in benchmark.table(rows[1:])
     assert rows[1].options["condition"] == rows[1].condition == "as built"
 
 
