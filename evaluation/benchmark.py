@@ -28,7 +28,7 @@ RUNS = Path("build/learning")
 POLICIES = {
     "reach, one network (seed 1)": RUNS / "reach_1/reach.policy",
     "reach, shared (seed 1)": RUNS / "reach_shared_1/reach.policy",
-    "push by PPO (seed 1)": RUNS / "push/push.policy",
+    "push by PPO (seed 1)": RUNS / "push_1/push.policy",
     "turn by PPO (seed 1)": RUNS / "dclaw_turn_fixed/dclaw_turn_fixed.policy",
 }
 TEXT = """\

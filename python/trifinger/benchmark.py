@@ -104,7 +104,15 @@ BENCHMARKS: Mapping[str, Benchmark] = {
 }
 OWN = (
     *("steps_per_action", "mapping", "action", "position_change", "leash", "position_kp"),
-    *("per_finger", "symmetry", "offsets", "keypoints", "frames", "object_poses", "camera_size"),
+    *(
+        "per_finger",
+        "symmetric_view",
+        "object_offsets",
+        "keypoints",
+        "frames",
+        "object_poses",
+        "camera_size",
+    ),
 )
 """Options that whatever acts brings along: what it sees, and how it acts. The benchmark fixes the
 others."""
