@@ -82,7 +82,8 @@ def test_the_table_of_the_page_has_a_row_for_each_seed_and_setting(alone):
         ("reach", "ddpg", rate, seed) for rate in ("0.001", "0.0001") for seed in ("1", "2")
     ]
     for number, row in enumerate(rows):
-        curve = list(csv.DictReader((alone / f"trials/{number:03}/curve.csv").open()))
+        text = (alone / f"trials/{number:03}/curve.csv").read_text()
+        curve = list(csv.DictReader(text.splitlines()))
         assert row["median"] == curve[-1]["median"]
         assert (alone / f"trials/{number:03}/reach.policy").exists()
         assert list((alone / f"trials/{number:03}/tensorboard").iterdir())
@@ -133,13 +134,12 @@ def locked(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_sweep_that_is_interrupted_ends_its_workers_and_goes_on(alone, tmp_path, number):
+def test_a_sweep_that_is_interrupted_ends_its_workers_and_goes_on(alone, tmp_path):
     begun(tmp_path / "cut")
     words = (sys.executable, "-m", "trifinger.commands.sweep", "--resume", str(tmp_path / "cut"))
     with subprocess.Popen([*words, "--jobs", "2"], stderr=subprocess.PIPE, text=True) as process:
         first = process.stderr.readline()
-        process.send_signal(number)
+        process.send_signal(signal.SIGINT)
         rest = process.stderr.read()
     assert process.returncode == 130
     assert re.match(r"trial \d of 4 .* success", first), first
@@ -222,7 +222,7 @@ def test_a_trial_that_fails_by_itself_is_said_and_not_started_again(alone, tmp_p
     folder = tmp_path / "judged"
     assert sweep.main(["--policies", str(good), str(bad), "-o", str(folder)]) == 1
     said = capsys.readouterr().err
-    assert "1 of 2 trials have failed, such as trial 1: the policy turns" in said
+    assert "1 of 2 trials have failed, such as trial 1: per_finger is for tasks" in said
     assert "starts again" not in said
     rows = list(csv.DictReader((folder / "table.csv").read_text().splitlines()))
     assert [bool(row["median"]) for row in rows] == [True, False]

@@ -17,7 +17,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -26,8 +26,10 @@ from trifinger.errors import Error, InvalidArgument
 from trifinger.evaluation import SEED, Evaluation, Summary, evaluate
 from trifinger.own_class import name_of_file
 from trifinger.sweep.executors import EXECUTORS, Command
-from trifinger.training import Plan, Training
 from trifinger.whole_file import replace_file
+
+if TYPE_CHECKING:
+    from trifinger.training import Plan, Training
 
 SWEEP = "sweep.json"  # the file in the folder of a sweep
 TABLES = ("table.csv", "table.md")  # beside it, at the end
@@ -71,7 +73,7 @@ class Sweep:
 
     @classmethod
     def of_trainings(
-        cls, folder: Path, plans: Sequence[tuple[Row, Plan]], project: str | None = None
+        cls, folder: Path, plans: Sequence[tuple[Row, "Plan"]], project: str | None = None
     ) -> Self:
         """Begins a sweep in an empty folder: a training for each row."""
         if project is not None:
@@ -118,8 +120,9 @@ class Sweep:
                             "episodes": min(EPISODES, episodes - first),
                         }
                         trials.append(Trial(row=len(rows), condition=condition, **common))
-                    row = {"policy": str(path), "task": task, "seed": seed}
-                    rows.append(row | {"condition": condition or "of its training"})
+                    said = condition or "of its training"
+                    row = {"policy": str(path), "task": task, "condition": said, "seed": seed}
+                    rows.append(row)
         return cls(folder=folder, rows=rows, trials=trials)._begun(files)
 
     @classmethod
@@ -235,6 +238,9 @@ class Sweep:
         return f"trial {number} of {len(self.trials)} ({about}): {told}"
 
     def _train(self, number: int, say: Callable[[str], None]) -> dict[str, Any]:
+        # Its import takes seconds, which evaluations need not wait.
+        from trifinger.training import Plan, Training
+
         plan = Plan.from_json(json.dumps(self.trials[number].plan))
         with self._board(number, plan) as show:
             with _one_processor():
@@ -253,7 +259,7 @@ class Sweep:
 
     # Shows the learning curve of a trial with Weights & Biases, if that was asked for.
     @contextlib.contextmanager
-    def _board(self, number: int, plan: Plan) -> Iterator[Callable[[Training], None]]:
+    def _board(self, number: int, plan: "Plan") -> Iterator[Callable[["Training"], None]]:
         if self.project is None:
             yield lambda _: None
             return
@@ -262,7 +268,7 @@ class Sweep:
         settings = {"config": dataclasses.asdict(plan), "dir": str(folder), "resume": "allow"}
         with _require("wandb").init(project=self.project, **names, **settings) as run:
 
-            def show(training: Training) -> None:
+            def show(training: "Training") -> None:
                 episode, summary = training.curve[-1]
                 run.log({"median": summary.median, "success": summary.success}, step=episode)
 
@@ -326,9 +332,9 @@ def _page(rows: Sequence[Row], summaries: Sequence[Summary | None]) -> str:
             medians = sorted(one.median for one in found)
             successes = sorted(100 * one.success for one in found)
             words = found[0].in_words
-            cells = [
-                f"{words(float(np.median(medians)))} ({words(medians[0], medians[-1])})",
-                f"{np.median(successes):.0f} % ({successes[0]:.0f} to {successes[-1]:.0f} %)",
-            ]
+            cells = [words(float(np.median(medians))), f"{np.median(successes):.0f} %"]
+        if len(found) > 1:
+            cells[0] += f" ({words(medians[0], medians[-1])})"
+            cells[1] += f" ({successes[0]:.0f} to {successes[-1]:.0f} %)"
         lines.append(f"| {setting} | {len(found)} | {' | '.join(cells)} |")
     return "\n".join([*lines, "", "Of several seeds: the median, the least and the largest.", ""])
