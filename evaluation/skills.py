@@ -12,16 +12,17 @@ import fcntl
 import hashlib
 import json
 import math
-import os
 import re
 import signal
 import statistics
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
+
+from trifinger.sweep.executors import EXECUTORS, Command
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
@@ -177,36 +178,6 @@ def rounded(value: Any) -> Any:
     return [rounded(one) for one in value] if isinstance(value, list) else value
 
 
-def run_trial(row: Row, condition: str, vary: str, seed: int) -> Trial:
-    """Runs a trial in a process; one that dies has failed, too."""
-    command = [str(PROGRAM), row.name, "--seeds", str(seed), "--condition", condition]
-    for change in vary.split():
-        command += ["--vary", change]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    if done.returncode == 0:
-        trial: Trial = rounded(json.loads(done.stdout))
-        del trial["seed"]
-        return trial
-    if done.returncode > 0:  # it says what is wrong with the command
-        sys.exit(done.stderr.strip())
-    if -done.returncode in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM):
-        raise KilledError(f"somebody killed {' '.join(command[1:])}; begin again to go on")
-    return {"succeeds": False, "why": f"the program ended by signal {-done.returncode}"}
-
-
-@contextlib.contextmanager
-def only_one(name: str) -> Iterator[None]:
-    """Ends the program if another one writes the results of the same name."""
-    folder = ROOT / "build" / "evaluation"
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f"{name}.lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            sys.exit(f"another evaluation writes the results of {name}")
-        yield
-
-
 class Batch(NamedTuple):
     """Trials of a row on robots of one kind."""
 
@@ -216,8 +187,58 @@ class Batch(NamedTuple):
     seeds: range
 
 
+def command(batch: Batch, seed: int, log: Path) -> Command:
+    """What runs a trial; it prints the trial and its exit status into its log."""
+    row, condition, vary, _ = batch
+    words = [str(PROGRAM), row.name, "--seeds", str(seed), "--condition", condition]
+    for change in vary.split():
+        words += ["--vary", change]
+    return Command(("sh", "-c", '"$@"; printf "\\nstatus $?\\n"', "sh", *words), log)
+
+
+def read_trial(done: Command) -> Trial:
+    """The trial that a command has run; one whose process died has failed, too."""
+    text = done.log.read_text() if done.log.exists() else ""
+    printed, _, word = text.rpartition("status ")
+    status = int(word or 128 + signal.SIGKILL)  # nothing is said when all were killed
+    if status == 0:
+        (line,) = (line for line in printed.splitlines() if line.startswith("{"))
+        trial: Trial = rounded(json.loads(line))
+        del trial["seed"]
+        return trial
+    number = status - 128
+    if number <= 0:  # it says what is wrong with the command
+        sys.exit(printed.strip())
+    if number in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM):
+        raise KilledError(f"somebody killed {' '.join(done.words[5:])}; begin again to go on")
+    return {"succeeds": False, "why": f"the program ended by signal {number}"}
+
+
+def running_folder() -> Path:
+    """The folder of evaluations that run; other machines must see it, too, if trials run there."""
+    folder = ROOT / "build" / "evaluation"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@contextlib.contextmanager
+def only_one(name: str) -> Iterator[None]:
+    """Ends the program if another one writes the results of the same name."""
+    with (running_folder() / f"{name}.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            sys.exit(f"another evaluation writes the results of {name}")
+        yield
+
+
 def run(
-    results: Results, batches: Sequence[Batch], processes: int, *, again: bool = False
+    results: Results,
+    batches: Sequence[Batch],
+    jobs: int | None = None,
+    executor: str = "processes",
+    *,
+    again: bool = False,
 ) -> Iterator[Batch]:
     """Runs what is missing, or all `again`; each batch is returned when it is whole.
 
@@ -226,28 +247,29 @@ def run(
     """
     for alone in (False, True):
         some = [batch for batch in batches if batch.row.is_real_time == alone]
-        with ThreadPoolExecutor(1 if alone else processes) as pool:
-            futures = {}
-            for batch in some:
-                known = results.of(batch.row, batch.condition, batch.vary)
-                for seed in batch.seeds:
-                    if again or str(seed) not in known:
-                        futures[pool.submit(run_trial, *batch[:3], seed)] = (batch, seed)
-            left = {id(batch): 0 for batch in some}
-            for batch, _ in futures.values():
-                left[id(batch)] += 1
-            yield from (batch for batch in some if left[id(batch)] == 0)
-            try:
-                for future in as_completed(futures):
-                    batch, seed = futures[future]
-                    results.of(*batch[:3])[str(seed)] = future.result()
-                    results.write()
-                    left[id(batch)] -= 1
-                    if left[id(batch)] == 0:
-                        yield batch
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        waiting = [
+            (batch, seed)
+            for batch in some
+            for seed in batch.seeds
+            if again or str(seed) not in results.of(*batch[:3])
+        ]
+        left = {id(batch): sum(one is batch for one, _ in waiting) for batch in some}
+        yield from (batch for batch in some if left[id(batch)] == 0)
+        if not waiting:
+            continue
+        with contextlib.ExitStack() as stack:
+            folder = Path(stack.enter_context(TemporaryDirectory(dir=running_folder())))
+            commands = [
+                command(*one, folder / f"{number}.txt") for number, one in enumerate(waiting)
+            ]
+            ended = EXECUTORS[executor](commands, 1 if alone else jobs)
+            for number in stack.enter_context(contextlib.closing(ended)):
+                batch, seed = waiting[number]
+                results.of(*batch[:3])[str(seed)] = read_trial(commands[number])
+                results.write()
+                left[id(batch)] -= 1
+                if left[id(batch)] == 0:
+                    yield batch
 
 
 def successes(trials: Iterable[Trial]) -> list[Trial]:
@@ -439,12 +461,8 @@ def main() -> int:
     )
     parser.add_argument("--seeds", type=int, help="trials; default: 20, and 10 of worn robots")
     parser.add_argument("--first-seed", type=int, help="other seeds; writes no page")
-    parser.add_argument(
-        "--processes",
-        type=int,
-        default=len(os.sched_getaffinity(0)),
-        help="trials at the same time",
-    )
+    parser.add_argument("--executor", choices=EXECUTORS, default="processes", help="where")
+    parser.add_argument("--processes", type=int, help="trials at the same time")
     parser.add_argument("--again", action="store_true", help="run what is there again")
     arguments = parser.parse_args(words)
     rows = [row for row in all_rows() if row.table == table]
@@ -471,7 +489,7 @@ def evaluate(
         if condition in row.conditions()
     ]
     for row, condition, vary, seeds in run(
-        results, batches, arguments.processes, again=arguments.again
+        results, batches, arguments.processes, arguments.executor, again=arguments.again
     ):
         of_row = results.of(row, condition, vary)
         trials = {str(seed): of_row[str(seed)] for seed in seeds}

@@ -236,7 +236,7 @@ def test_a_trial_that_is_always_killed_is_given_up(tmp_path, monkeypatch):
     monkeypatch.setattr(Sweep, "_command", lambda *one: replace(plain(*one), words=killed))
     assert this.run(jobs=1) == [0, 1, 2, 3]
     assert logs(this.folder) == ["no memory\n" * STARTS] * 4
-    assert this.why(2) == "no memory"
+    assert this.why(2) == "it was killed, and the last that it has printed is 'no memory'"
 
 
 # ---- what is said ----

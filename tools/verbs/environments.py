@@ -84,6 +84,23 @@ def lerobot() -> Step:
         return STEPS.check("record, replay, teleoperate, train", use)
 
 
+def cluster() -> Step:
+    """Tests sweeps with Ray and with Weights & Biases.
+
+    Raises:
+        NotRun: if pip cannot have them
+    """
+    build("release")
+    group = project_of()["dependency-groups"]["cluster"]
+    with environment("cluster", Path(sys.executable), group) as folder:
+        (site,) = folder.glob("lib/python*/site-packages")
+        variables = uses("release")
+        variables["PYTHONPATH"] += f":{site}"
+        tests = [PYTHON, "-m", "pytest", "-q", "tests/python/test_sweep.py"]
+        tests += ["-m", "slow", "-k", "ray or weights"]
+        return STEPS.check("sweeps", tests, **variables)
+
+
 def oldest() -> tuple[Step, Step]:
     """Runs tests, and the evaluation of trifinger_rl_datasets itself, with the lowest versions.
 

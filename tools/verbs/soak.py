@@ -14,7 +14,7 @@ from .check import (
     test_with_thread_sanitizer,
 )
 from .counting import Count
-from .environments import lerobot, oldest
+from .environments import cluster, lerobot, oldest
 from .lint import clang_tidy
 from .setup import PYTHON, fetch_robots, setup
 from .steps import NotRun, Step, StepFailed, Steps
@@ -169,6 +169,11 @@ def lerobot_itself() -> bool:
     return print_figures(lerobot())
 
 
+def sweeps() -> bool:
+    """Sweeps with Ray, and shows curves with Weights & Biases."""
+    return print_figures(cluster())
+
+
 def lowest_versions() -> bool:
     """Tests with exactly the lowest versions that our packages allow."""
     return all_true(print_figures(step) for step in oldest())
@@ -184,6 +189,7 @@ PARTS: dict[str, Callable[[], bool]] = {
     "learn": learn,
     "memory": memory,
     "lerobot": lerobot_itself,
+    "cluster": sweeps,
     "oldest": lowest_versions,
     "endurance": endurance,
     "endurance-real-time": endurance_in_real_time,

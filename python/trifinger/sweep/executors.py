@@ -13,6 +13,7 @@ import secrets
 import select
 import shlex
 import shutil
+import signal
 import subprocess
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
@@ -55,7 +56,7 @@ def in_processes(commands: Sequence[Command], jobs: int | None) -> Generator[int
                 yield number
     finally:
         for _, process in running.values():
-            process.terminate()
+            os.killpg(process.pid, signal.SIGTERM)  # with what it has started
         for descriptor, (_, process) in running.items():
             process.wait()
             os.close(descriptor)

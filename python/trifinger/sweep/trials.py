@@ -201,10 +201,12 @@ class Sweep:
         return [number for number in range(len(self.trials)) if self._result(number) is None]
 
     def why(self, number: int) -> str:
-        """What was wrong with a trial that has failed, or the last line that it has printed."""
-        texts = [path.read_text(errors="replace") for path in self._files(number, ERROR, LOG)]
-        lines = [text.strip().rpartition("\n")[2] for text in texts]
-        return next(filter(None, lines), "it has printed nothing")
+        """What was wrong with a trial that has no result."""
+        paths = self._files(number, ERROR, LOG)
+        lines = "".join(path.read_text(errors="replace") for path in paths[:1]).strip().split("\n")
+        if paths and paths[0].name == ERROR:
+            return lines[-1]
+        return f"it was killed, and the last that it has printed is '{lines[-1]}'"
 
     def folder_of(self, number: int) -> Path:
         """The folder of a trial."""
@@ -234,7 +236,7 @@ class Sweep:
         summary = self._summary(row)
         told = summary.in_short if summary else "a part of it is done"
         if self._result(number) is None:
-            told = f"no result: {self.why(number)}"
+            told = self.why(number)
         return f"trial {number} of {len(self.trials)} ({about}): {told}"
 
     def _train(self, number: int, say: Callable[[str], None]) -> dict[str, Any]:
