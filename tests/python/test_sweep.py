@@ -297,6 +297,10 @@ def test_a_task_that_only_a_file_names_is_not_imported(tmp_path, capsys):
     this = begun(tmp_path / "sweep")
     path = this.folder / "sweep.json"
     fields = json.loads(path.read_text())
+    fields["trials"][2]["plan"]["task"] = "evil:Task"
+    path.write_text(json.dumps(fields))
+    assert resume(this.folder, "--index", "2") == 2
+    assert "has a training of 'evil:Task', not of 'reach'" in capsys.readouterr().err
     fields["trials"][2]["task"] = "evil:Task"
     path.write_text(json.dumps(fields))
     assert resume(this.folder, "--index", "0") == 2

@@ -172,7 +172,9 @@ def test_program_starts_without_importing_the_package(installation: Installation
     assert f"trifinger {VERSION}\n" in imported
 
 
-@pytest.mark.parametrize("command", ["demo", "train", "evaluate", "film", "log plot", "log export"])
+@pytest.mark.parametrize(
+    "command", ["demo", "train", "sweep", "evaluate", "film", "log plot", "log export"]
+)
 def test_program_finds_the_commands_of_the_package(
     installation: Installation, command: str
 ) -> None:

@@ -243,7 +243,9 @@ class Sweep:
         # Its import takes seconds, which evaluations need not wait.
         from trifinger.training import Plan, Training
 
-        plan = Plan.from_json(json.dumps(self.trials[number].plan))
+        trial = self.trials[number]
+        plan = Plan.from_json(json.dumps(trial.plan))
+        plan.require_said(self.folder / SWEEP, trial.task, None)
         with self._board(number, plan) as show:
             with _one_processor():
                 training = Training(plan, self.folder_of(number), say, after_evaluation=show)
