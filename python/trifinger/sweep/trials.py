@@ -11,7 +11,6 @@ import dataclasses
 import fcntl
 import io
 import json
-import os
 import secrets
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -110,7 +109,7 @@ class Sweep:
             task = name_of_file("task", named, named if named in tasks else (*tasks, None)[0], path)
             if not task:
                 raise InvalidArgument(f"{path} does not say its task: --task is needed")
-            common: dict[str, Any] = {"task": task, "policy": f"policies/{number:03}.policy"}
+            common: dict[str, Any] = {"task": task, "policy": f"policies/{number:03}{path.suffix}"}
             files[common["policy"]] = path.read_bytes()  # a training may replace its own
             for condition in conditions:
                 for seed in seeds:
@@ -247,8 +246,9 @@ class Sweep:
         plan = Plan.from_json(json.dumps(trial.plan))
         plan.require_said(self.folder / SWEEP, trial.task, None)
         with self._board(number, plan) as show:
-            with _one_processor():
-                training = Training(plan, self.folder_of(number), say, after_evaluation=show)
+            training = Training(
+                plan, self.folder_of(number), say, after_evaluation=show, num_threads=1
+            )
             with contextlib.closing(training):
                 return dataclasses.asdict(training.run())
 
@@ -308,17 +308,6 @@ def _require(module: str) -> Any:
         return import_module(module)
     except ImportError as error:
         raise Error(f"{module} is missing: pip install {module} ({error})") from error
-
-
-@contextlib.contextmanager
-def _one_processor() -> Iterator[None]:
-    # A training takes as many threads as it has processors, and sums depend on how many.
-    processors = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(processors)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, processors)
 
 
 # A line for each setting, over its seeds.

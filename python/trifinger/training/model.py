@@ -32,12 +32,7 @@ from trifinger.training.replay import DemonstrationReplayBuffer, FingerReplayBuf
 MODELS: dict[str, type[OffPolicyAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC}
 
 
-def threads_for(num_envs: int) -> int:
-    """Number of threads that so many robots are worth."""
-    return 1 if num_envs == 1 else min(2, num_processors())
-
-
-def rows_of(plan: Plan, num_envs: int) -> Rows:
+def rows_of(plan: Plan, num_envs: int, num_threads: int | None = None) -> Rows:
     """Environments in the form in which a plan learns from them."""
     recipe, mode = plan.recipe, AutoresetMode.SAME_STEP
     environment: Vector
@@ -46,7 +41,7 @@ def rows_of(plan: Plan, num_envs: int) -> Rows:
     else:
         environment = VectorEnvironment(
             num_envs=num_envs,
-            num_threads=threads_for(num_envs),
+            num_threads=num_threads or min(2, num_processors()),
             physics_step=recipe.physics_step,
             autoreset_mode=mode,
             **plan.environment,

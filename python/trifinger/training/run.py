@@ -56,11 +56,14 @@ class Training:
         say: Callable[[str], None] = lambda _: None,
         show_progress: Callable[[int], None] = lambda _: None,
         after_evaluation: Callable[[Any], None] = lambda _: None,
+        num_threads: int | None = None,
     ) -> None:
         """`say` gets lines for people; `show_progress` often gets the number of ended episodes.
 
         `after_evaluation` is called when `curve` has a new entry; act() is then the policy that was
-        evaluated. Raises InvalidArgument if the folder has a training with another plan.
+        evaluated. Many robots move on `num_threads`, by default two where there are as many
+        processors; it changes no result. Raises InvalidArgument if the folder has a training with
+        another plan.
         """
         self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
         self._after_evaluation = after_evaluation
@@ -76,7 +79,7 @@ class Training:
         recipe = plan.recipe
         # A set number keeps sums the same. Batches are so small that a second thread mostly waits.
         torch.set_num_threads(1)
-        self._rows = rows_of(plan, recipe.num_envs)
+        self._rows = rows_of(plan, recipe.num_envs, num_threads)
         self._evaluator = Evaluator(**plan.environment)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = _model_of(plan, self._rows, self._total)
