@@ -95,7 +95,9 @@ def to_onnx(policy: Policy) -> bytes:
 
     if not policy.layers:
         raise InvalidArgument("this policy is of ONNX already")
-    nodes, constants, last = [], [], "observation"
+    nodes: list[Any] = []
+    constants: list[Any] = []
+    last = "observation"
 
     def constant(numbers: ArrayLike) -> str:
         name = f"c{len(constants)}"

@@ -22,8 +22,8 @@ namespace trifinger::learning {
 inline constexpr std::size_t kMaxValues = 1024;  // Largest number of values in an observation.
 inline constexpr std::size_t kCorners = 8;       // Keypoints of an object.
 
-// How `symmetric_view` turns an entry: numbers of joints in the order of fingers, points of fingers,
-// other points, a quaternion, a point with a quaternion.
+// How `symmetric_view` turns an entry: numbers of joints in the order of fingers, points of
+// fingers, other points, a quaternion, a point with a quaternion.
 enum class Turning : std::uint8_t { kNone, kJoints, kTips, kPoints, kRotation, kPose };
 
 // A task on one robot: `environment_set_up.cpp` makes it, `environment_observation.cpp` observes

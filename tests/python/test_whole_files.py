@@ -44,6 +44,8 @@ ELSEWHERE = {
     "trifinger_data_sets/recorded_environment.py": ("make",),
     "commands/run_policy_of_python.py": ("_configuration_of",),
     "training/learner.py": ("serve", "policy"),
+    # A file that is locked, and has nothing in it.
+    "sweep/trials.py": ("run_trial",),
     # What a process says as long as it runs; a secret that nobody else may read for an instant.
     "training/on_robot.py": ("_launch", "_claimed"),
     # Into the memory.

@@ -56,6 +56,7 @@ class Training:
         say: Callable[[str], None] = lambda _: None,
         show_progress: Callable[[int], None] = lambda _: None,
         after_evaluation: Callable[[Any], None] = lambda _: None,
+        *,
         num_threads: int | None = None,
     ) -> None:
         """`say` gets lines for people; `show_progress` often gets the number of ended episodes.
