@@ -3,7 +3,8 @@
 
 Writes docs/results/benchmark.md. Each row is kept in docs/results/benchmark.jsonl at once, so an
 evaluation that was cut off goes on. A policy that is not there is trained by `./run evaluate
-learning` or `./run evaluate push`; its row is left out until then, or stays as it was.
+learning`, `./run evaluate push` or `trifinger train dclaw_turn_fixed --algorithm ppo -o
+build/learning/dclaw_turn_fixed`; its row is left out until then, or stays as it was.
 """
 
 import argparse

@@ -21,7 +21,8 @@ from trifinger.whole_file import whole_file
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-# Weights with a row for each output, biases, and the activation: "identity", "relu" or "tanh".
+# Weights with a row for each output, biases, and the activation: "identity", "relu", "tanh"
+# or "elu".
 Layer = tuple["ArrayLike", "ArrayLike", str]
 
 ACTIVATIONS = {"ELU": "elu", "ReLU": "relu", "Tanh": "tanh"}

@@ -180,6 +180,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     }
     environment.observe(robots);
     for (const Observed& one : robots) {
+      show_hidden(one.robot);
       keep(one.robot, one.outcome);
       if (runs[one.robot].episode.actions > 0) end_of_step(one.robot, one.outcome);
     }
@@ -254,6 +255,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     Start start{};
     Measurement measurement{};
     bool is_due{false};
+    HiddenState hidden{};
   };
   static constexpr TimeIndex kNeverSeen = -2;  // Step -1 is that before the first one.
 
@@ -326,7 +328,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     see(-1, model, data, one);
     see(0, model, data, one);
     one.action = hold_position(one.state.observation);
-    show_hidden(data, i);
+    note_hidden(data, one);
     (void)observe(i);
   }
 
@@ -369,7 +371,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     results.terminated[i] = 0;
     results.truncated[i] = 0;
     results.fault[i] = 0;
-    show_hidden(data, i);
+    note_hidden(data, one);
     if (const auto outcome = observe(i)) end_of_step(i, *outcome);
   }
 
@@ -419,14 +421,17 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     }
   }
 
-  void show_hidden(const mjData& data, std::size_t i) noexcept {
-    const Simulation& one = simulations_[i];
-    HiddenState state{.variation = one.state.memory.counters.variation};
-    if (has_object_) {
-      state.object = one.state.objects[object_];
-      state.object_velocity = simulator_.object_velocity(objects()[object_], data);
-    }
-    environment.show_hidden(state, runs[i].episode, row(results.seen.hidden, i, size));
+  // Notes what is hidden, which is shown once the goal is known that the observation has.
+  void note_hidden(const mjData& data, Simulation& one) const noexcept {
+    one.hidden.variation = one.state.memory.counters.variation;
+    if (!has_object_) return;
+    one.hidden.object = one.state.objects[object_];
+    one.hidden.object_velocity = simulator_.object_velocity(objects()[object_], data);
+  }
+
+  void show_hidden(std::size_t i) noexcept {
+    environment.show_hidden(simulations_[i].hidden, runs[i].episode,
+                            row(results.seen.hidden, i, size));
   }
 
   // Observes a robot. A task of many gets what was measured later, with that of all others.
@@ -458,6 +463,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     const Outcome outcome =
         environment.observe(measurement, runs[i].episode, row(seen.observation, i, size),
                             row(seen.achieved, i, size), row(seen.desired, i, size));
+    show_hidden(i);
     keep(i, outcome);
     return outcome;
   }

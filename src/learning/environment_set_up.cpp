@@ -260,8 +260,9 @@ void Environment::Implementation::check_shown() const {
     if (fits && has_place && shows_both) continue;
     throw InvalidArgument(text_of(name,
                                   " is for a TriFinger and tasks with an object, whose pose and "
-                                  "goal are observed, and whose goal is a position, or a position "
-                                  "and a quaternion; the task is '",
+                                  "goal are observed (observation 'flat' or 'dictionary'), and "
+                                  "whose goal is a position, or a position and a quaternion; the "
+                                  "task is '",
                                   task_name, "'"));
   }
 }

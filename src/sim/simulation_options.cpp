@@ -24,7 +24,7 @@ using detail::in_seconds;
 using detail::require;
 using detail::text_of;
 
-// Longer steps are no longer like the robot: docs/planning.md says why 8 ms are too much.
+// Longer steps are not like the robot any more: docs/planning.md says what 8 ms do to a grasp.
 constexpr Nanoseconds kLongestStep = std::chrono::milliseconds(10);
 
 // Our own choice: a little more than the motors reach against the safety damping [rad/s].

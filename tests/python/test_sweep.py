@@ -17,6 +17,7 @@ import pytest
 import trifinger
 from trifinger import evaluation
 from trifinger.commands import sweep
+from trifinger.errors import InvalidArgument
 from trifinger.evaluation import SEED
 from trifinger.sweep.trials import LOG, RESULT, STARTS, TABLES, Sweep
 
@@ -137,7 +138,7 @@ def locked(folder):
 def test_a_sweep_that_is_interrupted_ends_its_workers_and_goes_on(alone, tmp_path):
     begun(tmp_path / "cut")
     words = (sys.executable, "-m", "trifinger.commands.sweep", "--resume", str(tmp_path / "cut"))
-    with subprocess.Popen([*words, "--jobs", "2"], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([*words, "--jobs", "1"], stderr=subprocess.PIPE, text=True) as process:
         first = process.stderr.readline()
         process.send_signal(signal.SIGINT)
         rest = process.stderr.read()
@@ -212,6 +213,12 @@ def test_an_evaluation_in_parts_is_the_same_as_in_one(alone, tmp_path):
         assert float(row["median"]) == whole.median
         assert float(row["success"]) == whole.success
         assert int(row["episodes"]) == 60
+
+
+def test_evaluations_share_no_episode(tmp_path):
+    for seeds, episodes in (((1, 2), 2), ((7, 1, 5), 3)):
+        with pytest.raises(InvalidArgument, match="would have the same episodes"):
+            Sweep.of_evaluations(tmp_path, [], seeds=seeds, episodes=episodes)
 
 
 @pytest.mark.slow
@@ -289,6 +296,9 @@ def test_a_folder_with_something_in_it_is_no_place_for_a_sweep(tmp_path, capsys)
 def test_commas_separate_values_but_not_in_brackets():
     assert sweep.values_of("gamma=0.9,0.95") == ("gamma", [0.9, 0.95])
     assert sweep.values_of("layers=(16,16),(32,)") == ("layers", [(16, 16), (32,)])
+    nested = ("a", [(1, (2, 3)), {"b": (0.1, 0.2), "c": (1.0, 2.0)}])
+    assert sweep.values_of('a=(1,(2,3)),{"b": (0.1, 0.2), "c": (1.0, 2.0)}') == nested
+    assert sweep.values_of("condition=as built,worn") == ("condition", ["as built", "worn"])
     assert sweep.values_of("action=torque,position") == ("action", ["torque", "position"])
     assert sweep.numbers_of("3,1-2,7") == [3, 1, 2, 7]
 

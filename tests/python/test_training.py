@@ -423,35 +423,63 @@ def test_an_activation_that_serves_twice_is_written_twice(tmp_path):
 
 def test_a_critic_may_see_what_is_hidden(tmp_path):
     settings = {"num_envs": 4, "rollout": 20, "duration": 0.2, "object_mass": (0.5, 2.0)}
-    policies = []
+    hidden = VectorEnvironment("push", 1).hidden
+    size = sum(numbers.shape[1] for numbers in hidden.values())
     for asymmetric in (False, True):
         plan = Plan.of("push", "ppo", episodes=8, settings=settings | {"asymmetric": asymmetric})
-        training = trained(plan, tmp_path / str(asymmetric))
-        critic, actor = training._model._critic, training._model._actor
-        hidden = VectorEnvironment("push", 1).hidden
-        size = sum(numbers.shape[1] for numbers in hidden.values())
-        seen = training._rows.observation_space.shape[0]
-        assert actor.obs_dim == seen
-        assert critic.obs_dim == seen + (size if asymmetric else 0)
-        policies.append(trifinger.Policy(training.policy_path))
-    # Only the critic has changed, so what acts has learned something else.
-    zeros = np.zeros(policies[0].num_inputs, np.float32)
-    assert not np.array_equal(policies[0](zeros), policies[1](zeros))
+        model = trained(plan, tmp_path / str(asymmetric))._model
+        seen = model._seen["seen"].shape[1]
+        assert model._actor.obs_dim == seen
+        assert model._critic.obs_dim == seen + (size if asymmetric else 0)
+    other = model._seen.clone()
+    other["hidden"] += 0.1
+    with torch.no_grad():
+        assert not torch.equal(model._critic(other), model._critic(model._seen))
+        assert torch.equal(model._actor(other), model._actor(model._seen))
+
+
+def test_noise_of_actions_goes_on_learning_at_its_bounds(tmp_path):
+    plan = Plan.of(
+        "reach", "ppo", episodes=16, settings=SHORT | {"initial_noise": 1.0, "rollout": 10}
+    )
+    parameter = trained(plan, tmp_path)._model._actor.distribution.log_std_param
+    assert (parameter <= 0.0).all()
+    assert parameter.grad is not None
+    assert (parameter.grad != 0.0).all()
 
 
 def test_nearness_is_worth_what_it_says():
     rows = Rows(VectorEnvironment("push", 2, autoreset_mode=AutoresetMode.SAME_STEP), kernel=0.5)
     observations = rows.begin(1, [0, 0])
-    seen = rows.entries(observations)
-    far = np.linalg.norm(seen["object_position"] - seen["goal"], axis=1)
-    for distance in (0.0, 0.02, 0.05):
-        places, low, high = rows.flat["object_position"]
-        aside = seen["goal"] + [distance, 0, 0]
+    goal = rows.entries(observations)["goal"]
+    places, low, high = rows.flat["object_position"]
+    for distance, worth in ((0.0, 1.0), (0.02, 0.43), (0.05, 0.07), (0.2, 0.0)):
+        aside = np.add(goal, [distance, 0, 0])
         observations[:, places] = 2 * (aside - low) / (high - low) - 1
-        near = rows._potential(observations)[1]
-        expected = 0.8 * np.exp(-((distance / 0.02) ** 2)) + 0.2 * np.exp(-distance / 0.05)
-        np.testing.assert_allclose(near, expected, atol=1e-3)
-    assert (far > 0.01).all()
+        np.testing.assert_allclose(rows._potential(observations)[1], worth, atol=0.01)
+
+
+def test_a_goal_that_changes_is_no_gain_and_turns_all_that_is_seen():
+    many = VectorEnvironment(
+        "move_cube_on_trajectory",
+        3,
+        steps_per_action=500,
+        symmetric_view=True,
+        autoreset_mode=AutoresetMode.SAME_STEP,
+    )
+    rows = Rows(many, reward_scale=0.0, approach=20.0)
+    goal = rows.entries(rows.begin(2, [0, 0, 0]))["goal"]
+    changes = 0
+    for _ in range(110):  # s / 2; the first goal is for 30 s, the others for 10
+        step = rows.move(np.zeros((3, 9), np.float32))
+        assert not step.ended.any()
+        seen = rows.entries(step.observations)
+        changes += (np.abs(seen["goal"] - goal).max(axis=1) > 1e-3).sum()
+        goal = seen["goal"]
+        assert np.abs(step.rewards).max() < 0.3
+        place = many.hidden["true_object_position"]
+        np.testing.assert_allclose(place, seen["object_position"], atol=1e-3)
+    assert changes >= 3 * 3
 
 
 def test_a_recipe_brings_its_episodes_unless_others_are_asked_for():

@@ -2,6 +2,7 @@
 """`trifinger sweep`."""
 
 import argparse
+import ast
 import itertools
 import re
 import sys
@@ -163,8 +164,10 @@ def values_of(word: str) -> tuple[str, list[Any]]:
     name, equals, text = word.partition("=")
     if not equals:
         raise InvalidArgument(f"'{word}' is no KEY=LIST")
-    texts = re.split(r",(?![^(\[]*[)\]])", text)
-    return name, [parse_setting(f"{name}={one}")[1] for one in texts]
+    try:
+        return name, ast.literal_eval(f"[{text}]")
+    except (SyntaxError, ValueError):  # words, such as "as built,worn"
+        return name, [parse_setting(f"{name}={one}")[1] for one in text.split(",")]
 
 
 def numbers_of(text: str) -> list[int]:

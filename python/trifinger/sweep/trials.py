@@ -15,6 +15,7 @@ import secrets
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -101,6 +102,12 @@ class Sweep:
         """
         if episodes < 1:
             raise InvalidArgument(f"episodes is {episodes}, must be at least 1")
+        for before, after in pairwise(sorted(seeds)):
+            if after - before < episodes:
+                raise InvalidArgument(
+                    f"evaluations with the seeds {before} and {after} would have the same "
+                    f"episodes: seeds must be {episodes} apart, because each episode adds 1"
+                )
         rows: list[Row] = []
         trials: list[Trial] = []
         files: dict[str, bytes] = {}
@@ -193,6 +200,7 @@ class Sweep:
             except Exception as error:
                 replace_file(folder / ERROR, str(error).encode())
                 raise
+            (folder / ERROR).unlink(missing_ok=True)
             replace_file(folder / RESULT, json.dumps(result).encode())
 
     def unfinished(self) -> list[int]:
@@ -236,7 +244,7 @@ class Sweep:
         told = summary.in_short if summary else "a part of it is done"
         if self._result(number) is None:
             told = self.why(number)
-        return f"trial {number} of {len(self.trials)} ({about}): {told}"
+        return f"trial {number}, one of {len(self.trials)} ({about}): {told}"
 
     def _train(self, number: int, say: Callable[[str], None]) -> dict[str, Any]:
         # Its import takes seconds, which evaluations need not wait.

@@ -30,6 +30,7 @@ from trifinger.stable_baselines import Rows
 from trifinger.training.plan import Plan
 
 EPSILON = 1e-8  # what files of policies add to a variance
+NOISE = (0.05, 1.0)  # least and largest standard deviation of actions
 LAMBDA = 0.95  # of generalised advantages (Schulman et al. 2016)
 
 
@@ -70,7 +71,6 @@ class OnPolicy:
             "class_name": BoundedGaussian,
             "init_std": recipe.initial_noise,
             "std_type": "log",
-            "std_range": (0.05, 1.0),
         }
         self._actor = MLPModel(
             self._seen, groups, "actor", acted, distribution_cfg=noise, **network
@@ -105,6 +105,7 @@ class OnPolicy:
 
     def learn(self, logger: Logger, between: Callable[[], None]) -> None:
         """Learns to the end; `between` is called between two updates."""
+        begin = time.process_time()
         while self.actions < self._total:
             between()
             with torch.inference_mode():
@@ -112,11 +113,13 @@ class OnPolicy:
                 self._algorithm.compute_returns(self._seen)
             self._set_learning_rate()
             losses = self._algorithm.update()
+            with torch.no_grad():
+                self._actor.distribution.log_std_param.clamp_(*map(math.log, NOISE))
             for name, value in losses.items():
                 logger.record(f"train/{name}", value)
             logger.record("train/learning_rate", self._algorithm.learning_rate)
             logger.record("train/noise", float(self._actor.output_std.detach().mean()))
-            logger.record("time/processor", time.process_time())
+            logger.record("time/processor", time.process_time() - begin)
             if returns:
                 logger.record("rollout/ep_rew_mean", float(np.mean(returns)))
             logger.dump(self.actions)

@@ -151,7 +151,9 @@ class Training:
         self._rows.close()
 
     def _begin(self, episodes: Array) -> None:
-        self._model.begin(self._rows.begin(self.plan.seed, episodes))
+        # Trainings with other seeds have other episodes.
+        first = self.plan.seed * self.plan.recipe.num_envs
+        self._model.begin(self._rows.begin(first, episodes))
 
     # Called between rollouts, when all transitions are stored and all gradient steps are done.
     def _look(self) -> None:
@@ -193,6 +195,7 @@ class Training:
             "ways": self._paths,
             "next_checkpoint": self._next_checkpoint,
             "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
+            "random_of_gpus": torch.cuda.get_rng_state_all(),  # none without a GPU
         }
         # The whole state is one file, replaced in one step: a kill leaves the old or the new file.
         replace_file(self.folder / CHECKPOINT, checkpoint.dump(state))
@@ -222,6 +225,7 @@ class Training:
         random.setstate(python)
         np.random.set_state(numpy)  # noqa: NPY002
         torch.set_rng_state(pytorch)
+        torch.cuda.set_rng_state_all(state["random_of_gpus"])
 
 
 def _model_of(plan: Plan, rows: Rows, total: int) -> "OffPolicy | OnPolicy":
