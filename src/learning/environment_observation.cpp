@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/moved.hpp"
 #include "environment_implementation.hpp"
 
 namespace trifinger::learning {

@@ -438,7 +438,7 @@ TEST_P(WithSymmetry, SeesAndDoesInATurnedSceneWhatItSeesAndDoesInTheOther) {
       const auto [other, turned_position, other_reward] =
           play(scene.turned(third), turned_velocity);
       std::vector<double> expected = position;
-      std::ranges::rotate(expected, expected.end() - 3);
+      std::rotate(expected.begin(), expected.end() - 3, expected.end());
       EXPECT_THAT(other, ::testing::Pointwise(::testing::FloatNear(2e-6F), seen));
       EXPECT_THAT(turned_position, ::testing::Pointwise(::testing::DoubleNear(1e-12), expected));
       EXPECT_NEAR(other_reward, reward, 1e-9);
