@@ -22,6 +22,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from trifinger.evaluation import interval_of_rate as interval
 from trifinger.sweep.executors import EXECUTORS, Command
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -275,15 +276,6 @@ def run(
 def successes(trials: Iterable[Trial]) -> list[Trial]:
     """Those that succeed."""
     return [trial for trial in trials if trial["succeeds"]]
-
-
-def interval(successes: int, trials: int) -> tuple[float, float]:
-    """The 95 % interval of a rate by E. B. Wilson, Probable inference, 1927."""
-    z = 1.96
-    share, scale = successes / trials, 1 + z * z / trials
-    middle = (share + z * z / (2 * trials)) / scale
-    half = z / scale * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials**2))
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 def rate(trials: Mapping[str, Trial], condition: str) -> str:

@@ -238,8 +238,7 @@ class Rows(VecEnv):
             raise InvalidArgument(
                 "only a VectorEnvironment knows what is hidden: num_envs of 2 or more"
             )
-        numbers = np.concatenate([*getattr(self.one, name).values()], axis=1)
-        return np.repeat(numbers, self.rows, axis=0)
+        return np.repeat(getattr(self.one._core, name), self.rows, axis=0)
 
     def close(self) -> None:
         """Closes the environments."""

@@ -294,8 +294,9 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
     if (!std::isfinite(number)) return false;
   }
   ++episode.actions;
+  const std::size_t first = self.first_finger(episode);
   for (std::size_t i = 0; i < self.num_joints; ++i) {
-    const float said = numbers[self.place_in_action(i, episode)];
+    const float said = numbers[self.place_in_action(i, first)];
     const double number = std::clamp(static_cast<double>(said), -1.0, 1.0);
     const double low = self.workspace.low[i];
     const double high = self.workspace.high[i];
@@ -323,6 +324,7 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
 void Environment::invert_action(std::span<const double> torque, std::span<const double> position,
                                 const Episode& episode, std::span<float> numbers) const noexcept {
   const Implementation& self = *checked(implementation_);
+  const std::size_t first = self.first_finger(episode);
   for (std::size_t i = 0; i < self.num_joints; ++i) {
     const double low = self.workspace.low[i];
     const double high = self.workspace.high[i];
@@ -339,7 +341,7 @@ void Environment::invert_action(std::span<const double> torque, std::span<const 
         number = torque[i] / self.joints.max_torque[i];
         break;
     }
-    numbers[self.place_in_action(i, episode)] = static_cast<float>(std::clamp(number, -1.0, 1.0));
+    numbers[self.place_in_action(i, first)] = static_cast<float>(std::clamp(number, -1.0, 1.0));
   }
 }
 

@@ -34,6 +34,8 @@ EnvironmentBatch::Implementation::Implementation(
           "the options need simulated cameras, which are missing in the configuration");
   if (options.layout == Layout::kImages) cameras = vision->cameras;
   std::iota(seeds.begin(), seeds.end(), std::uint64_t{0});
+  std::size_t hidden = 0;
+  for (const Entry& entry : environment.hidden_entries()) hidden += entry.low.size();
   for (Observations* observations : {&results.seen, &results.final}) {
     observations->observation.resize(size * environment.observation_size());
     observations->achieved.resize(size * environment.goal_size());
@@ -41,8 +43,6 @@ EnvironmentBatch::Implementation::Implementation(
     observations->distance.resize(size * environment.num_parts());
     observations->finger_rewards.resize(size * environment.num_parts());
     observations->scores.resize(size * environment.scores().size());
-    std::size_t hidden = 0;
-    for (const Entry& entry : environment.hidden_entries()) hidden += entry.low.size();
     observations->hidden.resize(size * hidden);
     observations->success.resize(size);
     if (!environment.object_name().empty()) observations->object_age.resize(size);

@@ -47,9 +47,10 @@ struct Environment::Implementation {
   [[nodiscard]] std::size_t first_finger(const Episode& episode) const noexcept;
   // Turns all entries for `symmetric_view`.
   void turn(const Episode& episode, double* values) const noexcept;
-  // Where the number of joint `joint` is in an action.
-  [[nodiscard]] std::size_t place_in_action(std::size_t joint,
-                                            const Episode& episode) const noexcept;
+  // Where the number of joint `joint` is in an action, in which finger `first` comes first.
+  [[nodiscard]] std::size_t place_in_action(std::size_t joint, std::size_t first) const noexcept {
+    return (joint + num_joints - 3 * first) % num_joints;
+  }
   // Writes the goals, in the frame of their finger if that is asked for.
   void show_goal(const Episode& episode, double* shown) const noexcept;
   // Computes where tips or frames are.

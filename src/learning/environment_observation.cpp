@@ -105,11 +105,6 @@ std::size_t Environment::Implementation::first_finger(const Episode& episode) co
   return nearest;
 }
 
-std::size_t Environment::Implementation::place_in_action(std::size_t joint,
-                                                         const Episode& episode) const noexcept {
-  return (joint + num_joints - 3 * first_finger(episode)) % num_joints;
-}
-
 void Environment::Implementation::turn(const Episode& episode, double* values) const noexcept {
   const std::size_t first = first_finger(episode);
   if (first == 0) return;

@@ -78,7 +78,7 @@ def evaluate(experiment: str, *arguments: str) -> NoReturn:
     program = EVALUATIONS[experiment]
     if program in JUDGED:
         build("release", "run_trial")
-        become(PYTHON, program, experiment, *arguments)
+        arguments = (experiment, *arguments)
     if program.endswith(".py"):
         build("release", "bindings/all")
         become(PYTHON, program, *arguments, **uses("release"))

@@ -53,14 +53,12 @@ class OnPolicy:
         """`total` is the number of actions of all rows."""
         recipe = plan.recipe
         self._rows, self._recipe, self._total = rows, recipe, total
-        self._is_asymmetric = recipe.asymmetric
         self.actions = 0
         """Number of actions of all rows so far."""
         torch.manual_seed(plan.seed)
         self._device = device_of(recipe.device)
         (seen,), (acted,) = rows.observation_space.shape or (), rows.action_space.shape or ()
-        begin = np.zeros((rows.num_envs, seen), np.float32)
-        self._seen = self._shown(begin, rows.hidden if recipe.asymmetric else None)
+        self._seen = self._looked_at(np.zeros((rows.num_envs, seen), np.float32))
         groups = {"actor": ["seen"], "critic": [*self._seen.keys()]}
         network: dict[str, Any] = {
             "hidden_dims": list(recipe.layers),
@@ -75,17 +73,16 @@ class OnPolicy:
         self._actor = MLPModel(
             self._seen, groups, "actor", acted, distribution_cfg=noise, **network
         ).to(self._device)
-        critic = MLPModel(self._seen, groups, "critic", 1, **network).to(self._device)
+        self._critic = MLPModel(self._seen, groups, "critic", 1, **network).to(self._device)
         # Actions that are small at first explore best (Andrychowicz et al. 2021, section 3.2).
-        for model, last in ((self._actor, 0.01), (critic, 1.0)):
+        for model, last in ((self._actor, 0.01), (self._critic, 1.0)):
             model.mlp.init_weights((*[math.sqrt(2.0)] * (len(model.mlp) - 1), last))
         storage = RolloutStorage(
             "rl", rows.num_envs, recipe.rollout, self._seen, [acted], self._device
         )
-        self._critic = critic
         self._algorithm = PPO(
             self._actor,
-            critic,
+            self._critic,
             storage,
             num_learning_epochs=recipe.epochs,
             num_mini_batches=max(1, rows.num_envs * recipe.rollout // recipe.batch_size),
@@ -101,7 +98,7 @@ class OnPolicy:
 
     def begin(self, observations: Array) -> None:
         """Begins with the first observations of new episodes."""
-        self._seen = self._shown(observations, self._rows.hidden if self._is_asymmetric else None)
+        self._seen = self._looked_at(observations)
 
     def learn(self, logger: Logger, between: Callable[[], None]) -> None:
         """Learns to the end; `between` is called between two updates."""
@@ -181,15 +178,20 @@ class OnPolicy:
             # The time was over, but something would follow: it is worth what the critic says.
             last = np.stack(list(step.info["final_obs"][step.truncated]))
             goes_on = np.repeat(step.truncated, rows.rows)
-            hidden = rows.final_hidden[goes_on] if self._is_asymmetric else None
+            hidden = rows.final_hidden[goes_on] if self._recipe.asymmetric else None
             seen = self._shown(last.reshape(-1, self._seen["seen"].shape[1]), hidden)
             rewards[goes_on] += gamma * self._critic(seen).cpu().squeeze(1)
-        self._seen = self._shown(step.observations, rows.hidden if self._is_asymmetric else None)
+        self._seen = self._looked_at(step.observations)
         self._algorithm.process_env_step(
             self._seen, rewards.to(self._device), torch.from_numpy(ended).to(self._device), {}
         )
         self.actions += rows.num_envs
         return [float(one) for one in step.returns[step.ended]]
+
+    # What networks get of the newest observations of all rows.
+    def _looked_at(self, observations: Array) -> TensorDict:
+        hidden = self._rows.hidden if self._recipe.asymmetric else None
+        return self._shown(observations, hidden)
 
     # What networks of rsl_rl get: what is observed, and for a critic what is hidden.
     def _shown(self, observations: Array, hidden: Array | None = None) -> TensorDict:
