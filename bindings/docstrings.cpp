@@ -26,6 +26,10 @@ const char* const pose = R"(Pose of the camera's frame in the world: z up, origi
 const char* const reduced = R"(The same camera with smaller images, scaled by 1 / `factor`: 2 makes 270 of 540 pixels.
 
 Raises InvalidArgument if the size cannot be divided by it.)";
+const char* const resized = R"(The same camera with images of this width: the middle of its images, scaled by a whole
+number. 64 makes a pixel of 8 x 8, of the 512 x 512 in the middle of 540 x 540.
+
+Raises InvalidArgument if it is larger than that of the images, or below 1.)";
 const char* const serial = R"(The number of the device that is meant; "any" if nobody said it.)";
 }
 
@@ -165,6 +169,9 @@ observation needs it.)";
 const char* const cameras = R"(The cameras of each simulation that are observed; none without `Layout.IMAGES`.)";
 const char* const configuration = R"(Positions and velocities of joints and objects of simulation `index` in MuJoCo's layout, to
 draw it: `qpos`, then `qvel`.
+
+Raises InvalidArgument if there is no such simulation.)";
+const char* const first_finger = R"(`Environment.first_finger` of simulation `index`.
 
 Raises InvalidArgument if there is no such simulation.)";
 const char* const oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is

@@ -23,6 +23,7 @@ extern const char* const Camera;
 extern const char* const name;
 extern const char* const pose;
 extern const char* const reduced;
+extern const char* const resized;
 extern const char* const serial;
 }
 
@@ -112,6 +113,7 @@ namespace EnvironmentBatch {
 extern const char* const EnvironmentBatch;
 extern const char* const cameras;
 extern const char* const configuration;
+extern const char* const first_finger;
 extern const char* const oldest_sure_age;
 extern const char* const reset;
 extern const char* const seed;

@@ -17,6 +17,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <map>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -327,14 +328,20 @@ int run_on(Frontend<R>& robot, PolicySource& source, const RunPolicyOptions& opt
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }
 
+// True for what only Python can ask: tasks in Python, which are MODULE:CLASS, and cameras.
+bool needs_python(const std::map<std::string, std::string>& metadata) {
+  const auto task = metadata.find("task");
+  if (task != metadata.end() && task->second.find(':') != std::string::npos) return true;
+  const auto options = metadata.find("options");
+  return options != metadata.end() &&
+         learning::read_options(options->second).layout == learning::Layout::kImages;
+}
+
 int run(const RunPolicyOptions& options, const std::vector<std::string>& words) {
   PolicySource source(options.policy, options.precision, [](const std::string& why) {
     print_safely(stderr, "trifinger run-policy: the policy before goes on: {}\n", why);
   });
-  // MODULE:CLASS is a task in Python, which only Python can ask.
-  const auto& metadata = source.newest().policy.network().metadata;
-  if (const auto task = metadata.find("task");
-      task != metadata.end() && task->second.find(':') != std::string::npos) {
+  if (needs_python(source.newest().policy.network().metadata)) {
     run_python("run-policy-of-python", "run-policy", words);
   }
   if (!options.sentence.empty() && options.marks.empty()) {

@@ -154,7 +154,8 @@ void bind_camera_calibration(nb::module_& m) {
                    "numpy.typing.NDArray[numpy.float64]"),
            "Where points of the world are seen, a row for each [pixel]; NaN if a point is not in "
            "front of the camera.\nThe pixel may lie outside the image.")
-      .def("reduced", &Camera::reduced, "factor"_a, docs::Camera::reduced);
+      .def("reduced", &Camera::reduced, "factor"_a, docs::Camera::reduced)
+      .def("resized", &Camera::resized, "width"_a, docs::Camera::resized);
 
   nb::class_<Calibration>(m, "CameraCalibration", docs::camera::Calibration::Calibration)
       .def(

@@ -288,6 +288,8 @@ void bind_environments(nb::module_& m) {
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
       .def_prop_ro("oldest_sure_age", &EnvironmentBatch::oldest_sure_age,
                    docs::EnvironmentBatch::oldest_sure_age)
+      .def("first_finger", &EnvironmentBatch::first_finger, "index"_a,
+           docs::EnvironmentBatch::first_finger)
       .def("configuration", &EnvironmentBatch::configuration, "index"_a,
            docs::EnvironmentBatch::configuration)
       .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,

@@ -3607,6 +3607,14 @@ class Camera:
         Raises InvalidArgument if the size cannot be divided by it.
         """
 
+    def resized(self, width: int) -> Camera:
+        """
+        The same camera with images of this width: the middle of its images, scaled by a whole
+        number. 64 makes a pixel of 8 x 8, of the 512 x 512 in the middle of 540 x 540.
+
+        Raises InvalidArgument if it is larger than that of the images, or below 1.
+        """
+
 class CameraCalibration:
     """
     The cameras of a robot as they were calibrated, in the order of its images.
@@ -3928,6 +3936,13 @@ class EnvironmentBatch:
         """
         Age of the newest pose of the object just before the next one arrives [steps]. If it is
         older, poses were lost, or the tracker was not sure since then.
+        """
+
+    def first_finger(self, index: int) -> int:
+        """
+        `Environment.first_finger` of simulation `index`.
+
+        Raises InvalidArgument if there is no such simulation.
         """
 
     def configuration(self, index: int) -> list[float]:

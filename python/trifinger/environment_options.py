@@ -74,7 +74,8 @@ class OptionFields:
     camera_delay: float = 0.02
     """Delay from the middle of the exposure of a simulated image to its arrival [s]."""
     camera_size: int = 540
-    """Width and height of simulated images [pixel]: 540, or a whole part of it."""
+    """Width and height of simulated images [pixel], up to 540: the middle of the image, scaled
+    by a whole number."""
     camera_varies: bool = False
     """Whether light, colours, dust and noise of simulated images differ in each episode.
     docs/simulated_cameras.md says how much."""

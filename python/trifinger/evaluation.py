@@ -16,9 +16,11 @@ from trifinger.environments import Environment, Options, VectorEnvironment
 
 # isort: split
 import numpy as np
+from gymnasium.spaces import Space, flatdim
 from gymnasium.vector import AutoresetMode
 
 from trifinger._trifinger import Policy
+from trifinger.environments.task_environment import Observation
 from trifinger.errors import InvalidArgument
 from trifinger.picture import FILM_RATE, save_film
 from trifinger.whole_file import whole_file
@@ -158,7 +160,7 @@ class Evaluator:
         successes = np.zeros(count, bool)
         self.has_ended = has_ended = np.zeros(count, bool)
         while not has_ended.all():
-            seen = np.asarray(observations).reshape(count * rows, -1)
+            seen = vectors_of(observations, environment.single_observation_space, count * rows)
             actions = act(seen).reshape(count, -1)
             observations, reward, terminated, truncated, info = environment.step(actions)
             self.info = info
@@ -203,20 +205,18 @@ class Evaluator:
         return rows_of(
             policy,
             environment.task,
-            environment.single_observation_space.shape,
-            environment.single_action_space.shape,
+            environment.single_observation_space,
+            environment.single_action_space,
         )
 
 
-def rows_of(
-    policy: Policy, task: str, seen: tuple[int, ...] | None, acted: tuple[int, ...] | None
-) -> int:
+def rows_of(policy: Policy, task: str, seen: Space[Any], acted: Space[Any]) -> int:
     """Number of actions that a policy computes per step: 1, or one per finger if they share it.
 
-    `seen` and `acted` are the shapes of observations and actions. Raises InvalidArgument if the
-    policy does not fit them.
+    `seen` and `acted` are the spaces of observations and actions of one robot. Raises
+    InvalidArgument if the policy does not fit them.
     """
-    (inputs,), (outputs,) = seen or (0,), acted or (0,)
+    inputs, outputs = flatdim(seen), flatdim(acted)
     rows = outputs // policy.num_outputs
     if (rows * policy.num_inputs, rows * policy.num_outputs) != (inputs, outputs):
         raise InvalidArgument(
@@ -224,6 +224,17 @@ def rows_of(
             f"'{task}' needs {inputs} into {outputs}"
         )
     return rows
+
+
+def vectors_of(observations: Observation, space: Space[Any], rows: int) -> Array:
+    """Observations as vectors, one for each row, with their parts as gymnasium.spaces.flatten does.
+
+    `space` is that of one robot.
+    """
+    if not isinstance(observations, dict):
+        return observations.reshape(rows, -1)
+    parts = [observations[name].reshape(rows, -1) for name in space.spaces]  # type: ignore[attr-defined]
+    return np.concatenate(parts, axis=1, dtype=np.float32)
 
 
 def act_of(policy: Policy) -> Act:
@@ -276,7 +287,8 @@ def save_policy_film(act: Act, environment: Environment, path: Path, rows: int =
             has_ended = False
             num_actions = 0
             while not has_ended:
-                action = act(np.reshape(np.asarray(observation), (rows, -1))).ravel()
+                seen = vectors_of(observation, environment.observation_space, rows)
+                action = act(seen).ravel()
                 observation, _, terminated, truncated, _ = environment.step(action)
                 has_ended = terminated or truncated
                 num_actions += 1

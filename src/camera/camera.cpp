@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/camera/camera.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/text_of.hpp"
@@ -107,6 +108,22 @@ Camera Camera::reduced(int factor) const {
   smaller.format.height /= factor;
   smaller.lens = lens.scaled(1.0 / factor);
   return smaller;
+}
+
+Camera Camera::resized(int width) const {
+  if (width < 1 || width > format.width) {
+    throw InvalidArgument(
+        text_of("images of ", format.width, " pixels cannot become images of ", width));
+  }
+  const int factor = format.width / width;
+  const int height = std::max(1, format.height * width / format.width);
+  const int left = (format.width - factor * width) / 2;
+  const int top = (format.height - factor * height) / 2;
+  Camera part = *this;
+  part.format.width = factor * width;
+  part.format.height = factor * height;
+  part.lens = lens.cropped(left, top);
+  return part.reduced(factor);
 }
 
 }  // namespace trifinger::camera

@@ -198,12 +198,10 @@ Calibration resolve_calibration(const CameraOptions& options, const std::string&
                   " was calibrated with images of ", camera.format.width,
                   " pixels. Devices deliver a part of the image then, not a smaller one; leave "
                   "cameras.size out, or calibrate the cameras again"));
-      const int factor = camera.format.width / *options.size;
-      detail::require(
-          factor >= 1 && camera.format.width == factor * *options.size,
-          text_of("cameras.size is ", *options.size, ", must be the ", camera.format.width,
-                  " of the calibration of ", camera.name, ", or a whole part of it"));
-      camera = camera.reduced(factor);
+      detail::require(*options.size <= camera.format.width,
+                      text_of("cameras.size is ", *options.size, ", must be at most the ",
+                              camera.format.width, " of the calibration of ", camera.name));
+      camera = camera.resized(*options.size);
     }
     camera.format.pixels = options.pixels.value_or(camera.format.pixels);
     if (!options.devices.empty()) camera.serial = device_of(camera, options.devices[i]);

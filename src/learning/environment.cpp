@@ -189,6 +189,9 @@ const std::vector<std::string>& Environment::scores() const noexcept {
 const std::vector<Entry>& Environment::hidden_entries() const noexcept {
   return checked(implementation_)->hidden_entries;
 }
+std::size_t Environment::first_finger(const Episode& episode) const noexcept {
+  return checked(implementation_)->first_finger(episode);
+}
 std::int64_t Environment::episode_actions() const noexcept {
   return checked(implementation_)->episode_actions;
 }

@@ -90,6 +90,11 @@ const std::vector<camera::Camera>& EnvironmentBatch::cameras() const noexcept {
 }
 Results& EnvironmentBatch::results() noexcept { return implementation_->results; }
 
+std::size_t EnvironmentBatch::first_finger(std::size_t index) const {
+  implementation_->require_simulation(index);
+  return implementation_->environment.first_finger(implementation_->runs[index].episode);
+}
+
 std::vector<double> EnvironmentBatch::configuration(std::size_t index) const {
   implementation_->require_own();
   implementation_->require_simulation(index);

@@ -125,7 +125,8 @@ void visit(Options& options, const Visitor& field) {
   field("camera_delay", options.camera_delay,
         About{"Delay from the middle of the exposure of a simulated image to its arrival [s]."});
   field("camera_size", options.camera_size,
-        About{"Width and height of simulated images [pixel]: 540, or a whole part of it."});
+        About{"Width and height of simulated images [pixel], up to 540: the middle of the image, "
+              "scaled by a whole number."});
   field("camera_varies", options.camera_varies,
         About{"Whether light, colours, dust and noise of simulated images differ in each episode. "
               "docs/simulated_cameras.md says how much."});

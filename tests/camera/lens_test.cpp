@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <random>
@@ -76,6 +77,26 @@ TEST(Camera, CannotBeReducedToPartsOfPixels) {
   EXPECT_EQ(Camera{}.reduced(2).format.width, 270);
   EXPECT_THROW(static_cast<void>(Camera{}.reduced(7)), InvalidArgument);
   EXPECT_THROW(static_cast<void>(Camera{}.reduced(0)), InvalidArgument);
+}
+
+TEST(Camera, ShowsTheMiddleInImagesOfAnySize) {
+  Camera whole{.name = "above", .format = {.width = 720, .height = 540}, .lens = kLens};
+  const Eigen::Vector2d ray(0.05, -0.03);
+  for (const int width : {720, 540, 360, 84, 64, 7, 1}) {
+    const Camera part = whole.resized(width);
+    EXPECT_EQ(part.format.width, width);
+    EXPECT_EQ(part.format.height, std::max(1, width * 3 / 4));
+    // What is in the middle stays there, and a pixel is a square of whole pixels.
+    const double factor = whole.lens.fx / part.lens.fx;
+    EXPECT_NEAR(factor, std::floor(720.0 / width), 1e-9);
+    const auto from_middle = [&](const Camera& camera) {
+      const Eigen::Vector2d last(camera.format.width - 1, camera.format.height - 1);
+      return Eigen::Vector2d(camera.lens.project(ray) - 0.5 * last);
+    };
+    EXPECT_LT((factor * from_middle(part) - from_middle(whole)).cwiseAbs().maxCoeff(), 0.5001);
+  }
+  EXPECT_THROW(static_cast<void>(whole.resized(721)), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(whole.resized(0)), InvalidArgument);
 }
 
 }  // namespace

@@ -78,11 +78,11 @@ TEST(CameraOptions, ChangeSizeAndFormatOfTheCalibration) {
     EXPECT_EQ(calibration.cameras[i].lens.fx, figures().cameras[i].lens.fx / 2);
   }
   EXPECT_THAT(message_of<InvalidArgument>([] {
-                static_cast<void>(camera::resolve_calibration(read("source: simulated, size: 20"),
+                static_cast<void>(camera::resolve_calibration(read("source: simulated, size: 33"),
                                                               "robot", figures));
               }),
-              HasSubstr("cameras.size is 20, must be the 32 of the calibration of camera60, or a "
-                        "whole part of it"));
+              HasSubstr("cameras.size is 33, must be at most the 32 of the calibration of "
+                        "camera60"));
 }
 
 TEST(CameraOptions, fault_54_ACameraThatWasNotCalibratedInItsPlaceIsRefused) {

@@ -80,6 +80,10 @@ struct Camera {
   /// The same camera with smaller images, scaled by 1 / `factor`: 2 makes 270 of 540 pixels.
   /// @throws InvalidArgument if the size cannot be divided by it
   [[nodiscard]] Camera reduced(int factor) const;
+  /// The same camera with images of this width: the middle of its images, scaled by a whole number.
+  /// 64 makes a pixel of 8 x 8, of the 512 x 512 in the middle of 540 x 540.
+  /// @throws InvalidArgument if it is larger than that of the images, or below 1
+  [[nodiscard]] Camera resized(int width) const;
 };
 
 }  // namespace trifinger::camera

@@ -170,6 +170,9 @@ class Environment {
   /// Writes the numbers of `hidden_entries`, one entry after the other.
   void show_hidden(const HiddenState& state, const Episode& episode,
                    std::span<float> shown) const noexcept;
+  /// The finger that comes first in observations and actions now: 0, unless `symmetric_view` turns
+  /// them. The others follow in their order.
+  [[nodiscard]] std::size_t first_finger(const Episode& episode) const noexcept;
   /// Number of actions in an episode that is not terminated.
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
   /// Name of the object that the task is about; empty if there is none.

@@ -111,6 +111,9 @@ class EnvironmentBatch {
 
   [[nodiscard]] Results& results() noexcept;
 
+  /// `Environment::first_finger` of simulation `index`.
+  /// @throws InvalidArgument if there is no such simulation
+  [[nodiscard]] std::size_t first_finger(std::size_t index) const;
   /// Positions and velocities of joints and objects of simulation `index` in MuJoCo's layout, to
   /// draw it: `qpos`, then `qvel`.
   /// @throws InvalidArgument if there is no such simulation

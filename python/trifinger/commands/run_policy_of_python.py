@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The part of `trifinger run-policy` for policies of tasks in Python."""
+"""The part of `trifinger run-policy` for policies that see images, and of tasks in Python."""
 
 import argparse
 import contextlib
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,14 +21,14 @@ from trifinger.own_class import name_of_file
 from trifinger.whole_file import whole_file
 
 if TYPE_CHECKING:  # it needs the extra `learning`
-    from trifinger.evaluation import Act
+    from trifinger.environments.task_environment import Observation
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger run-policy`, with the options of the program that calls this one."""
     parser = ArgumentParser(
         prog="trifinger run-policy",
-        description="Runs a trained policy of a task in Python on a robot.",
+        description="Runs a trained policy that sees images, or of a task in Python, on a robot.",
     )
     parser.add_argument("policy", type=Path)
     add_robot(parser, "--robot")
@@ -49,11 +49,11 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.marks:
         raise InvalidArgument(
-            "--marks is for tasks in C++; RecordEpisodes of trifinger_data_sets marks episodes of "
-            "tasks in Python"
+            "--marks is for tasks in C++ without images; RecordEpisodes of trifinger_data_sets "
+            "marks other episodes"
         )
     if arguments.scheduling == "require":
-        raise InvalidArgument("--scheduling require: a task in Python keeps no real-time promise")
+        raise InvalidArgument("--scheduling require: Python keeps no real-time promise")
     policy = Policy(arguments.policy, precision=arguments.precision)
     missing = {"task", "options", "robot"} - set(policy.metadata)
     if missing:
@@ -78,7 +78,7 @@ def _configuration_of(policy: Policy, folder: Path) -> str:
 
 def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> None:
     from trifinger.environments import Environment, Options
-    from trifinger.evaluation import act_of, rows_of
+    from trifinger.evaluation import act_of, rows_of, vectors_of
 
     task = policy.metadata["task"]
     environment = Environment(
@@ -87,13 +87,12 @@ def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> Non
         config=config,
         connect=lambda: connect(arguments.robot),
     )
-    rows = rows_of(
-        policy, task, environment.observation_space.shape, environment.action_space.shape
-    )
+    seen = environment.observation_space
+    rows = rows_of(policy, task, seen, environment.action_space)
     act = act_of(policy)
 
-    def acted(observation: Array) -> Array:
-        return act(observation.reshape(rows, -1)).ravel()
+    def acted(observation: "Observation") -> Array:
+        return act(vectors_of(observation, seen, rows)).ravel()
 
     say(f"'{arguments.robot}' shall do '{task}' with {arguments.policy}", flush=True)
     reports: list[dict[str, Any]] = []
@@ -112,7 +111,11 @@ def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> Non
 
 
 def _episode(
-    environment: Any, act: "Act", seed: int, number: int, reports: list[dict[str, Any]]
+    environment: Any,
+    act: Callable[["Observation"], Array],
+    seed: int,
+    number: int,
+    reports: list[dict[str, Any]],
 ) -> None:
     observation, info = environment.reset(seed=seed, options={"episode": number})
     first = environment.process.time_index

@@ -190,7 +190,7 @@ class Plan:
         if (task, algorithm) == ("push", ON_POLICY):
             shown = {"symmetric_view": True, "object_offsets": True}
             settings = {"duration": 6.0, "position_change": 0.06} | shown | settings
-            more = {"episodes": 30_000} | more
+            more = {"episodes": 60_000} | more
         if (task, algorithm) == ("push", "rlpd"):
             slow = {"steps_per_action": 100, "duration": 10.0}
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
