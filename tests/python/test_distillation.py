@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Students: what they see, what they are told, and that their files do what they have learned."""
 
+import json
+
 import numpy as np
 import onnxruntime
 import pytest
@@ -108,6 +110,16 @@ def test_the_file_of_a_student_that_sees_images_does_what_the_student_does(teach
     assert np.ptp(ours, axis=0).max() > 1e-4  # it looks at what it sees
     environment.close()
     assert evaluate(policy, "push", 2).paths.shape == (2, 21, 3)
+
+
+def test_a_student_that_sees_images_moves_a_robot_with_cameras(teacher, tmp_path, start_program):
+    path, report = tmp_path / "student.onnx", tmp_path / "report"
+    distill(teacher, path, options=options_of_student(teacher, **SEEING), lessons=FEW)
+    words = ("run", "sim_cameras", "--name", "p", "--non-real-time", "--set", "cameras.size=20")
+    start_program(*words, "--set", "cameras.rate=50").wait_for("waits for a user")
+    words = (PROGRAM, "run-policy", path, "--robot", "p", "--episodes", "2", "-o", report)
+    assert "0 of 2 episodes" in output_of(*map(str, words))
+    assert [one["actions"] for one in json.loads(report.read_text())] == [20, 20]
 
 
 def test_images_are_split_as_they_are_joined():

@@ -9,10 +9,9 @@ back from its own mistakes. Both see the same robots: a simulation for each move
 from __future__ import annotations
 
 import dataclasses
-import io
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -124,8 +123,7 @@ def distill(
             if watch is not None:
                 watch(number + 1, deviation)
         metadata = policy_metadata(robots.task, options, robots.config)
-    with whole_file(path) as part:
-        part.write_bytes(policy_file.with_metadata(student.to_onnx(), metadata))
+    student.save(path, metadata)
     return Policy(path)
 
 
@@ -182,6 +180,11 @@ class Layout:
 
 class Student(nn.Module):
     """Layers of the entries of an observation, and of what convolutions find in its images."""
+
+    mean: torch.Tensor
+    deviation: torch.Tensor
+    eyes: nn.Module
+    look: nn.Module
 
     def __init__(self, layout: Layout, acted: int, layers: Sequence[int]) -> None:
         super().__init__()
@@ -243,21 +246,20 @@ class Student(nn.Module):
         ]
         return self.act(entries, self.see(torch.cat(images, 1)))
 
-    def to_onnx(self) -> bytes:
-        """The file of ONNX that computes an action for an observation."""
-        file = io.BytesIO()
-        with warnings.catch_warnings():
+    def save(self, path: Path, metadata: Mapping[str, str]) -> None:
+        """Writes the file of ONNX that computes an action for an observation."""
+        with warnings.catch_warnings(), whole_file(path) as part:
             warnings.simplefilter("ignore")  # it says that there is a newer exporter
             torch.onnx.export(
                 self.eval(),
                 (torch.zeros(1, sum(self.layout.sizes)),),
-                file,
+                part,
                 input_names=["observation"],
                 output_names=["action"],
                 opset_version=17,
                 dynamo=False,
             )
-        return file.getvalue()
+            part.write_bytes(policy_file.with_metadata(part.read_bytes(), metadata))
 
 
 class _Examples:
@@ -406,7 +408,7 @@ class _Robots:
 
     # What the teacher sees must be what happens to the student.
     def _require_alike(self, which: Array) -> None:
-        for index in np.flatnonzero(which):
+        for index in map(int, np.flatnonzero(which)):
             one, other = (
                 each._core.configuration(index) for each in (self._teacher, self._student)
             )
