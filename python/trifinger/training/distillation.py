@@ -123,7 +123,7 @@ def distill(
             if watch is not None:
                 watch(number + 1, deviation)
         metadata = policy_metadata(robots.task, options, robots.config)
-    student.save(path, metadata)
+    student.export(path, metadata)
     return Policy(path)
 
 
@@ -246,7 +246,7 @@ class Student(nn.Module):
         ]
         return self.act(entries, self.see(torch.cat(images, 1)))
 
-    def save(self, path: Path, metadata: Mapping[str, str]) -> None:
+    def export(self, path: Path, metadata: Mapping[str, str]) -> None:
         """Writes the file of ONNX that computes an action for an observation."""
         with warnings.catch_warnings(), whole_file(path) as part:
             warnings.simplefilter("ignore")  # it says that there is a newer exporter
