@@ -3,12 +3,15 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <initializer_list>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -27,6 +30,7 @@ using Numbers = Eigen::Map<Eigen::ArrayXf>;
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 #define TRIFINGER_WIDE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#define TRIFINGER_HAS_CLONES
 #else
 #define TRIFINGER_WIDE
 #endif
@@ -57,6 +61,25 @@ TRIFINGER_WIDE void add_rows(const float* rows, std::int64_t count, std::int64_t
   }
 }
 
+// Looks at the bits, because sums of them need no order and so become vectors.
+TRIFINGER_WIDE bool are_finite(const float* numbers, std::int64_t count) noexcept {
+  constexpr std::uint32_t kExponent = 0x7F80'0000;
+  std::uint32_t is_wrong = 0;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const auto bits = std::bit_cast<std::uint32_t>(numbers[i]);
+    is_wrong |= static_cast<std::uint32_t>((bits & kExponent) == kExponent);
+  }
+  return is_wrong == 0;
+}
+
+TRIFINGER_WIDE bool has_nan(const float* numbers, std::int64_t count) noexcept {
+  std::uint32_t is_wrong = 0;
+  for (std::int64_t i = 0; i < count; ++i) {
+    is_wrong |= static_cast<std::uint32_t>(numbers[i] != numbers[i]);
+  }
+  return is_wrong != 0;
+}
+
 // Functions of one number. `p` are parameters of the operator.
 struct Unary {
   std::string_view op;
@@ -71,14 +94,14 @@ constexpr std::array kUnary{
     Unary{"Sigmoid", [](Numbers x, const auto& /*p*/) noexcept { sigmoid(x); }},
     Unary{"Elu",
           [](Numbers x, const auto& p) noexcept {
-            x = (x > 0.0F).select(x, p[0] * (x.min(0.0F).exp() - 1.0F));
+            x = x.max(0.0F) + p[0] * (x.min(0.0F).exp() - 1.0F);
           }},
     Unary{"Selu",
           [](Numbers x, const auto& p) noexcept {
-            x = p[1] * (x > 0.0F).select(x, p[0] * (x.min(0.0F).exp() - 1.0F));
+            x = p[1] * (x.max(0.0F) + p[0] * (x.min(0.0F).exp() - 1.0F));
           }},
     Unary{"LeakyRelu",
-          [](Numbers x, const auto& p) noexcept { x = (x > 0.0F).select(x, p[0] * x); }},
+          [](Numbers x, const auto& p) noexcept { x = x.max(0.0F) + p[0] * x.min(0.0F); }},
     Unary{
         "Softplus",
         [](Numbers x, const auto& /*p*/) noexcept { x = x.max(0.0F) + (-x.abs()).exp().log1p(); }},
@@ -147,7 +170,7 @@ bool run_binary(const Step& step, float* memory) noexcept {
     }
   }
   // Checked here, because functions of it can turn NaN into a number.
-  return !Numbers(out, count).isNaN().any();
+  return !has_nan(out, count);
 }
 
 template <std::size_t... kOps>
@@ -197,7 +220,7 @@ bool run_dense(const Step& step, float* memory) noexcept {
              out + row * outputs);
   }
   // Checked here, because functions of it can turn NaN into a number.
-  return Numbers(out, rows * outputs).allFinite();
+  return are_finite(out, rows * outputs);
 }
 
 // sizes: rows, size; numbers: epsilon; in: input, scale, bias
@@ -280,7 +303,7 @@ bool run_gru(const Step& step, float* memory) noexcept {
       add_rows(net.recurrent, net.units, width, kept, fed);
       next += net.part(fed, 2);
     }
-    if (!next.allFinite() || !update.allFinite()) return false;
+    if (!are_finite(gates, width)) return false;
     float* const after = memory + step.out + t * net.units;
     Numbers(after, net.units) = (1.0F - update) * next.tanh() + update * state;
     before = after;
@@ -301,7 +324,7 @@ bool run_lstm(const Step& step, float* memory) noexcept {
     Numbers(gates, width) += Eigen::Map<const Eigen::ArrayXf>(net.recurrent_bias, width);
     add_rows(net.weights, net.inputs, width, memory + step.in[0] + t * net.inputs, gates);
     add_rows(net.recurrent, net.units, width, before, gates);
-    if (!Numbers(gates, width).allFinite()) return false;
+    if (!are_finite(gates, width)) return false;
     Numbers open(gates, 3 * net.units);  // input, output, forget
     sigmoid(open);
     cell = net.part(gates, 2) * cell + net.part(gates, 0) * net.part(gates, 3).tanh();
@@ -312,102 +335,129 @@ bool run_lstm(const Step& step, float* memory) noexcept {
   return true;
 }
 
-// Places of a window are in rows of this many numbers, and of whole multiples of it.
-constexpr std::int64_t kTile = 32;
-std::int64_t tiled(std::int64_t count) noexcept { return (count + kTile - 1) / kTile * kTile; }
+constexpr std::int64_t kLanes = 16;  // Channels whose weights stand together.
+constexpr std::size_t kPlaces = 12;  // Sums that fit into the registers of a processor.
 
-// The numbers that each weight meets, or that are looked for the largest of: one row for each place
-// of a window, of `tiled` numbers. sizes: channels, height, width, window height and width, stride
-// down and right, padding above and left, dilation down and right, height and width of the result
-TRIFINGER_WIDE void unfold(const std::int64_t* s, const float* in, float padding,
-                           float* out) noexcept {
-  const std::int64_t height = s[11];
-  const std::int64_t width = s[12];
-  const std::int64_t stride = s[6];
-  for (std::int64_t place = 0; place < s[0] * s[3] * s[4]; ++place) {
-    const std::int64_t down = place / s[4] % s[3] * s[9] - s[7];
-    const std::int64_t right = place % s[4] * s[10] - s[8];
-    const float* const channel = in + place / (s[4] * s[3]) * s[1] * s[2];
-    // Results from `first` to `last` have their number inside the image.
-    const std::int64_t first = std::clamp<std::int64_t>((stride - 1 - right) / stride, 0, width);
-    const std::int64_t last =
-        std::clamp<std::int64_t>((s[2] - 1 - right + stride) / stride, first, width);
-    float* next = out + place * tiled(height * width);
-    for (std::int64_t y = 0; y < height; ++y, next += width) {
-      const std::int64_t row = y * s[5] + down;
-      if (row < 0 || row >= s[1]) {
-        std::fill_n(next, width, padding);
-        continue;
-      }
-      const float* const from = channel + row * s[2] + right;
-      std::fill(next, next + first, padding);
-      if (stride == 1) {
-        std::copy(from + first, from + last, next + first);
-      } else {
-        for (std::int64_t x = first; x < last; ++x) next[x] = from[x * stride];
-      }
-      std::fill(next + last, next + width, padding);
+std::int64_t tiled(std::int64_t channels) noexcept {
+  return (channels + kLanes - 1) / kLanes * kLanes;
+}
+
+// A vector register of so many numbers.
+template <std::int64_t kWidth>
+struct Register;
+template <>
+struct Register<4> {
+  using Type = float __attribute__((vector_size(16)));
+};
+template <>
+struct Register<8> {
+  using Type = float __attribute__((vector_size(32)));
+};
+template <>
+struct Register<16> {
+  using Type = float __attribute__((vector_size(64)));
+};
+
+// What a window over an image does. `taps` are the places of its numbers from its first one on,
+// `firsts` those of its first number in the image: one for each number of a channel of the result.
+// sizes: taps, numbers of a channel of the result, then what the operator needs.
+struct Windows {
+  explicit Windows(const Step& step) noexcept
+      : taps(step.map.data(), static_cast<std::size_t>(step.sizes[0])),
+        firsts(step.map.data() + step.sizes[0], static_cast<std::size_t>(step.sizes[1])) {}
+
+  std::span<const std::int32_t> taps;
+  std::span<const std::int32_t> firsts;
+};
+
+// The results of `channels`, at most `kWidth`: their sums stay in registers. weights: for each tap
+// a number of each of the lanes
+template <std::int64_t kWidth>
+TRIFINGER_WIDE void convolve(const Windows& windows, const float* image, const float* weights,
+                             const float* bias, std::int64_t channels, float* out) noexcept {
+  using Sum = typename Register<kWidth>::Type;
+  const std::size_t size = windows.firsts.size();
+  for (std::size_t first = 0; first < size; first += kPlaces) {
+    const std::size_t places = std::min(kPlaces, size - first);
+    std::array<const float*, kPlaces> at;  // NOLINT(*-member-init)
+    std::array<Sum, kPlaces> sums;         // NOLINT(*-member-init)
+    for (std::size_t i = 0; i < kPlaces; ++i) {
+      at[i] = image + windows.firsts[first + std::min(i, places - 1)];
+      std::memcpy(&sums[i], bias, sizeof(Sum));
+    }
+    const float* next = weights;
+    for (const std::int32_t tap : windows.taps) {
+      Sum weight;
+      std::memcpy(&weight, next, sizeof(Sum));
+      for (std::size_t i = 0; i < kPlaces; ++i) sums[i] += weight * at[i][tap];
+      next += kLanes;
+    }
+    for (std::int64_t channel = 0; channel < channels; ++channel) {
+      float* const row = out + channel * static_cast<std::int64_t>(size) + first;
+      for (std::size_t i = 0; i < places; ++i) row[i] = sums[i][channel];
     }
   }
 }
 
-// out = weights * rows + bias, of four channels of the result: sums stay in registers.
-// weights: 4 x count, one after the other; rows: count x tiled(places)
-TRIFINGER_WIDE void convolve(const float* weights, const float* bias, const float* rows,
-                             std::int64_t count, std::int64_t places, float* out) noexcept {
-  const std::int64_t width = tiled(places);
-  for (std::int64_t first = 0; first < places; first += kTile) {
-    std::array<std::array<float, kTile>, 4> sums;  // NOLINT(*-member-init)
-    for (std::size_t i = 0; i < 4; ++i) sums[i].fill(bias[i]);
-    const float* row = rows + first;
-    for (std::int64_t k = 0; k < count; ++k, row += width) {
-      const float* const w = weights + 4 * k;
-      for (std::size_t j = 0; j < kTile; ++j) {
-        sums[0][j] += w[0] * row[j];
-        sums[1][j] += w[1] * row[j];
-        sums[2][j] += w[2] * row[j];
-        sums[3][j] += w[3] * row[j];
-      }
-    }
-    const std::int64_t most = std::min(kTile, places - first);
-    for (std::int64_t i = 0; i < 4; ++i) {
-      std::copy_n(sums[static_cast<std::size_t>(i)].begin(), most, out + i * places + first);
-    }
-  }
-}
-
-// sizes: as `unfold`, of a group, then channels of the result and groups, which are so many fours
-// that results beyond the last channel have room; in: input, weights, bias, room
+// sizes: as `Windows`, then groups, channels of each, numbers of the image of each;
+// in: image, weights, bias
+template <std::int64_t kWidth>
 bool run_convolution(const Step& step, float* memory) noexcept {
-  const std::int64_t* const s = step.sizes.data();
-  const std::int64_t places = s[11] * s[12];
-  const std::int64_t count = s[0] * s[3] * s[4];
-  const std::int64_t of_group = s[13] / s[14];
-  const std::int64_t fours = (of_group + 3) / 4;
-  float* const room = memory + step.in[3];
-  for (std::int64_t group = 0; group < s[14]; ++group) {
-    unfold(s, memory + step.in[0] + group * s[0] * s[1] * s[2], 0.0F, room);
-    for (std::int64_t four = 0; four < fours; ++four) {
-      const std::int64_t number = group * fours + four;
-      convolve(memory + step.in[1] + number * 4 * count, memory + step.in[2] + number * 4, room,
-               count, places, memory + step.out + (group * of_group + 4 * four) * places);
+  const Windows windows(step);
+  const std::int64_t size = step.sizes[1];
+  const std::int64_t channels = step.sizes[3];
+  const float* weights = memory + step.in[1];
+  const float* bias = memory + step.in[2];
+  float* out = memory + step.out;
+  for (std::int64_t group = 0; group < step.sizes[2]; ++group) {
+    const float* const image = memory + step.in[0] + group * step.sizes[4];
+    for (std::int64_t first = 0; first < channels; first += kWidth) {
+      const std::int64_t lane = first % kLanes;
+      const float* const block = weights + (first - lane) * step.sizes[0];
+      const std::int64_t lanes = std::min(kWidth, channels - first);
+      convolve<kWidth>(windows, image, block + lane, bias + first, lanes, out + first * size);
     }
+    weights += tiled(channels) * step.sizes[0];
+    bias += tiled(channels);
+    out += channels * size;
   }
-  return Numbers(memory + step.out, s[13] * places).allFinite();
+  return are_finite(memory + step.out, step.sizes[2] * channels * size);
 }
 
-// sizes: as `unfold`, of one channel, then the number of channels; in: input, room
+// The one for the registers of this processor.
+auto* convolution_here() noexcept {
+#ifdef TRIFINGER_HAS_CLONES
+  if (__builtin_cpu_supports("x86-64-v4") > 0) return &run_convolution<16>;
+  if (__builtin_cpu_supports("x86-64-v3") > 0) return &run_convolution<8>;
+#endif
+  return &run_convolution<4>;
+}
+
+// sizes: as `Windows`, then channels, numbers of the image of each; in: image
 bool run_max_pool(const Step& step, float* memory) noexcept {
-  const std::int64_t* const s = step.sizes.data();
-  const std::int64_t places = s[11] * s[12];
-  float* const room = memory + step.in[1];
-  for (std::int64_t channel = 0; channel < s[13]; ++channel) {
-    unfold(s, memory + step.in[0] + channel * s[1] * s[2], -std::numeric_limits<float>::max(),
-           room);
-    Numbers out(memory + step.out + channel * places, places);
-    out = Numbers(room, places);
-    for (std::int64_t i = 1; i < s[3] * s[4]; ++i) {
-      out = out.max(Numbers(room + i * tiled(places), places));
+  const Windows windows(step);
+  float* out = memory + step.out;
+  for (std::int64_t channel = 0; channel < step.sizes[2]; ++channel) {
+    const float* const image = memory + step.in[0] + channel * step.sizes[3];
+    for (const std::int32_t first : windows.firsts) {
+      float largest = image[first];
+      for (const std::int32_t tap : windows.taps) largest = std::max(largest, image[first + tap]);
+      *out++ = largest;
+    }
+  }
+  return true;
+}
+
+// Copies an image into a larger one. sizes: channels, height and width, height and width of the
+// larger one, the place there of the first number
+bool run_pad(const Step& step, float* memory) noexcept {
+  const float* in = memory + step.in[0];
+  for (std::int64_t channel = 0; channel < step.sizes[0]; ++channel) {
+    float* out = memory + step.out + channel * step.sizes[3] * step.sizes[4] + step.sizes[5];
+    for (std::int64_t row = 0; row < step.sizes[1]; ++row) {
+      std::copy_n(in, step.sizes[2], out);
+      in += step.sizes[2];
+      out += step.sizes[4];
     }
   }
   return true;
@@ -602,7 +652,9 @@ class Compiler {
       return;
     }
     for (const Value& one : from) work_ += count_of(one.shape);
+    const bool is_window = step.run == convolution_here() || step.run == run_max_pool;
     work_ += step.run == run_dense ? count_of(step.sizes) : count_of(out.shape);
+    if (is_window) work_ += step.sizes[0] * count_of(out.shape);
     if (work_ > kMaxWork) throw InvalidArgument("its constants take too long to compute");
     if (!step.run(step, network_.memory_.data())) refuse("gives a number that is not finite");
     out.is_constant = true;
@@ -942,9 +994,17 @@ class Compiler {
   void gru() { add_recurrent(3, run_gru); }
   void lstm() { add_recurrent(4, run_lstm); }
 
-  // What `unfold` needs to know of a window over an image with these channels.
-  [[nodiscard]] std::vector<std::int64_t> window(const Shape& image, std::int64_t channels,
-                                                 std::int64_t height, std::int64_t width) const {
+  // What slides over an image.
+  struct Window {
+    Value image;          // with its padding
+    std::int64_t height;  // of the result
+    std::int64_t width;
+    Step step{};  // with the map, the first sizes and the image
+  };
+
+  // `channels` of the image are in a window at once; the result has `results`.
+  Window window(const Value& x, std::int64_t channels, std::int64_t height, std::int64_t width,
+                std::int64_t results, float padding) {
     const auto numbers = [&](const char* name, std::size_t count, std::int64_t usual) {
       const Attribute* const found = attribute(name);
       std::vector<std::int64_t> all(count, usual);
@@ -955,32 +1015,59 @@ class Compiler {
       if (!is_fine) refuse(text_of("has ", name, " that make no sense"));
       return all;
     };
-    const Attribute* const padding = attribute("auto_pad");
-    if (padding != nullptr && !padding->text.empty() && padding->text != "NOTSET") {
+    const Attribute* const automatic = attribute("auto_pad");
+    if (automatic != nullptr && !automatic->text.empty() && automatic->text != "NOTSET") {
       refuse("pads by itself, which is not known");
     }
     const auto stride = numbers("strides", 2, 1);
     const auto dilation = numbers("dilations", 2, 1);
-    const auto pad = numbers("pads", 4, 0);
     if (height < 1 || height > 65'536 || width < 1 || width > 65'536) {
       refuse("has a window of no size");
     }
-    const std::int64_t down = image[2] + pad[0] + pad[2] - dilation[0] * (height - 1) - 1;
-    const std::int64_t right = image[3] + pad[1] + pad[3] - dilation[1] * (width - 1) - 1;
+    const Value image = padded(x, numbers("pads", 4, 0), padding);
+    const std::int64_t rows = image.shape[2];
+    const std::int64_t columns = image.shape[3];
+    const std::int64_t down = rows - dilation[0] * (height - 1) - 1;
+    const std::int64_t right = columns - dilation[1] * (width - 1) - 1;
     if (down < 0 || right < 0) refuse("has a window that is larger than the image");
-    return {channels,
-            image[2],
-            image[3],
-            height,
-            width,
-            stride[0],
-            stride[1],
-            pad[0],
-            pad[1],
-            dilation[0],
-            dilation[1],
-            down / stride[0] + 1,
-            right / stride[1] + 1};
+    Window made{.image = image, .height = down / stride[0] + 1, .width = right / stride[1] + 1};
+    const std::int64_t taps = channels * height * width;
+    if (taps > kMaxWork / results / (made.height * made.width)) refuse("takes too long");
+    charge(static_cast<std::size_t>(taps));
+    const auto add_all = [&](std::int64_t of, std::int64_t count_down, std::int64_t count_right,
+                             std::int64_t step_down, std::int64_t step_right) {
+      for (std::int64_t channel = 0; channel < of; ++channel) {
+        for (std::int64_t i = 0; i < count_down; ++i) {
+          for (std::int64_t j = 0; j < count_right; ++j) {
+            made.step.map.push_back(static_cast<std::int32_t>(
+                (channel * rows + i * step_down) * columns + j * step_right));
+          }
+        }
+      }
+      made.step.sizes.push_back(of * count_down * count_right);
+    };
+    add_all(channels, height, width, dilation[0], dilation[1]);
+    add_all(1, made.height, made.width, stride[0], stride[1]);
+    made.step.in = {image.at};
+    return made;
+  }
+
+  // An image with more numbers above, left, below and right.
+  Value padded(const Value& x, const std::vector<std::int64_t>& pads, float padding) {
+    if (std::ranges::all_of(pads, [](std::int64_t one) { return one == 0; })) return x;
+    Value image{.shape = x.shape};
+    image.shape[2] += pads[0] + pads[2];
+    image.shape[3] += pads[1] + pads[3];
+    if (count_of(image.shape) > kMaxMemory) refuse("needs too much room");
+    image.at = room(count_of(image.shape));
+    std::fill_n(network_.memory_.begin() + static_cast<std::ptrdiff_t>(image.at),
+                count_of(image.shape), padding);
+    Step step{.run = run_pad,
+              .in = {x.at},
+              .sizes = {x.shape[1], x.shape[2], x.shape[3], image.shape[2], image.shape[3],
+                        pads[0] * image.shape[3] + pads[1]}};
+    add(std::move(step), image, {x});
+    return image;
   }
 
   void convolution() {
@@ -996,34 +1083,31 @@ class Compiler {
       refuse("has weights for another number of channels");
     }
     require_constant(weights);
-    auto sizes = window(x.shape, weights.shape[1], weights.shape[2], weights.shape[3]);
-    const std::int64_t places = sizes[11] * sizes[12];
-    const std::int64_t count = weights.shape[1] * weights.shape[2] * weights.shape[3];
-    if (count > kMaxMemory / tiled(places)) refuse("needs too much room");
-    const std::size_t unfolded = room(count * tiled(places));
+    Window made = window(x, weights.shape[1], weights.shape[2], weights.shape[3], channels, 0.0F);
+    const std::int64_t taps = made.step.sizes[0];
     const std::size_t given = bias(2, channels);
-    // In fours of channels, of each group: for each number of the image, the weights of a four.
+    // The channels of a group in blocks of `kLanes`: for each tap the weights of a block.
     const std::int64_t of_group = channels / groups;
-    const std::int64_t fours = (of_group + 3) / 4;
-    const std::size_t packed = zeros(groups * fours * 4 * count);
-    const std::size_t shift = zeros(groups * fours * 4);
+    const std::size_t packed = zeros(groups * tiled(of_group) * taps);
+    const std::size_t shift = zeros(groups * tiled(of_group));
     float* const memory = network_.memory_.data();
     for (std::int64_t channel = 0; channel < channels; ++channel) {
-      const std::int64_t in_group = channel % of_group;
-      const std::int64_t four = channel / of_group * fours + in_group / 4;
-      const std::int64_t i = in_group % 4;
-      memory[shift + static_cast<std::size_t>(4 * four + i)] =
+      const std::int64_t at = channel / of_group * tiled(of_group) + channel % of_group;
+      const std::int64_t lane = channel % of_group % kLanes;
+      memory[shift + static_cast<std::size_t>(at)] =
           memory[given + static_cast<std::size_t>(channel)];
-      for (std::int64_t k = 0; k < count; ++k) {
-        memory[packed + static_cast<std::size_t>(4 * (four * count + k) + i)] =
-            memory[weights.at + static_cast<std::size_t>(channel * count + k)];
+      for (std::int64_t k = 0; k < taps; ++k) {
+        memory[packed + static_cast<std::size_t>((at - lane) * taps + k * kLanes + lane)] =
+            memory[weights.at + static_cast<std::size_t>(channel * taps + k)];
       }
     }
-    Value& out = result({1, channels, sizes[11], sizes[12]});
-    static_cast<void>(room(3 * places));  // for channels of the last four that are not there
-    sizes.insert(sizes.end(), {channels, groups});
-    add({.run = run_convolution, .in = {x.at, packed, shift, unfolded}, .sizes = sizes}, out,
-        {x, weights});
+    Value& out = result({1, channels, made.height, made.width});
+    made.step.run = convolution_here();
+    made.step.in.insert(made.step.in.end(), {packed, shift});
+    made.step.sizes.insert(
+        made.step.sizes.end(),
+        {groups, of_group, weights.shape[1] * made.image.shape[2] * made.image.shape[3]});
+    add(std::move(made.step), out, {made.image, weights});
   }
 
   void max_pool() {
@@ -1034,13 +1118,13 @@ class Compiler {
       refuse("has not one image with two directions as its input");
     }
     require("ceil_mode", 0);
-    auto sizes = window(x.shape, 1, kernel->integers[0], kernel->integers[1]);
-    const std::int64_t places = sizes[11] * sizes[12];
-    if (sizes[3] * sizes[4] > kMaxMemory / tiled(places)) refuse("needs too much room");
-    const std::size_t unfolded = room(sizes[3] * sizes[4] * tiled(places));
-    Value& out = result({1, x.shape[1], sizes[11], sizes[12]});
-    sizes.push_back(x.shape[1]);
-    add({.run = run_max_pool, .in = {x.at, unfolded}, .sizes = sizes}, out, {x});
+    Window made = window(x, 1, kernel->integers[0], kernel->integers[1], x.shape[1],
+                         -std::numeric_limits<float>::max());
+    Value& out = result({1, x.shape[1], made.height, made.width});
+    made.step.run = run_max_pool;
+    made.step.sizes.insert(made.step.sizes.end(),
+                           {x.shape[1], made.image.shape[2] * made.image.shape[3]});
+    add(std::move(made.step), out, {made.image});
   }
 
   // The mean of each channel.
@@ -1394,19 +1478,16 @@ bool Network::evaluate(std::span<const double> observation, std::span<double> ac
   };
   if (observation.size() != num_inputs_ || action.size() != num_outputs_) return fails();
   float* const memory = memory_.data();
-  for (std::size_t i = 0; i < num_inputs_; ++i) {
-    memory[input_ + i] = static_cast<float>(observation[i]);
-    if (!std::isfinite(memory[input_ + i])) return fails();
-  }
+  std::ranges::transform(observation, memory + input_,
+                         [](double number) { return static_cast<float>(number); });
+  if (!are_finite(memory + input_, static_cast<std::int64_t>(num_inputs_))) return fails();
   for (const Step& step : steps_) {
     if (!step.run(step, memory)) return fails();
   }
   const float* const out = memory + output_;
-  const auto is_finite = [](float one) { return std::isfinite(one); };
-  if (!std::all_of(out, out + num_outputs_, is_finite)) return fails();
+  if (!are_finite(out, static_cast<std::int64_t>(num_outputs_))) return fails();
   for (const State& state : states_) {
-    const float* const next = memory + state.output;
-    if (!std::all_of(next, next + state.size, is_finite)) return fails();
+    if (!are_finite(memory + state.output, static_cast<std::int64_t>(state.size))) return fails();
   }
   std::copy_n(out, num_outputs_, action.begin());
   for (const State& state : states_) {
