@@ -148,8 +148,10 @@ Tensor read_tensor(std::string_view bytes, std::string& name) {
     if (field.number == 13 || (field.number == 14 && field.value != 0)) is_elsewhere = true;
   });
   if (is_elsewhere) {
-    throw InvalidArgument(
-        text_of("the numbers of '", name, "' are in another file: save the model as one file"));
+    throw InvalidArgument(text_of(
+        "the numbers of '", name,
+        "' are in another file: save the model as one file, or let `trifinger policy import` "
+        "do it for what PyTorch exports"));
   }
   constexpr std::array kTypes{kFloat, kUint8, kInt8, kInt32, kInt64, kBool, kHalf, kDouble};
   if (std::ranges::find(kTypes, type) == kTypes.end()) {

@@ -686,26 +686,30 @@ class Compiler {
       }
       return found->second;
     };
-    const Value observation = value(model_.inputs[0]);
     const Value action = value(model_.outputs[0]);
-    network_.input_ = observation.at;
-    network_.num_inputs_ = static_cast<std::size_t>(count_of(observation.shape));
+    // Inputs that can have no next state are parts of the observation.
+    const std::size_t outputs = model_.outputs.size();
+    const std::size_t parts = std::max(model_.inputs.size() + 1, outputs + 1) - outputs;
+    for (std::size_t i = 0; i < parts; ++i) {
+      const Value part = value(model_.inputs[i]);
+      const auto size = static_cast<std::size_t>(count_of(part.shape));
+      network_.inputs_.push_back({part.at, size});
+      network_.num_inputs_ += size;
+    }
     network_.output_ = action.at;
     network_.num_outputs_ = static_cast<std::size_t>(count_of(action.shape));
-    for (std::size_t i = 1; i < model_.inputs.size(); ++i) {
+    for (std::size_t i = parts; i < model_.inputs.size(); ++i) {
       const Value before = value(model_.inputs[i]);
-      const bool has_next = i < model_.outputs.size();
-      if (!has_next || count_of(value(model_.outputs[i]).shape) != count_of(before.shape)) {
+      const Value after = value(model_.outputs[i - parts + 1]);
+      if (count_of(after.shape) != count_of(before.shape)) {
         throw InvalidArgument(text_of("the input '", model_.inputs[i].name,
                                       "' has no output of its size that would be its next state"));
       }
       // A copy, because the next state may be where another state is.
       const std::int64_t size = count_of(before.shape);
       const std::size_t next = room(size);
-      network_.steps_.push_back({.run = run_rows,
-                                 .out = next,
-                                 .in = {value(model_.outputs[i]).at},
-                                 .sizes = {1, size, size}});
+      network_.steps_.push_back(
+          {.run = run_rows, .out = next, .in = {after.at}, .sizes = {1, size, size}});
       network_.states_.push_back({before.at, next, static_cast<std::size_t>(size)});
     }
   }
@@ -1478,9 +1482,14 @@ bool Network::evaluate(std::span<const double> observation, std::span<double> ac
   };
   if (observation.size() != num_inputs_ || action.size() != num_outputs_) return fails();
   float* const memory = memory_.data();
-  std::ranges::transform(observation, memory + input_,
-                         [](double number) { return static_cast<float>(number); });
-  if (!are_finite(memory + input_, static_cast<std::int64_t>(num_inputs_))) return fails();
+  auto from = observation.begin();
+  for (const Input& input : inputs_) {
+    const auto end = from + static_cast<std::ptrdiff_t>(input.size);
+    std::transform(from, end, memory + input.at,
+                   [](double number) { return static_cast<float>(number); });
+    if (!are_finite(memory + input.at, static_cast<std::int64_t>(input.size))) return fails();
+    from = end;
+  }
   for (const Step& step : steps_) {
     if (!step.run(step, memory)) return fails();
   }

@@ -27,9 +27,9 @@ struct Step {
 
 // A network, ready to be evaluated for one observation at a time, in single precision.
 //
-// Its first input is the observation, its first output the action. Each other input must have an
-// output of the same place and shape: it is the state of a recurrent network, which the next
-// evaluation gets, and which begins with zeros.
+// Its first output is the action. Each other output is the next state of a recurrent network, which
+// the next evaluation gets: as many inputs at the end are the states, which begin with zeros. The
+// inputs before them, at least one, are the observation, one after the other.
 class Network {
  public:
   // Throws InvalidArgument, which says what the network has that is not known.
@@ -50,6 +50,10 @@ class Network {
  private:
   friend class Compiler;
 
+  struct Input {
+    std::size_t at;
+    std::size_t size;
+  };
   struct State {
     std::size_t input;
     std::size_t output;
@@ -58,8 +62,8 @@ class Network {
 
   std::vector<float> memory_{};
   std::vector<Step> steps_{};
+  std::vector<Input> inputs_{};  // the parts of the observation
   std::vector<State> states_{};
-  std::size_t input_{0};
   std::size_t output_{0};
   std::size_t num_inputs_{0};
   std::size_t num_outputs_{0};

@@ -4,6 +4,7 @@
 import itertools
 import json
 import subprocess
+import types
 import warnings
 from collections.abc import Iterator
 from copy import copy
@@ -16,6 +17,9 @@ import pytest
 import torch
 import trifinger
 from conftest import BUILD, StartProgram
+from rsl_rl.models import CNNModel, MLPModel, RNNModel
+from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
 from torch import nn
 from trifinger import policy_file
 from trifinger.commands import policy as policy_command
@@ -117,15 +121,20 @@ class Official:
 
     def __init__(self, path: Path) -> None:
         self.session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-        self.inputs = self.session.get_inputs()
+        inputs = self.session.get_inputs()
+        parts = len(inputs) + 1 - len(self.session.get_outputs())
+        self.parts, self.states = inputs[:parts], inputs[parts:]
         self.reset()
 
     def reset(self) -> None:
-        self.state = [np.zeros(one.shape, np.float32) for one in self.inputs[1:]]
+        self.state = [np.zeros(one.shape, np.float32) for one in self.states]
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
-        first = observation.astype(np.float32).reshape(self.inputs[0].shape)
-        given = dict(zip([one.name for one in self.inputs], [first, *self.state], strict=True))
+        given = {one.name: state for one, state in zip(self.states, self.state, strict=True)}
+        ends = np.cumsum([np.prod(one.shape) for one in self.parts], dtype=int)
+        parts = np.split(observation.astype(np.float32), ends[:-1])
+        for one, part in zip(self.parts, parts, strict=True):
+            given[one.name] = part.reshape(one.shape)
         action, *self.state = self.session.run(None, given)
         return np.asarray(action).ravel()
 
@@ -145,6 +154,88 @@ def test_gives_the_actions_of_onnxruntime(tmp_path: Path, name: str, opset: int)
             np.testing.assert_allclose(policy(observation), official(observation), atol=1e-6)
         policy.reset()
         official.reset()
+
+
+def exported_by_rsl_rl(kind: type[MLPModel], folder: Path, **more: Any) -> Path:
+    """What the runner of rsl_rl writes of an actor: the weights are in a file of their own."""
+    torch.manual_seed(1)
+    groups = {"state": torch.randn(8, OBSERVED)}
+    if kind is CNNModel:
+        groups["camera"] = torch.randn(8, 3, 64, 64)
+    seen = TensorDict(groups, batch_size=[8])
+    noise = {"class_name": "GaussianDistribution", "init_std": 1.0}
+    widths = [512, 256, 128]
+    actor = kind(seen, {"actor": [*groups]}, "actor", ACTED, widths, "elu", True, noise, **more)
+    actor.update_normalization(seen)
+    runner = types.SimpleNamespace(alg=types.SimpleNamespace(get_policy=lambda: actor))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        OnPolicyRunner.export_policy_to_onnx(runner, str(folder), "actor.onnx")
+    assert (folder / "actor.onnx.data").exists()
+    return folder / "actor.onnx"
+
+
+IMAGES = {"output_channels": [16, 32], "kernel_size": [8, 4], "stride": [4, 2], "activation": "elu"}
+ACTORS = {
+    "elu": (MLPModel, {}),
+    "gru": (RNNModel, {"rnn_type": "gru", "rnn_hidden_dim": 64}),
+    "two layers of gru": (RNNModel, {"rnn_type": "gru", "rnn_hidden_dim": 64, "rnn_num_layers": 2}),
+    "lstm": (RNNModel, {"rnn_type": "lstm", "rnn_hidden_dim": 64}),
+    "images": (CNNModel, {"cnn_cfg": IMAGES}),
+}
+
+
+@pytest.mark.parametrize("name", ACTORS)
+def test_actors_of_rsl_rl_give_the_actions_of_onnxruntime(tmp_path: Path, name: str) -> None:
+    kind, more = ACTORS[name]
+    path = exported_by_rsl_rl(kind, tmp_path, **more)
+    whole = tmp_path / "whole.onnx"
+    whole.write_bytes(policy_command.content_of(path))
+    policy, official = trifinger.Policy(whole), Official(path)
+    assert policy.num_inputs == OBSERVED + (3 * 64 * 64 if kind is CNNModel else 0)
+    assert policy.has_state == (kind is RNNModel)
+    random = np.random.default_rng(2)
+    for _ in range(10):
+        for _ in range(100):
+            observation = random.normal(size=policy.num_inputs)
+            np.testing.assert_allclose(policy(observation), official(observation), atol=1e-6)
+        policy.reset()
+        official.reset()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_convolutions_and_pools_of_any_shape_are_those_of_onnxruntime(
+    tmp_path: Path, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    groups = int(random.integers(1, 4))
+    channels = groups * int(random.integers(1, 4))
+    results = groups * int(random.integers(1, 40))
+    size = random.integers(7, 20, 2).tolist()
+    window = random.integers(1, 4, 2)
+    how: dict[str, Any] = {
+        "kernel_shape": window, "strides": random.integers(1, 4, 2),
+        "dilations": random.integers(1, 3, 2), "pads": random.integers(0, window.min(), 4),
+    }  # fmt: skip
+    weights = random.normal(size=(results, channels // groups, *window)).astype(np.float32)
+    how = {name: numbers.tolist() for name, numbers in how.items()}
+    tensors = {"w": weights / 10, "b": random.normal(size=results).astype(np.float32)}
+    for node in (
+        helper.make_node("Conv", ["x", "w", "b"], ["y"], group=groups, **how),
+        helper.make_node("MaxPool", ["x"], ["y"], **how),
+    ):
+        shape = (1, channels, *size)
+        graph = helper.make_graph(
+            [node], "g", [helper.make_tensor_value_info("x", TensorProto.FLOAT, shape)],
+            [helper.make_tensor_value_info("y", TensorProto.FLOAT, None)],
+            [onnx.numpy_helper.from_array(one, name) for name, one in tensors.items()],
+        )  # fmt: skip
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+        path = tmp_path / "one.onnx"
+        path.write_bytes(model.SerializeToString())
+        policy, official = trifinger.Policy(path), Official(path)
+        observation = random.normal(size=policy.num_inputs)
+        np.testing.assert_allclose(policy(observation), official(observation), atol=2e-6)
 
 
 def nodes() -> Iterator[tuple[str, list[onnx.NodeProto], dict[str, Any]]]:
@@ -228,9 +319,8 @@ def test_copies_have_states_of_their_own_and_evaluations_one_for_each_robot(tmp_
 def test_a_network_of_somebody_else_runs_on_a_robot(
     tmp_path: Path, start_program: StartProgram, name: str
 ) -> None:
-    torch.manual_seed(1)
-    network, shapes = NETWORKS[name]
-    path = export(network(), tmp_path / "actor.onnx", shapes)
+    kind, more = ACTORS[name]
+    path = exported_by_rsl_rl(kind, tmp_path, **more)
     observed = Options.of("reach").changed(mapping="state_augmentation", steps_per_action=1)
     words = ["import", str(path), "--task", "reach", "-o", str(tmp_path / "mine.onnx")]
     words += ["--set", "mapping=state_augmentation", "--set", "steps_per_action=1"]

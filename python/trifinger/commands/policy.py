@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -78,7 +79,11 @@ def _import(arguments: argparse.Namespace) -> None:
 
     if arguments.network.suffix != ".onnx":
         raise InvalidArgument(f"{arguments.network} does not end in .onnx")
-    policy = Policy(arguments.network)
+    content = content_of(arguments.network)
+    with tempfile.TemporaryDirectory() as folder:
+        network = Path(folder, arguments.network.name)
+        network.write_bytes(content)
+        policy = Policy(network)
     options = Options.of(arguments.task, **dict(map(parse_setting, arguments.set)))
     Evaluator(arguments.task, options, 1, config=arguments.robot_config).rows_of(policy)
     if policy.metadata.keys() & {"task", "options"}:
@@ -88,8 +93,18 @@ def _import(arguments: argparse.Namespace) -> None:
     if output.suffix != ".onnx":
         raise InvalidArgument(f"{output} does not end in .onnx")
     with whole_file(output) as part:
-        part.write_bytes(with_metadata(arguments.network.read_bytes(), known))
+        part.write_bytes(with_metadata(content, known))
     say(f"{output} is a policy for the task '{arguments.task}'.", file=sys.stderr)
+
+
+def content_of(network: Path) -> bytes:
+    """A file of ONNX, with the weights that PyTorch's exporter writes beside it."""
+    if not network.with_name(f"{network.name}.data").exists():
+        return network.read_bytes()
+    extras.require("learning", "onnx")
+    import onnx
+
+    return bytes(onnx.load(network).SerializeToString())
 
 
 def _export(arguments: argparse.Namespace) -> None:
