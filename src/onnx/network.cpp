@@ -80,6 +80,31 @@ TRIFINGER_WIDE bool has_nan(const float* numbers, std::int64_t count) noexcept {
   return is_wrong != 0;
 }
 
+// Returns false if a number is not finite.
+TRIFINGER_WIDE bool take(const double* numbers, std::int64_t count, float* out) noexcept {
+  for (std::int64_t i = 0; i < count; ++i) out[i] = static_cast<float>(numbers[i]);
+  return are_finite(out, count);
+}
+
+// x becomes above * x where it is positive, and below * (exp(x) - 1) elsewhere. exp(x) is
+// 2^n * exp(rest), with a rest of at most ln(2) / 2, for which the first terms of its series do.
+TRIFINGER_WIDE void elu(float* x, std::int64_t count, float above, float below) noexcept {
+  constexpr float kRound = 12'582'912.0F;  // Sums with it have no fraction.
+  for (std::int64_t i = 0; i < count; ++i) {
+    const float negative = std::max(std::min(x[i], 0.0F), -87.0F);
+    const float n = (negative * std::numbers::log2e_v<float> + kRound) - kRound;
+    // ln(2) in two parts, the first of which has so few bits that its product is exact.
+    const float rest = (negative - n * 0.693359375F) + n * 2.12194440e-4F;
+    float sum = 1.0F / 720.0F + rest * (1.0F / 5040.0F);
+    sum = 1.0F / 24.0F + rest * (1.0F / 120.0F + rest * sum);
+    sum = 1.0F + rest * (0.5F + rest * (1.0F / 6.0F + rest * sum));
+    const auto exponent = static_cast<std::uint32_t>(static_cast<std::int32_t>(n) + 127) << 23U;
+    const float power = std::bit_cast<float>(exponent);
+    // exp(rest) - 1 is sum * rest.
+    x[i] = above * std::max(x[i], 0.0F) + below * (power * (sum * rest) + (power - 1.0F));
+  }
+}
+
 // Functions of one number. `p` are parameters of the operator.
 struct Unary {
   std::string_view op;
@@ -92,14 +117,9 @@ constexpr std::array kUnary{
     Unary{"Relu", [](Numbers x, const auto& /*p*/) noexcept { x = x.max(0.0F); }},
     Unary{"Tanh", [](Numbers x, const auto& /*p*/) noexcept { x = x.tanh(); }},
     Unary{"Sigmoid", [](Numbers x, const auto& /*p*/) noexcept { sigmoid(x); }},
-    Unary{"Elu",
-          [](Numbers x, const auto& p) noexcept {
-            x = x.max(0.0F) + p[0] * (x.min(0.0F).exp() - 1.0F);
-          }},
+    Unary{"Elu", [](Numbers x, const auto& p) noexcept { elu(x.data(), x.size(), 1.0F, p[0]); }},
     Unary{"Selu",
-          [](Numbers x, const auto& p) noexcept {
-            x = p[1] * (x.max(0.0F) + p[0] * (x.min(0.0F).exp() - 1.0F));
-          }},
+          [](Numbers x, const auto& p) noexcept { elu(x.data(), x.size(), p[1], p[1] * p[0]); }},
     Unary{"LeakyRelu",
           [](Numbers x, const auto& p) noexcept { x = x.max(0.0F) + p[0] * x.min(0.0F); }},
     Unary{
@@ -1482,13 +1502,10 @@ bool Network::evaluate(std::span<const double> observation, std::span<double> ac
   };
   if (observation.size() != num_inputs_ || action.size() != num_outputs_) return fails();
   float* const memory = memory_.data();
-  auto from = observation.begin();
+  const double* from = observation.data();
   for (const Input& input : inputs_) {
-    const auto end = from + static_cast<std::ptrdiff_t>(input.size);
-    std::transform(from, end, memory + input.at,
-                   [](double number) { return static_cast<float>(number); });
-    if (!are_finite(memory + input.at, static_cast<std::int64_t>(input.size))) return fails();
-    from = end;
+    if (!take(from, static_cast<std::int64_t>(input.size), memory + input.at)) return fails();
+    from += input.size;
   }
   for (const Step& step : steps_) {
     if (!step.run(step, memory)) return fails();

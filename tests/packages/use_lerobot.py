@@ -14,19 +14,23 @@ import json
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 PROGRAMS = Path(sys.executable).parent
 STAND_IN = Path(__file__).parents[1] / "python" / "lerobot_stand_in"
 RATE = 15  # of the data set [Hz]
 SIZE = 54  # of the images [pixel]
 SECONDS = 4
+CHUNKS = 10  # of four actions of the policy
 # The machine may be busy; then actions are repeated, but the robot does not stop.
 BUSY = (
     *("--set", "safety.plausibility.stuck_time=.inf"),
@@ -62,8 +66,12 @@ def main() -> None:
             replay(data_set)
             teleoperate()
         the_robot_did_what_it_was_sent(data_set)
-        train(data_set)
+        policy = train(data_set)
         train(exported(folder))
+        acting = ("--set", "cameras.pixels=rgb8", *images, *BUSY, "--record", "logs/acting")
+        with running("sim_cameras", "seeing", *acting):
+            sent = let_act(policy)
+        the_robot_did_what_the_policy_sent(sent)
 
 
 def interfaces_agree() -> None:
@@ -307,8 +315,8 @@ def exported(folder: Path) -> Path:
     return target
 
 
-def train(folder: Path) -> None:
-    """Two steps of training of ACT."""
+def train(folder: Path) -> Path:
+    """Two steps of training of ACT. Returns the folder of the policy."""
     output = folder.with_name(f"{folder.name}_trained")
     lerobot(
         "train",
@@ -332,6 +340,65 @@ def train(folder: Path) -> None:
     )
     (weights,) = output.glob("checkpoints/*2/pretrained_model/model.safetensors")
     print(f"trained two steps on {folder.name}: {weights.stat().st_size} bytes of weights")
+    return weights.parent
+
+
+def let_act(policy: Path) -> list[tuple[float, ...]]:
+    """Lets a policy move the robot "seeing", as the README says. Returns the actions it sent."""
+    from lerobot.async_inference.configs import PolicyServerConfig
+    from lerobot.async_inference.policy_server import PolicyServer, serve
+
+    sent: list[tuple[float, ...]] = []
+    predict = PolicyServer._predict_action_chunk
+
+    def predict_and_keep(*given: Any) -> Any:
+        chunk = predict(*given)
+        sent.extend(tuple(one.get_action().tolist()) for one in chunk)
+        return chunk
+
+    PolicyServer._predict_action_chunk = predict_and_keep
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = PolicyServerConfig(host="127.0.0.1", port=port)
+    threading.Thread(target=serve, args=(server,), daemon=True).start()
+    print("robot_client", flush=True)
+    words = [
+        *("-m", "lerobot.async_inference.robot_client", *seeing(), "--policy_type=act"),
+        *(f"--pretrained_name_or_path={policy}", f"--server_address=127.0.0.1:{port}"),
+        *("--actions_per_chunk=4", "--aggregate_fn_name=latest_only", f"--fps={RATE}"),
+    ]
+    with (
+        Path("client.txt").open("w+") as said,
+        subprocess.Popen([sys.executable, *words], stdout=said, stderr=said) as client,
+    ):
+        while len(sent) < CHUNKS * 4 and client.poll() is None:
+            time.sleep(0.1)
+        client.send_signal(signal.SIGINT)
+        client.wait()
+        said.seek(0)
+        text = said.read()
+    assert len(sent) >= CHUNKS * 4, text[-6000:]
+    assert "Client stopped" in text, text[-6000:]
+    return sent
+
+
+def the_robot_did_what_the_policy_sent(sent: Sequence[tuple[float, ...]]) -> None:
+    """Looks into the log: the desired actions are those of the policy, and the robot moved."""
+    import numpy as np
+    import trifinger
+
+    found = trifinger.Log("logs/acting").sessions
+    (session,) = (one for one in found if not one.is_companion and len(one.time_index) > 0)
+    desired = session.desired_actions["position"]
+    is_new = np.any(np.diff(desired, axis=0) != 0, axis=1)
+    actions = [tuple(one) for one in desired[1:][is_new]]  # without the pose at the beginning
+    assert len(actions) >= (CHUNKS - 1) * 4, f"only {len(actions)} actions arrived"
+    foreign = set(actions) - set(sent)
+    assert not foreign, f"{len(foreign)} actions were not sent by the policy: {foreign}"
+    moved = np.ptp(session.observations["position"], axis=0).max()
+    assert moved > 0.01, f"the robot moved by {moved} rad only"
+    print(f"{len(actions)} actions of the policy arrived; a joint moved by {moved:.2f} rad")
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ def pip(folder: Path) -> list[str]:
 
 
 def lerobot() -> Step:
-    """Records, replays, teleoperates and trains with LeRobot itself.
+    """Records, replays, teleoperates, trains and lets a policy act with LeRobot itself.
 
     Raises:
         NotRun: if this machine lacks something
@@ -81,7 +81,7 @@ def lerobot() -> Step:
         ours = [*map(str, wheels.glob("trifinger-*.whl")), str(sources)]
         STEPS.run("ours beside it", [*pip(folder), "install", "--progress-bar=off", *ours])
         use = [str(folder / "bin" / "python"), "tests/packages/use_lerobot.py"]
-        return STEPS.check("record, replay, teleoperate, train", use)
+        return STEPS.check("record, replay, teleoperate, train, let a policy act", use)
 
 
 def cluster() -> Step:

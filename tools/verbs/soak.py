@@ -165,7 +165,7 @@ def learn() -> bool:
 
 
 def lerobot_itself() -> bool:
-    """Records with images, replays, teleoperates and trains with LeRobot."""
+    """Records with images, replays, teleoperates, trains and lets a policy act with LeRobot."""
     return print_figures(lerobot())
 
 
