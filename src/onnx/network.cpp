@@ -356,7 +356,7 @@ bool run_lstm(const Step& step, float* memory) noexcept {
 }
 
 constexpr std::int64_t kLanes = 16;  // Channels whose weights stand together.
-constexpr std::size_t kPlaces = 12;  // Sums that fit into the registers of a processor.
+constexpr std::size_t kSums = 12;    // Registers that a processor has for sums.
 
 std::int64_t tiled(std::int64_t channels) noexcept {
   return (channels + kLanes - 1) / kLanes * kLanes;
@@ -390,31 +390,41 @@ struct Windows {
   std::span<const std::int32_t> firsts;
 };
 
-// The results of `channels`, at most `kWidth`: their sums stay in registers. weights: for each tap
-// a number of each of the lanes
-template <std::int64_t kWidth>
-TRIFINGER_WIDE void convolve(const Windows& windows, const float* image, const float* weights,
-                             const float* bias, std::int64_t channels, float* out) noexcept {
+// The results of `channels`, which fill `kRegisters` at most: their sums stay there. weights: where
+// those of each register begin; for each tap a number of each of the lanes
+template <std::int64_t kWidth, std::size_t kRegisters>
+TRIFINGER_WIDE void convolve(const Windows& windows, const float* image,
+                             const std::array<const float*, kRegisters>& weights, const float* bias,
+                             std::int64_t channels, float* out) noexcept {
   using Sum = typename Register<kWidth>::Type;
+  constexpr std::size_t kPlaces = kSums / kRegisters;
   const std::size_t size = windows.firsts.size();
   for (std::size_t first = 0; first < size; first += kPlaces) {
     const std::size_t places = std::min(kPlaces, size - first);
-    std::array<const float*, kPlaces> at;  // NOLINT(*-member-init)
-    std::array<Sum, kPlaces> sums;         // NOLINT(*-member-init)
+    std::array<const float*, kPlaces> at;                   // NOLINT(*-member-init)
+    std::array<std::array<Sum, kPlaces>, kRegisters> sums;  // NOLINT(*-member-init)
     for (std::size_t i = 0; i < kPlaces; ++i) {
       at[i] = image + windows.firsts[first + std::min(i, places - 1)];
-      std::memcpy(&sums[i], bias, sizeof(Sum));
+      for (std::size_t r = 0; r < kRegisters; ++r) {
+        std::memcpy(&sums[r][i], bias + r * kWidth, sizeof(Sum));
+      }
     }
-    const float* next = weights;
+    std::array<const float*, kRegisters> next = weights;
     for (const std::int32_t tap : windows.taps) {
-      Sum weight;
-      std::memcpy(&weight, next, sizeof(Sum));
-      for (std::size_t i = 0; i < kPlaces; ++i) sums[i] += weight * at[i][tap];
-      next += kLanes;
+      std::array<Sum, kRegisters> weight;  // NOLINT(*-member-init)
+      for (std::size_t r = 0; r < kRegisters; ++r) {
+        std::memcpy(&weight[r], next[r], sizeof(Sum));
+        next[r] += kLanes;
+      }
+      for (std::size_t i = 0; i < kPlaces; ++i) {
+        const float number = at[i][tap];
+        for (std::size_t r = 0; r < kRegisters; ++r) sums[r][i] += weight[r] * number;
+      }
     }
     for (std::int64_t channel = 0; channel < channels; ++channel) {
+      const auto& found = sums[static_cast<std::size_t>(channel / kWidth)];
       float* const row = out + channel * static_cast<std::int64_t>(size) + first;
-      for (std::size_t i = 0; i < places; ++i) row[i] = sums[i][channel];
+      for (std::size_t i = 0; i < places; ++i) row[i] = found[i][channel % kWidth];
     }
   }
 }
@@ -431,11 +441,20 @@ bool run_convolution(const Step& step, float* memory) noexcept {
   float* out = memory + step.out;
   for (std::int64_t group = 0; group < step.sizes[2]; ++group) {
     const float* const image = memory + step.in[0] + group * step.sizes[4];
-    for (std::int64_t first = 0; first < channels; first += kWidth) {
-      const std::int64_t lane = first % kLanes;
-      const float* const block = weights + (first - lane) * step.sizes[0];
-      const std::int64_t lanes = std::min(kWidth, channels - first);
-      convolve<kWidth>(windows, image, block + lane, bias + first, lanes, out + first * size);
+    const auto block = [&](std::int64_t channel) {
+      return weights + channel / kLanes * kLanes * step.sizes[0] + channel % kLanes;
+    };
+    for (std::int64_t first = 0; first < channels;) {
+      const std::int64_t left = channels - first;
+      if (left > kWidth) {
+        const std::array<const float*, 2> both{block(first), block(first + kWidth)};
+        convolve<kWidth, 2>(windows, image, both, bias + first, std::min(2 * kWidth, left),
+                            out + first * size);
+        first += 2 * kWidth;
+      } else {
+        convolve<kWidth, 1>(windows, image, {block(first)}, bias + first, left, out + first * size);
+        first += kWidth;
+      }
     }
     weights += tiled(channels) * step.sizes[0];
     bias += tiled(channels);
