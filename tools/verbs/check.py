@@ -2,6 +2,7 @@
 """Runs what `./run test` leaves out: each test in the build that says most about it."""
 
 import platform
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from .docs import build_site, look_at_site
 from .lint import clang_tidy
 from .machine import Machine
 from .setup import PYTHON
-from .steps import Steps
+from .steps import NotRun, Steps
 from .test import cpp_tests, python_tests, run_stages
 
 
@@ -26,6 +27,7 @@ def check() -> int:
             ("slow tests of what users get", test_release),
             ("documentation site", lambda count: test_site(count, machine)),
             ("SocketCAN on a real-time kernel", machine.test),
+            ("the safety chain for GPUs", compile_for_gpus),
             ("results of skills are of their judges", test_results),
             ("every fault has its test", test_every_fault),
         ]
@@ -153,6 +155,18 @@ def test_every_fault(count: Count) -> bool:  # noqa: ARG001
         if line.startswith("not run"):
             print(f"    {line}")
     return step.succeeded
+
+
+def compile_for_gpus(count: Count) -> bool:  # noqa: ARG001
+    """Compiles the safety chain to PTX.
+
+    Raises:
+        NotRun: if the compiler is missing
+    """
+    if shutil.which("clang++-14") is None:
+        raise NotRun("clang++-14 is missing: apt install clang-14")
+    tool = [PYTHON, "packages/trifinger_gpu/write_ptx.py", "build/gpu/safety.ptx"]
+    return Steps("gpu").check("PTX of the safety chain", tool).succeeded
 
 
 def test_results(count: Count) -> bool:  # noqa: ARG001

@@ -15,6 +15,7 @@
 #include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/joint/joint_chain.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/joint/safety_checks.hpp"  // IWYU pragma: export
@@ -61,7 +62,8 @@ struct SafetyTypes<R> {
 /// 5. The torque follows: PD, limit of the torque rate, clip to what the heat allows, damp, clip.
 /// 6. The velocity is limited.
 ///
-/// safety_checks.hpp has the checks with their equations, docs/safety.md the proof.
+/// safety_checks.hpp has the checks with their equations, joint_chain.hpp their order,
+/// docs/safety.md the proof.
 ///
 /// A chain is constant once set up. Threads may share one, each with its own `SafetyState`.
 template <class R>
@@ -127,30 +129,18 @@ template <class Action>
           action.position_kd[joint]};
 }
 
+template <class Observation>
+[[nodiscard]] JointMeasurement measurement_of(const Observation& observation,
+                                              std::size_t joint) noexcept {
+  return {observation.position[joint], observation.velocity[joint], observation.torque[joint]};
+}
+
 template <class Action>
 void set_command(Action& action, std::size_t joint, const JointCommand& command) noexcept {
   action.torque[joint] = command.torque;
   action.position[joint] = command.position;
   action.position_kp[joint] = command.position_kp;
   action.position_kd[joint] = command.position_kd;
-}
-
-// True if the values are equal or both "not given".
-[[nodiscard]] inline bool is_same(double a, double b) noexcept {
-  return a == b || (std::isnan(a) && std::isnan(b));
-}
-[[nodiscard]] inline bool is_same(const JointCommand& a, const JointCommand& b) noexcept {
-  return is_same(a.torque, b.torque) && is_same(a.position, b.position) &&
-         is_same(a.position_kp, b.position_kp) && is_same(a.position_kd, b.position_kd);
-}
-
-// True if nothing differs, in the sense that AppliedJointAction promises.
-[[nodiscard]] inline bool is_as_asked(const JointCommand& desired, const JointCommand& result,
-                                      double position, double velocity,
-                                      const JointLimit& limit) noexcept {
-  JointCommand asked = with_default_gains(desired, limit);
-  asked.torque = torque_of(asked, position, velocity);
-  return is_same(asked, result);
 }
 
 }  // namespace detail
@@ -188,25 +178,9 @@ SafetyReport SafetyChain<R>::check_measurements(const Observation& observation, 
                                                 AppliedAction& applied) const noexcept {
   SafetyReport report;
   for (std::size_t i = 0; i < limits_.size(); ++i) {
-    const JointLimit& limit = limits_[i];
     JointMemory& memory = state.joints[i];
-    const JointMeasurement measured{observation.position[i], observation.velocity[i],
-                                    observation.torque[i]};
-    std::uint64_t reasons = check_measurement(measured, limit);
-    double torque = std::abs(memory.applied_torque);
-    if (!has(reasons, Reason::kBadMeasurement)) {
-      reasons |= check_jump(measured.position, memory.position, elapsed, limit);
-      memory.velocity_error = velocity_error_after(memory, measured, elapsed, limit);
-      reasons |= check_velocity(memory.velocity_error, limit);
-      memory = with_stillness(memory, measured, elapsed, limit);
-      reasons |= check_stuck(memory.still_time, limit);
-      memory.position = measured.position;
-      memory.velocity = measured.velocity;
-      torque = std::max(torque, std::abs(measured.torque));
-    }
-    memory.heat = heat_after(memory.heat, torque, elapsed, limit);
-    reasons |= check_heat(memory.heat);
-
+    const std::uint64_t reasons =
+        remember_measurement(detail::measurement_of(observation, i), elapsed, limits_[i], memory);
     applied.reasons[i] = reasons;
     applied.thermal_margin[i] = thermal_margin_of(memory.heat);
     if (reasons != 0 && report.fault == SafetyFault::kNone) {
@@ -222,12 +196,9 @@ auto SafetyChain<R>::accept(const Action& desired, State& state,
                             AppliedAction& applied) const noexcept -> Action {
   Action accepted = desired;
   for (std::size_t i = 0; i < limits_.size(); ++i) {
-    double& accepted_position = state.joints[i].accepted_position;
     const CheckedCommand checked =
-        accept_command(detail::command_of(desired, i), accepted_position, limits_[i]);
+        accept_and_remember(detail::command_of(desired, i), limits_[i], state.joints[i]);
     applied.reasons[i] = checked.reasons;
-    // A rejected command becomes the last accepted target.
-    accepted_position = checked.command.position;
     detail::set_command(accepted, i, checked.command);
   }
   return accepted;
@@ -267,47 +238,22 @@ template <class R>
 void SafetyChain<R>::limit(std::size_t joint, const Action& desired, const Action& accepted,
                            const Observation& observation, double elapsed, JointMemory& memory,
                            AppliedAction& applied) const noexcept {
-  const JointLimit& limit = limits_[joint];
-  const double position = observation.position[joint];
-  const double velocity = observation.velocity[joint];
-  std::uint64_t reasons = applied.reasons[joint];
-
-  const CheckedCommand inside =
-      stay_within_soft_limits(detail::command_of(accepted, joint), position, limit);
-  const CheckedTorque asked = limit_torque_rate(torque_of(inside.command, position, velocity),
-                                                memory.asked_torque, position, elapsed, limit);
-  const double max_torque = derated_torque(memory.heat, limit);
-  const CheckedTorque damped = limit_torque(asked.torque, velocity, max_torque, limit);
-  const CheckedTorque safe = limit_velocity(damped.torque, position, velocity, max_torque, limit);
-  reasons |= inside.reasons | asked.reasons | damped.reasons | safe.reasons;
-  memory.asked_torque = std::clamp(asked.torque, -limit.max_torque, limit.max_torque);
-  memory.applied_torque = safe.torque;
-
-  JointCommand result = inside.command;
-  result.torque = safe.torque;
-  // Two changes may cancel each other; then nothing is left to explain. A rejected command stays
-  // visible.
-  if (reasons != 0 && (reasons & kRejected) == 0 &&
-      detail::is_as_asked(detail::command_of(desired, joint), result, position, velocity, limit)) {
-    reasons = 0;
-  }
-  detail::set_command(applied, joint, result);
-  applied.reasons[joint] = reasons;
+  const CheckedCommand result =
+      limit_joint(detail::command_of(desired, joint),
+                  {detail::command_of(accepted, joint), applied.reasons[joint]},
+                  detail::measurement_of(observation, joint), elapsed, limits_[joint], memory);
+  detail::set_command(applied, joint, result.command);
+  applied.reasons[joint] = result.reasons;
 }
 
 template <class R>
 void SafetyChain<R>::brake(const Observation& observation, State& state,
                            AppliedAction& applied) const noexcept {
   for (std::size_t i = 0; i < limits_.size(); ++i) {
-    JointMemory& memory = state.joints[i];
-    // A velocity that is not plausible damps nothing.
-    const bool is_known = (applied.reasons[i] & kImplausible) == 0;
-    memory.asked_torque = 0.0;
-    memory.applied_torque = limit_torque(0.0, is_known ? observation.velocity[i] : 0.0,
-                                         derated_torque(memory.heat, limits_[i]), limits_[i])
-                                .torque;
-    detail::set_command(applied, i, {.torque = memory.applied_torque});
-    applied.reasons[i] |= bit(Reason::kBraking);
+    const CheckedCommand result =
+        brake_joint(observation.velocity[i], applied.reasons[i], limits_[i], state.joints[i]);
+    detail::set_command(applied, i, result.command);
+    applied.reasons[i] = result.reasons;
   }
 }
 
