@@ -184,6 +184,11 @@ const char* const seed = R"(Makes the next `reset` of simulation `index` begin t
 begins the next episode.
 
 Raises InvalidArgument if there is no such simulation.)";
+const char* const set_physics = R"(Lets `physics` move the simulations, in place of MuJoCo. Motors, safety checks and the task
+stay those of this class. What `physics` raises, `step` raises; the episodes that were under
+way have then ended.
+
+Raises InvalidArgument if images are needed.)";
 const char* const step = R"(Applies one action in each simulation. `actions` has one row of numbers per simulation, as
 for `Environment.take_action`.
 
@@ -191,6 +196,11 @@ Raises InvalidArgument if there are too many or too few numbers, or one is not f
 nothing moves. Error if an image could not be drawn; then the episode of that simulation has
 ended, and the others have moved on. What a task of many raises; then all episodes have
 ended.)";
+const char* const varied_field = R"(One of these fields of all simulations, one after the other.
+
+Raises InvalidArgument if it is none of these.)";
+const char* const varied_fields = R"(What of the model may differ from simulation to simulation: names of fields of `mjModel`;
+none if nothing does.)";
 }
 
 namespace Estimate {

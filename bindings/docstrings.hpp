@@ -117,7 +117,10 @@ extern const char* const first_finger;
 extern const char* const oldest_sure_age;
 extern const char* const reset;
 extern const char* const seed;
+extern const char* const set_physics;
 extern const char* const step;
+extern const char* const varied_field;
+extern const char* const varied_fields;
 }
 
 namespace Estimate {

@@ -4,10 +4,12 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/string_view.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -25,6 +27,7 @@
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
 #include "conversion/gil.hpp"
+#include "conversion/numbers.hpp"
 #include "conversion/shown.hpp"
 #include "conversion/text.hpp"
 #include "docstrings.hpp"
@@ -78,6 +81,26 @@ nb::typed<nb::list, nb::typed<nb::tuple, nb::str, int, int>> describe_cameras(
 using EntryTuple = std::tuple<std::string, std::string, std::vector<double>, std::vector<double>>;
 
 EntryTuple tuple_of(const Entry& entry) { return {entry.name, entry.unit, entry.low, entry.high}; }
+
+// A row for each simulation, of memory that `owner` keeps.
+nb::object view(nb::handle owner, const BatchRows& rows, std::size_t count) {
+  const std::array<std::size_t, 2> shape{count, static_cast<std::size_t>(rows.width)};
+  const std::array<std::int64_t, 2> strides{rows.stride, 1};
+  return nb::cast(
+      nb::ndarray<nb::numpy, double>(rows.first, 2, shape.data(), owner, strides.data()));
+}
+
+// Calls a function of Python. The batch must not keep it alive: it has views of the batch.
+BatchPhysics physics_of(const nb::callable& function) {
+  return [weak = nb::weakref(function)](std::span<const std::uint8_t> moves, bool models_changed) {
+    const nb::gil_scoped_acquire hold;
+    const nb::object called = weak();
+    if (called.is_none()) throw Error("the physics of these simulations are gone");
+    auto [array, memory] = new_array({static_cast<npy_intp>(moves.size())}, NPY_BOOL);
+    std::ranges::copy(moves, static_cast<std::uint8_t*>(memory));
+    called(array, models_changed);
+  };
+}
 
 // What both classes tell of their task.
 template <class T>
@@ -318,6 +341,58 @@ void bind_environments(nb::module_& m) {
           nb::sig("def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) "
                   "-> None"),
           also(docs::EnvironmentBatch::step, R"(The arrays below change.)"));
+  type.def(
+          "set_physics",
+          [](EnvironmentBatch& self, const nb::callable& physics) {
+            self.set_physics(physics_of(physics));
+          },
+          "physics"_a,
+          nb::sig("def set_physics(self, physics: Callable[[numpy.typing.NDArray[numpy.bool_], "
+                  "bool], None]) -> None"),
+          also(
+              docs::EnvironmentBatch::set_physics,
+              R"(`physics` gets marks of the simulations that it must move, and whether models have changed.
+The caller keeps it alive.)"))
+      .def_prop_ro(
+          "memory",
+          [](nb::handle self) {
+            auto& batch = nb::cast<EnvironmentBatch&>(self);
+            const BatchMemory memory = batch.memory();
+            nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy, double>> all;
+            all["qpos"] = view(self, memory.qpos, batch.size());
+            all["qvel"] = view(self, memory.qvel, batch.size());
+            all["qacc_warmstart"] = view(self, memory.qacc_warmstart, batch.size());
+            all["ctrl"] = view(self, memory.ctrl, batch.size());
+            return all;
+          },
+          "What other physics read and write: a row for each simulation. They do not write `ctrl`.")
+      .def_prop_ro(
+          "substeps", [](EnvironmentBatch& self) { return self.memory().substeps; },
+          "Steps of the model in each call of other physics.")
+      .def_prop_ro(
+          "model_file",
+          [](EnvironmentBatch& self) {
+            const BatchMemory memory = self.memory();
+            return nb::bytes(memory.model.data(), memory.model.size());
+          },
+          "The model as a file of MuJoCo, with all pairs of surfaces that may vary.")
+      .def_prop_ro(
+          "varied_fields",
+          [](const EnvironmentBatch& self) {
+            const auto names = self.varied_fields();
+            return std::vector<std::string>(names.begin(), names.end());
+          },
+          docs::EnvironmentBatch::varied_fields)
+      .def(
+          "varied_field",
+          [](nb::handle self, std::string_view name) {
+            const auto& batch = nb::cast<const EnvironmentBatch&>(self);
+            const std::vector<double> values = batch.varied_field(name);
+            const auto rows = static_cast<Eigen::Index>(batch.size());
+            return RowMajor(Eigen::Map<const RowMajor>(
+                values.data(), rows, static_cast<Eigen::Index>(values.size()) / rows));
+          },
+          "name"_a, docs::EnvironmentBatch::varied_field);
   bind_description<EnvironmentBatch>(
       type, [](const EnvironmentBatch& self) -> const Environment& { return self.environment(); });
   const auto array = [&type](const char* name, const char* number, auto get, bool has_rows) {

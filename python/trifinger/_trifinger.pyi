@@ -3982,6 +3982,48 @@ class EnvironmentBatch:
         The arrays below change.
         """
 
+    def set_physics(self, physics: Callable[[numpy.typing.NDArray[numpy.bool_], bool], None]) -> None:
+        """
+        Lets `physics` move the simulations, in place of MuJoCo. Motors, safety checks and the task
+        stay those of this class. What `physics` raises, `step` raises; the episodes that were under
+        way have then ended.
+
+        Raises InvalidArgument if images are needed.
+
+        `physics` gets marks of the simulations that it must move, and whether models have changed.
+        The caller keeps it alive.
+        """
+
+    @property
+    def memory(self) -> dict[str, NDArray[numpy.float64]]:
+        """
+        What other physics read and write: a row for each simulation. They do not write `ctrl`.
+        """
+
+    @property
+    def substeps(self) -> int:
+        """Steps of the model in each call of other physics."""
+
+    @property
+    def model_file(self) -> bytes:
+        """
+        The model as a file of MuJoCo, with all pairs of surfaces that may vary.
+        """
+
+    @property
+    def varied_fields(self) -> list[str]:
+        """
+        What of the model may differ from simulation to simulation: names of fields of `mjModel`;
+        none if nothing does.
+        """
+
+    def varied_field(self, name: str) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]:
+        """
+        One of these fields of all simulations, one after the other.
+
+        Raises InvalidArgument if it is none of these.
+        """
+
     @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
         """

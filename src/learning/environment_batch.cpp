@@ -101,6 +101,19 @@ std::vector<double> EnvironmentBatch::configuration(std::size_t index) const {
   return implementation_->configuration(index);
 }
 
+void EnvironmentBatch::set_physics(BatchPhysics physics) {
+  require(!implementation_->environment.options().needs_cameras(),
+          "options with images need the physics of MuJoCo itself");
+  implementation_->physics = std::move(physics);
+}
+BatchMemory EnvironmentBatch::memory() { return implementation_->memory(); }
+std::vector<std::string_view> EnvironmentBatch::varied_fields() const {
+  return implementation_->varied_fields();
+}
+std::vector<double> EnvironmentBatch::varied_field(std::string_view name) const {
+  return implementation_->varied_field(name);
+}
+
 void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t episode) {
   implementation_->require_simulation(index);
   implementation_->seeds[index] = seed;

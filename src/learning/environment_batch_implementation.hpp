@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "trifinger/ipc/fork.hpp"
@@ -31,6 +32,9 @@ class EnvironmentBatch::Implementation {
   virtual void run(std::span<const int> which) = 0;
 
   [[nodiscard]] virtual std::vector<double> configuration(std::size_t index) const = 0;
+  [[nodiscard]] virtual BatchMemory memory() = 0;
+  [[nodiscard]] virtual std::vector<std::string_view> varied_fields() const = 0;
+  [[nodiscard]] virtual std::vector<double> varied_field(std::string_view name) const = 0;
 
   // Throws InheritedHandle in a forked child, which has none of the threads.
   void require_own() const;
@@ -56,6 +60,7 @@ class EnvironmentBatch::Implementation {
   std::vector<std::uint64_t> seeds;
   std::vector<Run> runs;
   Results results;
+  BatchPhysics physics;  // none: MuJoCo's
   std::vector<int> selected;
   // The call in progress.
   Call call{Call::kReset};

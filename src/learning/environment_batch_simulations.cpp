@@ -3,9 +3,11 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <array>
 #include <exception>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "environment_batch_implementation.hpp"
@@ -28,6 +30,41 @@ struct DeleteBatch {
     if (!fork.is_inherited()) mjb_deleteBatch(batch);
   }
 };
+
+// A field of the model that `Simulator::vary` or, after it, mj_setConst changes.
+struct VariedField {
+  std::string_view name;
+  mjtNum* mjModel::* values;
+  decltype(mjModel::nbody) mjModel::* count;
+  int width;
+};
+
+constexpr std::array kVariedFields = std::to_array<VariedField>({
+    {"body_mass", &mjModel::body_mass, &mjModel::nbody, 1},
+    {"body_inertia", &mjModel::body_inertia, &mjModel::nbody, 3},
+    {"body_subtreemass", &mjModel::body_subtreemass, &mjModel::nbody, 1},
+    {"body_invweight0", &mjModel::body_invweight0, &mjModel::nbody, 2},
+    {"geom_friction", &mjModel::geom_friction, &mjModel::ngeom, 3},
+    {"geom_solref", &mjModel::geom_solref, &mjModel::ngeom, mjNREF},
+    {"geom_size", &mjModel::geom_size, &mjModel::ngeom, 3},
+    {"geom_rbound", &mjModel::geom_rbound, &mjModel::ngeom, 1},
+    {"geom_aabb", &mjModel::geom_aabb, &mjModel::ngeom, 6},
+    {"bvh_aabb", &mjModel::bvh_aabb, &mjModel::nbvhstatic, 6},
+    {"pair_friction", &mjModel::pair_friction, &mjModel::npair, 5},
+    {"pair_solref", &mjModel::pair_solref, &mjModel::npair, mjNREF},
+    {"dof_armature", &mjModel::dof_armature, &mjModel::nv, 1},
+    {"dof_damping", &mjModel::dof_damping, &mjModel::nv, 1},
+    {"dof_dampingpoly", &mjModel::dof_dampingpoly, &mjModel::nv, mjNPOLY},
+    {"dof_frictionloss", &mjModel::dof_frictionloss, &mjModel::nv, 1},
+    {"dof_M0", &mjModel::dof_M0, &mjModel::nv, 1},
+    {"dof_invweight0", &mjModel::dof_invweight0, &mjModel::nv, 1},
+    {"jnt_range", &mjModel::jnt_range, &mjModel::njnt, 2},
+    {"tendon_invweight0", &mjModel::tendon_invweight0, &mjModel::ntendon, 1},
+    {"actuator_acc0", &mjModel::actuator_acc0, &mjModel::nactuator, 1},
+    {"actuator_armature", &mjModel::actuator_armature, &mjModel::nactuator, 1},
+    {"actuator_damping", &mjModel::actuator_damping, &mjModel::nactuator, 1},
+    {"actuator_dampingpoly", &mjModel::actuator_dampingpoly, &mjModel::nactuator, mjNPOLY},
+});
 
 // Returns the part of `values` that belongs to one of `count` simulations.
 template <class T>
@@ -94,6 +131,44 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
       const mjtNum* const first = mjb_stateComponent(batch_.get(), part, &count);
       const std::size_t row = index * static_cast<std::size_t>(mjb_nstate(batch_.get()));
       values.insert(values.end(), first + row, first + row + count);
+    }
+    return values;
+  }
+
+  [[nodiscard]] BatchMemory memory() override {
+    const auto rows_of = [this](int part) {
+      BatchRows rows{.stride = mjb_nstate(batch_.get())};
+      rows.first = mjb_stateComponent(batch_.get(), part, &rows.width);
+      return rows;
+    };
+    const mjModel* const model = shown_model();
+    std::vector<std::byte> file(static_cast<std::size_t>(mj_sizeModel(model)));
+    mj_saveModel(model, nullptr, file.data(), static_cast<int>(file.size()));
+    return {.qpos = rows_of(mjSTATE_QPOS),
+            .qvel = rows_of(mjSTATE_QVEL),
+            .qacc_warmstart = rows_of(mjSTATE_WARMSTART),
+            .ctrl = rows_of(mjSTATE_CTRL),
+            .substeps = simulator_.substeps(),
+            .model = std::move(file)};
+  }
+
+  [[nodiscard]] std::vector<std::string_view> varied_fields() const override {
+    std::vector<std::string_view> names;
+    if (simulations_[0].varied == nullptr) return names;
+    for (const VariedField& field : kVariedFields) {
+      if (shown_model()->*field.count > 0) names.push_back(field.name);
+    }
+    return names;
+  }
+
+  [[nodiscard]] std::vector<double> varied_field(std::string_view name) const override {
+    const auto field = std::ranges::find(kVariedFields, name, &VariedField::name);
+    require(field != kVariedFields.end() && simulations_[0].varied != nullptr,
+            "no field of the model called '" + std::string(name) + "' varies");
+    std::vector<double> values;
+    for (const Simulation& one : simulations_) {
+      const mjtNum* const first = (*one.varied).*field->values;
+      values.insert(values.end(), first, first + field->width * ((*one.varied).*field->count));
     }
     return values;
   }
@@ -187,7 +262,11 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
   }
 
   void run_physics(std::span<const int> which) {
-    apply(which);
+    if (physics && call == Call::kStep) {
+      step_at_once(which);
+    } else {
+      apply(which);
+    }
     given_up_.clear();
     const int* const status = mjb_status(batch_.get());
     for (const int i : which) {
@@ -205,6 +284,45 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     }
     // Only now, when all simulations are in order.
     if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
+  }
+
+  // An action of simulations that other physics move, in turns: each does its part of a step, then
+  // all are moved.
+  void step_at_once(std::span<const int> which) {
+    for (const int i : which) simulations_[static_cast<std::size_t>(i)].moves = false;
+    turn_ = Turn::kFirst;
+    apply(which);
+    turn_ = Turn::kNext;
+    moved_.resize(size);
+    std::vector<int> moving;
+    while (true) {
+      bool models_changed = false;
+      moving.clear();
+      for (std::size_t i = 0; i < size; ++i) {
+        moved_[i] = simulations_[i].moves ? 1 : 0;
+        models_changed |= simulations_[i].is_new;
+        if (simulations_[i].moves) moving.push_back(static_cast<int>(i));
+      }
+      if (moving.empty()) break;
+      try {
+        physics(moved_, models_changed);
+      } catch (...) {
+        // Nobody knows where they are.
+        for (const int i : moving)
+          end_with_fault(static_cast<std::size_t>(i), Simulator::kDiverged);
+        turn_ = Turn::kWhole;
+        throw;
+      }
+      for (Simulation& one : simulations_) one.is_new = false;
+      apply(moving);
+    }
+    turn_ = Turn::kWhole;
+  }
+
+  // The model of a simulation that has not been varied yet, with all that may vary.
+  [[nodiscard]] const mjModel* shown_model() const noexcept {
+    const auto& varied = simulations_[0].varied;
+    return varied ? varied.get() : simulator_.model().mujoco();
   }
 
   [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept {
@@ -248,6 +366,10 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     std::vector<ObjectPose> objects{};  // Newest poses seen.
     TimeIndex object_step{kNeverSeen};
     CountedAction action{};  // The action in effect.
+    CountedAction next{};    // The one that follows during this call.
+    int begun{0};            // Number of steps of the robot that this call has begun.
+    bool moves{false};       // Other physics must move it.
+    bool is_new{true};       // Its model may have changed since other physics have moved.
     std::optional<rendering::CaptureQueue> captures{};
     bool is_blind{false};  // Drawing or reading an image has failed.
     // For tasks of many: where the next episode begins, what was measured in this call, and whether
@@ -266,7 +388,11 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
   }
 
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    do_call(model, data, i);
+    if (turn_ == Turn::kNext) {
+      go_on(model, data, i);
+    } else {
+      do_call(model, data, i);
+    }
     // Whoever has called gets the exception, and this episode does not go on.
     if (!std::exchange(simulations_[i].is_blind, false)) return;
     end_with_fault(i, results.fault[i]);
@@ -287,7 +413,32 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
       return;
     }
     if (runs[i].must_reset) return;
-    step(model, data, i);
+    if (!begin_action(i)) return;
+    if (turn_ == Turn::kFirst) {
+      simulations_[i].moves = begin_step(data, i);
+    } else {
+      step(model, data, i);
+    }
+    begin_if_ended(model, data, i);
+  }
+
+  // Goes on after other physics have moved this simulation.
+  void go_on(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    // Motors with play need the accelerations, which are no part of a state.
+    mju_copy(data.qacc, data.qacc_warmstart, static_cast<int>(model.nv));
+    Simulation& one = simulations_[i];
+    one.moves = false;
+    if (end_step(model, data, i)) {
+      if (one.begun < environment.options().steps_per_action) {
+        one.moves = begin_step(data, i);
+      } else {
+        end_action(data, i);
+      }
+    }
+    begin_if_ended(model, data, i);
+  }
+
+  void begin_if_ended(const mjModel& model, mjData& data, std::size_t i) noexcept {
     if (!runs[i].must_reset || autoreset != Autoreset::kSameStep || is_of_many_) return;
     keep_final(i);
     reset(model, data, i);
@@ -320,6 +471,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
         is_of_many_ ? one.start : environment.begin(seeds[i], run.next_episode++, run.episode);
     run.must_reset = false;
     if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
+    one.is_new = true;
     one.state.memory.counters.variation = start.variation;
     put_at(start, data, one.state);
     std::ranges::fill(one.objects, ObjectPose{});
@@ -344,30 +496,59 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
   }
 
   void step(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    Simulation& one = simulations_[i];
     const int steps = environment.options().steps_per_action;
-    // Number of steps for which the previous action continues: docs/learning.md.
-    const int lag = environment.options().mapping == Mapping::kApproximation ? 1 : steps;
-    CountedAction next = one.action;
-    if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
-      return;  // Never: the actions were checked before.
+    while (simulations_[i].begun < steps) {
+      if (!begin_step(data, i)) return;
+      for (int k = 0; k < simulator_.substeps(); ++k) mj_step(&model, &data);
+      if (!end_step(model, data, i)) return;
     }
-    std::ranges::fill(next.position_kp, environment.position_kp());
-    CountedAppliedAction applied(simulator_.num_joints());
+    end_action(data, i);
+  }
+
+  bool begin_action(std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    one.next = one.action;
+    one.begun = 0;
+    if (!environment.take_action(row_of_actions(i), runs[i].episode, one.next.torque,
+                                 one.next.position)) {
+      return false;  // Never: the actions were checked before.
+    }
+    std::ranges::fill(one.next.position_kp, environment.position_kp());
+    return true;
+  }
+
+  // Does what comes before the physics of a step; false if the episode has ended.
+  bool begin_step(mjData& data, std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    // Number of steps for which the previous action continues: docs/learning.md.
+    const int lag = environment.options().mapping == Mapping::kApproximation
+                        ? 1
+                        : environment.options().steps_per_action;
     // With long steps the next action begins at the nearest of them.
     const int stride = static_cast<int>(simulator_.stride());
-    const int begin = (lag + stride / 2) / stride * stride;
-    for (int k = 0; k < steps; k += stride) {
-      if (k == begin) one.action = next;
-      const DriverReport report = simulator_.step(one.action, model, data, one.state, applied);
-      if (report.fault_code != 0) {
-        end_with_fault(i, report.fault_code);
-        return;
-      }
-      simulator_.observe(data, one.state);
-      see(one.state.memory.counters.step, model, data, one);
+    if (one.begun == (lag + stride / 2) / stride * stride) one.action = one.next;
+    one.begun += stride;
+    CountedAppliedAction applied(simulator_.num_joints());
+    const DriverReport report = simulator_.begin_step(one.action, data, one.state, applied);
+    if (report.fault_code != 0) end_with_fault(i, report.fault_code);
+    return report.fault_code == 0;
+  }
+
+  // Does what comes after them; false if the episode has ended.
+  bool end_step(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    if (!simulator_.end_step(model, data, one.state)) {
+      end_with_fault(i, Simulator::kDiverged);
+      return false;
     }
-    one.action = std::move(next);
+    simulator_.observe(data, one.state);
+    see(one.state.memory.counters.step, model, data, one);
+    return true;
+  }
+
+  void end_action(const mjData& data, std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    one.action = one.next;
     results.terminated[i] = 0;
     results.truncated[i] = 0;
     results.fault[i] = 0;
@@ -496,11 +677,16 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     return actions.subspan(i * width, width);
   }
 
+  // What each simulation does in a call: all of it, or its part before or after other physics.
+  enum class Turn : std::uint8_t { kWhole, kFirst, kNext };
+
   Simulator simulator_;
   std::vector<Simulation> simulations_;
-  const bool is_of_many_;      // The task is.
-  std::vector<int> due_;       // Simulations in which an episode begins in this call.
-  std::vector<int> given_up_;  // Simulations in which MuJoCo has failed during this call.
+  Turn turn_{Turn::kWhole};
+  std::vector<std::uint8_t> moved_;  // Simulations that other physics must move.
+  const bool is_of_many_;            // The task is.
+  std::vector<int> due_;             // Simulations in which an episode begins in this call.
+  std::vector<int> given_up_;        // Simulations in which MuJoCo has failed during this call.
   std::size_t object_{0};
   bool has_object_{false};
   bool is_tracked_{false};  // A tracker finds the objects.

@@ -401,15 +401,52 @@ void Simulator::write_observation(const State& state, void* element) const noexc
 
 DriverReport Simulator::step(const Action& desired, const mjModel_& model, mjData_& data,
                              State& state, AppliedAction& applied) const noexcept {
+  const DriverReport report = begin_step(desired, data, state, applied);
+  if (report.fault_code != 0) return report;
+  return run_physics(model, data, state) ? report : DriverReport::fault(kDiverged);
+}
+
+DriverReport Simulator::begin_step(const Action& desired, mjData_& data, State& state,
+                                   AppliedAction& applied) const noexcept {
   const SafetyReport report = safety_.apply(desired, state.observation, stride_ * options_.period,
                                             state.safety, applied, nullptr);
   if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
-  if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
+  set_torques(applied.torque, data, state);
   return {.action_rejected = report.action_rejected};
+}
+
+bool Simulator::end_step(const mjModel_& model, const mjData_& data, State& state) const noexcept {
+  Memory& memory = state.memory;
+  Memory::Counters& counters = memory.counters;
+  if (counters.variation.backlash > 0.0 || !options_.identified.backlash.empty())
+    turn_in_play(model, data, memory);
+  if (counters.variation.velocity_noise > 0.0) {
+    for (double& noise : memory.velocity_noise) {
+      noise = counters.variation.velocity_noise * counters.random.normal();
+    }
+  }
+  return SceneModel::is_finite(model, data);
 }
 
 bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjData_& data,
                      State& state, detail::Puller* puller) const noexcept {
+  set_torques(torque, data, state);
+  return run_physics(model, data, state, puller);
+}
+
+bool Simulator::run_physics(const mjModel_& model, mjData_& data, State& state,
+                            detail::Puller* puller) const noexcept {
+  if (puller != nullptr) {
+    puller->step(model, data, substeps_);
+  } else {
+    for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
+  }
+  measure_tip_forces(model, data, state);
+  return end_step(model, data, state);
+}
+
+void Simulator::set_torques(const PerJoint<double>& torque, mjData_& data,
+                            State& state) const noexcept {
   Memory& memory = state.memory;
   Memory::Counters& counters = memory.counters;
   counters.step += stride_;
@@ -434,20 +471,6 @@ bool Simulator::move(const PerJoint<double>& torque, const mjModel_& model, mjDa
     model_->set_torque(i, delivered(i, data, memory), data);
   }
   if (measurement_delay(memory) > 0) pass_on_measurements(data, state);
-  if (puller != nullptr) {
-    puller->step(model, data, substeps_);
-  } else {
-    for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
-  }
-  if (counters.variation.backlash > 0.0 || !options_.identified.backlash.empty())
-    turn_in_play(model, data, memory);
-  if (counters.variation.velocity_noise > 0.0) {
-    for (double& noise : memory.velocity_noise) {
-      noise = counters.variation.velocity_noise * counters.random.normal();
-    }
-  }
-  measure_tip_forces(model, data, state);
-  return SceneModel::is_finite(model, data);
 }
 
 // Notes what the encoders say before a step, so that it is known `measurement_delay` steps later.

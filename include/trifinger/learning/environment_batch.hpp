@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -60,6 +61,29 @@ struct Results {
   std::vector<std::int32_t> fault;  ///< Fault of the driver, which ends the episode; 0: none.
 };
 
+/// What moves all simulations of a batch at once, instead of MuJoCo on threads, by as many steps of
+/// the model as `BatchMemory` says. It reads and writes the rows of simulations that the first
+/// argument marks with a number other than 0. The second one is true if models have changed since
+/// the last call.
+using BatchPhysics = std::function<void(std::span<const std::uint8_t> moves, bool models_changed)>;
+
+/// One kind of numbers of all simulations, a row for each. Rows are `stride` numbers apart.
+struct BatchRows {
+  double* first{nullptr};
+  int width{0};
+  int stride{0};
+};
+
+/// What `BatchPhysics` reads and writes, in the words of MuJoCo. The rows stay where they are.
+struct BatchMemory {
+  BatchRows qpos;
+  BatchRows qvel;
+  BatchRows qacc_warmstart;  ///< Must be the newest accelerations afterwards.
+  BatchRows ctrl;            ///< Read only.
+  int substeps{1};
+  std::vector<std::byte> model;  ///< As a file of MuJoCo, with all pairs of surfaces that may vary.
+};
+
 /// Many simulations of one decision process, each in an episode of its own. `Environment` computes
 /// the decision process and `Simulator` the physics, on the threads of MuJoCo's batches.
 ///
@@ -114,6 +138,23 @@ class EnvironmentBatch {
   /// `Environment::first_finger` of simulation `index`.
   /// @throws InvalidArgument if there is no such simulation
   [[nodiscard]] std::size_t first_finger(std::size_t index) const;
+  /// @name Other physics
+  /// @{
+
+  /// Lets `physics` move the simulations, in place of MuJoCo. Motors, safety checks and the task
+  /// stay those of this class. What `physics` throws, `step` throws; the episodes that were under
+  /// way have then ended.
+  /// @throws InvalidArgument if images are needed
+  void set_physics(BatchPhysics physics);
+  [[nodiscard]] BatchMemory memory();
+  /// What of the model may differ from simulation to simulation: names of fields of `mjModel`; none
+  /// if nothing does.
+  [[nodiscard]] std::vector<std::string_view> varied_fields() const;
+  /// One of these fields of all simulations, one after the other.
+  /// @throws InvalidArgument if it is none of these
+  [[nodiscard]] std::vector<double> varied_field(std::string_view name) const;
+  /// @}
+
   /// Positions and velocities of joints and objects of simulation `index` in MuJoCo's layout, to
   /// draw it: `qpos`, then `qvel`.
   /// @throws InvalidArgument if there is no such simulation

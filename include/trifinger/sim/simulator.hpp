@@ -169,6 +169,19 @@ class Simulator {
   /// one.
   [[nodiscard]] DriverReport step(const Action& desired, const mjModel_& model, mjData_& data,
                                   State& state, AppliedAction& applied) const noexcept;
+  /// @name `step` in parts
+  /// For physics that move many simulations at once. They take `substeps` steps of the model
+  /// between the two calls, and leave positions, velocities and accelerations in `data`. No tip
+  /// forces are measured.
+  /// @{
+  /// Checks `desired` and hands torques to the motors, in `data.ctrl`.
+  [[nodiscard]] DriverReport begin_step(const Action& desired, mjData_& data, State& state,
+                                        AppliedAction& applied) const noexcept;
+  /// Goes on after the physics. False if a number is no longer finite.
+  [[nodiscard]] bool end_step(const mjModel_& model, const mjData_& data,
+                              State& state) const noexcept;
+  [[nodiscard]] int substeps() const noexcept { return substeps_; }
+  /// @}
   /// The part of `step` after the checks. False if a number is no longer finite. `puller` is
   /// internal: what moves the physics while a hand pulls.
   [[nodiscard]] bool move(const PerJoint<double>& torque, const mjModel_& model, mjData_& data,
@@ -200,6 +213,9 @@ class Simulator {
   [[nodiscard]] double delivered(std::size_t joint, const mjData_& data,
                                  const Memory& memory) const noexcept;
   void turn_in_play(const mjModel_& model, const mjData_& data, Memory& memory) const noexcept;
+  void set_torques(const PerJoint<double>& torque, mjData_& data, State& state) const noexcept;
+  [[nodiscard]] bool run_physics(const mjModel_& model, mjData_& data, State& state,
+                                 detail::Puller* puller = nullptr) const noexcept;
   void measure_tip_forces(const mjModel_& model, mjData_& data, State& state) const noexcept;
 
   SimulationOptions options_;

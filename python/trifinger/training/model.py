@@ -32,14 +32,22 @@ from trifinger.training.replay import DemonstrationReplayBuffer, FingerReplayBuf
 MODELS: dict[str, type[OffPolicyAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC}
 
 
-def rows_of(plan: Plan, num_envs: int, num_threads: int | None = None) -> Rows:
-    """Environments in the form in which a plan learns from them."""
+def rows_of(
+    plan: Plan,
+    num_envs: int,
+    num_threads: int | None = None,
+    make_simulations: Callable[..., VectorEnvironment] = VectorEnvironment,
+) -> Rows:
+    """Environments in the form in which a plan learns from them.
+
+    `make_simulations` makes those of many robots and has the arguments of VectorEnvironment.
+    """
     recipe, mode = plan.recipe, AutoresetMode.SAME_STEP
     environment: Vector
     if num_envs == 1:
         environment = SyncVectorEnv([lambda: Environment(**plan.environment)], autoreset_mode=mode)
     else:
-        environment = VectorEnvironment(
+        environment = make_simulations(
             num_envs=num_envs,
             num_threads=num_threads or min(2, num_processors()),
             physics_step=recipe.physics_step,

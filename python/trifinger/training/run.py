@@ -20,7 +20,7 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 
 from trifinger.arrays import Array
-from trifinger.environments import Environment, policy_metadata
+from trifinger.environments import Environment, VectorEnvironment, policy_metadata
 from trifinger.errors import InvalidArgument
 from trifinger.evaluation import (
     SHOWN_EPISODES,
@@ -58,13 +58,14 @@ class Training:
         after_evaluation: Callable[[Any], None] = lambda _: None,
         *,
         num_threads: int | None = None,
+        make_simulations: Callable[..., VectorEnvironment] = VectorEnvironment,
     ) -> None:
         """`say` gets lines for people; `show_progress` often gets the number of ended episodes.
 
         `after_evaluation` is called when `curve` has a new entry; act() is then the policy that was
         evaluated. Many robots move on `num_threads`, by default two where there are as many
-        processors; it changes no result. Raises InvalidArgument if the folder has a training with
-        another plan.
+        processors; it changes no result. `make_simulations` makes them, such as ones on a GPU.
+        Raises InvalidArgument if the folder has a training with another plan.
         """
         self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
         self._after_evaluation = after_evaluation
@@ -80,7 +81,7 @@ class Training:
         recipe = plan.recipe
         # A set number keeps sums the same. Batches are so small that a second thread mostly waits.
         torch.set_num_threads(1)
-        self._rows = rows_of(plan, recipe.num_envs, num_threads)
+        self._rows = rows_of(plan, recipe.num_envs, num_threads, make_simulations)
         self._evaluator = Evaluator(**plan.environment)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = _model_of(plan, self._rows, self._total)
