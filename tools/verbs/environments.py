@@ -101,6 +101,25 @@ def cluster() -> Step:
         return STEPS.check("sweeps", tests, **variables)
 
 
+def warp() -> Step:
+    """Tests simulations that MuJoCo Warp moves on its CPU device.
+
+    Raises:
+        NotRun: if pip cannot have it
+    """
+    build("release")
+    with environment(
+        "warp", Path(sys.executable), project_of()["dependency-groups"]["warp"]
+    ) as folder:
+        (site,) = folder.glob("lib/python*/site-packages")
+        variables = uses("release")
+        variables["PYTHONPATH"] += f":{site}"
+        tests = [PYTHON, "-m", "pytest", "-q", "-s", "packages/trifinger_gpu", "-m", "slow"]
+        # Warp keeps what it compiles, 40 s of a processor, for the next run.
+        cache = str(ROOT / "build" / "warp_cache")
+        return STEPS.check("MuJoCo Warp", tests, **variables, WARP_CACHE_PATH=cache)
+
+
 def oldest() -> tuple[Step, Step]:
     """Runs tests, and the evaluation of trifinger_rl_datasets itself, with the lowest versions.
 

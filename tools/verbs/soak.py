@@ -14,7 +14,7 @@ from .check import (
     test_with_thread_sanitizer,
 )
 from .counting import Count
-from .environments import cluster, lerobot, oldest
+from .environments import cluster, lerobot, oldest, warp
 from .lint import clang_tidy
 from .setup import PYTHON, fetch_robots, setup
 from .steps import NotRun, Step, StepFailed, Steps
@@ -174,6 +174,11 @@ def sweeps() -> bool:
     return print_figures(cluster())
 
 
+def physics_of_warp() -> bool:
+    """Compares simulations that MuJoCo Warp moves with MuJoCo's, and trains in them."""
+    return print_figures(warp())
+
+
 def lowest_versions() -> bool:
     """Tests with exactly the lowest versions that our packages allow."""
     return all_true(print_figures(step) for step in oldest())
@@ -190,6 +195,7 @@ PARTS: dict[str, Callable[[], bool]] = {
     "memory": memory,
     "lerobot": lerobot_itself,
     "cluster": sweeps,
+    "warp": physics_of_warp,
     "oldest": lowest_versions,
     "endurance": endurance,
     "endurance-real-time": endurance_in_real_time,

@@ -36,7 +36,7 @@ CONTENTS = {
     "How to: lead a robot": ["teaching", "motions", "teleoperation", "guiding"],
     "How to: move objects": ["manipulation", "skills", "planning"],
     "How to: see": ["cameras", "simulated_cameras", "tracking"],
-    "How to: learn": ["environments", "training", "policies", "benchmark", "data_sets"],
+    "How to: learn": ["environments", "training", "policies", "benchmark", "data_sets", "gpu"],
     "How to: robots": ["hardware", "any_robot", "dclaw", "dynamixel", "howto/new_robot_to_policy"],
     "Explanation": [
         "explanation/timing_contract",
