@@ -13,7 +13,7 @@ from packaging.requirements import Requirement
 ROOT = Path(__file__).parents[2]
 PROJECTS = [ROOT / "pyproject.toml", *ROOT.glob("packages/*/pyproject.toml")]
 OWN = {tomllib.loads(path.read_text())["project"]["name"].replace("_", "-") for path in PROJECTS}
-ELSEWHERE = {"lerobot", "setuptools"}  # in environments of their own
+ELSEWHERE = {"mujoco-warp", "warp-lang", "lerobot", "setuptools"}  # in environments of their own
 # What tells people, or pip itself, to install something.
 TEXTS = [
     *(ROOT / name for name in ("README.md", "apps/shared/external_command.cpp")),

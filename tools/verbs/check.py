@@ -165,7 +165,7 @@ def compile_for_gpus(count: Count) -> bool:  # noqa: ARG001
     """
     if shutil.which("clang++-14") is None:
         raise NotRun("clang++-14 is missing: apt install clang-14")
-    tool = [PYTHON, "packages/trifinger_gpu/write_ptx.py", "build/gpu/safety.ptx"]
+    tool = [PYTHON, "packages/trifinger_gpu/tools/write_ptx.py", "build/gpu/safety.ptx"]
     return Steps("gpu").check("PTX of the safety chain", tool).succeeded
 
 

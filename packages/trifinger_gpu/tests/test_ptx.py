@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-TOOL = Path(__file__).resolve().parents[1] / "write_ptx.py"
+TOOL = Path(__file__).resolve().parents[1] / "tools" / "write_ptx.py"
 
 pytestmark = [
     pytest.mark.slow,

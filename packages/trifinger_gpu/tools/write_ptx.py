@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compiles the safety chain for GPUs of NVIDIA, from the headers that robots use.
 
-    packages/trifinger_gpu/write_ptx.py FILE [SOURCE]
+    packages/trifinger_gpu/tools/write_ptx.py FILE [SOURCE]
 
 Clang alone does it: neither CUDA nor a GPU is needed. PTX is what the driver of a GPU compiles for
 it; the kernel in it is `trifinger_apply_safety`, which src/gpu/safety_worlds.cpp describes.
@@ -14,7 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parent
+PACKAGE = Path(__file__).resolve().parents[1]
 ROOT = PACKAGE.parents[1]
 SOURCE = PACKAGE / "src" / "gpu" / "safety_worlds.cpp"
 KERNEL = "trifinger_apply_safety"
