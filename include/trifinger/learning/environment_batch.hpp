@@ -138,6 +138,7 @@ class EnvironmentBatch {
   /// `Environment::first_finger` of simulation `index`.
   /// @throws InvalidArgument if there is no such simulation
   [[nodiscard]] std::size_t first_finger(std::size_t index) const;
+
   /// @name Other physics
   /// @{
 

@@ -35,6 +35,7 @@ from trifinger.evaluation import act_of, rows_of
 from trifinger.whole_file import whole_file
 
 FINGER = 3  # joints of a finger
+PLACE_UNIT = 0.1  # of where a student says that the object is [m]
 # What a student may have another of than its teacher: what is seen, not what is done.
 SIGHT = (
     *("observation", "symmetric_view", "object_offsets", "keypoints", "position_noise"),
@@ -69,9 +70,9 @@ class Lessons:
     """It falls to zero along half a cosine, over all rounds."""
     noise: float = 0.1
     """Standard deviation of noise on actions while lessons are given."""
-    place: float = 100.0
-    """Weight of where the object is [1/m²]: a part of what sees images learns to say it, so that
-    the convolutions look at it."""
+    place: float = 3000.0
+    """Weight of where the object is [1/m²]: a part of what sees images learns to say it, for the
+    layers behind."""
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -185,6 +186,7 @@ class Student(nn.Module):
     deviation: torch.Tensor
     eyes: nn.Module
     look: nn.Module
+    place: nn.Module
 
     def __init__(self, layout: Layout, acted: int, layers: Sequence[int]) -> None:
         super().__init__()
@@ -204,9 +206,9 @@ class Student(nn.Module):
                 nn.Flatten(),
             )
             flat = self.eyes(torch.zeros(1, channels, height, width)).shape[1]
-            found = layers[0]
-            self.look = nn.Sequential(nn.Linear(flat, found), nn.ReLU())
-            self.place = nn.Linear(found, 3)
+            self.look = nn.Sequential(nn.Linear(flat, layers[0]), nn.ReLU())
+            self.place = nn.Linear(layers[0], 3)
+            found = layers[0] + 3
         sizes = [count + found, *layers]
         hidden: list[nn.Module] = []
         for size, after in zip(sizes, layers, strict=False):
@@ -221,11 +223,14 @@ class Student(nn.Module):
         self.deviation.copy_(torch.where(deviation < 1e-4, 1.0, deviation))
 
     def see(self, images: torch.Tensor) -> torch.Tensor:
-        """What is found in images (N x channels x height x width), of numbers from 0 to 255."""
+        """What is found in images (N x channels x height x width), of numbers from 0 to 255.
+
+        The last three numbers are where the object is [0.1 m].
+        """
         if not self.layout.images:
             return images.reshape(len(images), 0)
-        found: torch.Tensor = self.look(self.eyes(images / 255.0 - 0.5))
-        return found
+        found = self.look(self.eyes(images / 255.0 - 0.5))
+        return torch.cat([found, self.place(found)], 1)
 
     def act(self, entries: torch.Tensor, found: torch.Tensor) -> torch.Tensor:
         """Actions for entries, and what was found in images."""
@@ -314,7 +319,7 @@ def _learn(
     for _ in range(lessons.looks if student.layout.images else 0):
         for entries, wanted, images, places in examples.looks(lessons.batch_size):
             found = student.see(images)
-            aside = (student.place(found) - places).square().mean()
+            aside = (PLACE_UNIT * found[:, -3:] - places).square().mean()
             done = student.act(entries, found)
             improve((done - wanted).square().mean() + lessons.place * aside)
     found = examples.found(student)
