@@ -14,10 +14,10 @@
 #include <deque>
 #include <exception>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <map>
 #include <optional>
 #include <span>
 #include <stop_token>

@@ -375,7 +375,7 @@ def test_lost_poses_are_told() -> None:
         ("throw", {"object_poses": "tracked"}, "ball"),
         ("push", {**SMALL, "object_poses": "tracked"}, "no part of the observation 'images'"),
         ("push", {**TRACKED, "object_position_noise": 1e-3}, "the noise of their images"),
-        ("push", {**SMALL, "camera_size": 100}, "cameras.size is 100"),
+        ("push", {**SMALL, "camera_size": 541}, "cameras.size is 541"),
         ("push", {**SMALL, "camera_rate": 0.0}, "rate is 0 Hz"),
     ],
 )

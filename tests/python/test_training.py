@@ -484,7 +484,7 @@ def test_a_goal_that_changes_is_no_gain_and_turns_all_that_is_seen():
 
 def test_a_recipe_brings_its_episodes_unless_others_are_asked_for():
     plan = Plan.of("push", "ppo")
-    assert (plan.episodes, plan.options.duration, plan.evaluation_interval) == (30000, 6.0, 300)
+    assert (plan.episodes, plan.options.duration, plan.evaluation_interval) == (60000, 6.0, 600)
     plan = Plan.of("push", "ppo", episodes=10, settings={"duration": 1.0})
     assert (plan.episodes, plan.options.duration) == (10, 1.0)
     assert Plan.of("lift", "ppo").options.duration == Options.of("lift").duration
