@@ -162,7 +162,7 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
   }
 
   [[nodiscard]] std::vector<double> varied_field(std::string_view name) const override {
-    const auto field = std::ranges::find(kVariedFields, name, &VariedField::name);
+    const auto* const field = std::ranges::find(kVariedFields, name, &VariedField::name);
     require(field != kVariedFields.end() && simulations_[0].varied != nullptr,
             "no field of the model called '" + std::string(name) + "' varies");
     std::vector<double> values;

@@ -73,9 +73,12 @@ TRIFINGER_WIDE bool are_finite(const float* numbers, std::int64_t count) noexcep
 }
 
 TRIFINGER_WIDE bool has_nan(const float* numbers, std::int64_t count) noexcept {
+  constexpr std::uint32_t kSign = 0x8000'0000;
+  constexpr std::uint32_t kInfinity = 0x7F80'0000;
   std::uint32_t is_wrong = 0;
   for (std::int64_t i = 0; i < count; ++i) {
-    is_wrong |= static_cast<std::uint32_t>(numbers[i] != numbers[i]);
+    const auto bits = std::bit_cast<std::uint32_t>(numbers[i]);
+    is_wrong |= static_cast<std::uint32_t>((bits & ~kSign) > kInfinity);
   }
   return is_wrong != 0;
 }
@@ -90,16 +93,18 @@ TRIFINGER_WIDE bool take(const double* numbers, std::int64_t count, float* out) 
 // 2^n * exp(rest), with a rest of at most ln(2) / 2, for which the first terms of its series do.
 TRIFINGER_WIDE void elu(float* x, std::int64_t count, float above, float below) noexcept {
   constexpr float kRound = 12'582'912.0F;  // Sums with it have no fraction.
+  // ln(2) in two parts, the first of which has so few bits that its product is exact.
+  constexpr float kFirst = 355.0F / 512.0F;
+  constexpr auto kRest = static_cast<float>(std::numbers::ln2 - 355.0 / 512.0);
   for (std::int64_t i = 0; i < count; ++i) {
     const float negative = std::max(std::min(x[i], 0.0F), -87.0F);
     const float n = (negative * std::numbers::log2e_v<float> + kRound) - kRound;
-    // ln(2) in two parts, the first of which has so few bits that its product is exact.
-    const float rest = (negative - n * 0.693359375F) + n * 2.12194440e-4F;
+    const float rest = (negative - n * kFirst) - n * kRest;
     float sum = 1.0F / 720.0F + rest * (1.0F / 5040.0F);
     sum = 1.0F / 24.0F + rest * (1.0F / 120.0F + rest * sum);
     sum = 1.0F + rest * (0.5F + rest * (1.0F / 6.0F + rest * sum));
     const auto exponent = static_cast<std::uint32_t>(static_cast<std::int32_t>(n) + 127) << 23U;
-    const float power = std::bit_cast<float>(exponent);
+    const auto power = std::bit_cast<float>(exponent);
     // exp(rest) - 1 is sum * rest.
     x[i] = above * std::max(x[i], 0.0F) + below * (power * (sum * rest) + (power - 1.0F));
   }
