@@ -2,6 +2,7 @@
 """Students: what they see, what they are told, and that their files do what they have learned."""
 
 import json
+import os
 
 import numpy as np
 import onnxruntime
@@ -9,6 +10,7 @@ import pytest
 import torch
 from conftest import PROGRAM, output_of
 from gymnasium.spaces import flatten
+from link_into_venv import write_scripts
 from trifinger import Policy, policy_file
 from trifinger.commands import distill as command
 from trifinger.environments import Environment, Options, VectorEnvironment, policy_metadata
@@ -41,6 +43,14 @@ def teacher(tmp_path_factory):
     path = tmp_path_factory.mktemp("teacher") / "teacher.policy"
     metadata = policy_metadata("push", options)
     return policy_file.write(path, layers, low=[-1.0] * 9, high=[1.0] * 9, metadata=metadata)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The environment variables of somebody who has installed all programs."""
+    folder = tmp_path_factory.mktemp("programs")
+    write_scripts(folder)
+    return os.environ | {"PATH": f"{folder}:{os.environ['PATH']}"}
 
 
 def test_the_student_is_told_what_moves_the_robot_as_the_teacher_would(teacher):
@@ -118,7 +128,7 @@ def test_a_student_that_sees_images_moves_a_robot_with_cameras(teacher, tmp_path
     words = ("run", "sim_cameras", "--name", "p", "--non-real-time", "--set", "cameras.size=20")
     start_program(*words, "--set", "cameras.rate=50").wait_for("waits for a user")
     words = (PROGRAM, "run-policy", path, "--robot", "p", "--episodes", "2", "-o", report)
-    assert "0 of 2 episodes" in output_of(*map(str, words))
+    assert "0 of 2 episodes" in output_of(*map(str, words), env=installed)
     assert [one["actions"] for one in json.loads(report.read_text())] == [20, 20]
 
 
@@ -160,7 +170,7 @@ def test_a_teacher_must_say_what_it_knows(tmp_path):
         options_of_student(nameless)
 
 
-def test_the_command_writes_a_student(teacher, tmp_path):
+def test_the_command_writes_a_student(teacher, tmp_path, installed):
     teacher.save(tmp_path / "teacher.policy")
     few = ("episodes=4", "rounds=2", "num_envs=2", "epochs=1", "layers=(8,)")
     said = output_of(
@@ -169,6 +179,7 @@ def test_the_command_writes_a_student(teacher, tmp_path):
         "teacher.policy",
         *(word for one in few for word in ("--set", one)),
         cwd=tmp_path,
+        env=installed,
     )
     assert "student.onnx is a policy" in said
     assert Policy(tmp_path / "student.onnx").num_outputs == 9
