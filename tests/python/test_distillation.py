@@ -122,7 +122,9 @@ def test_the_file_of_a_student_that_sees_images_does_what_the_student_does(teach
     assert evaluate(policy, "push", 2).paths.shape == (2, 21, 3)
 
 
-def test_a_student_that_sees_images_moves_a_robot_with_cameras(teacher, tmp_path, start_program):
+def test_a_student_that_sees_images_moves_a_robot_with_cameras(
+    teacher, tmp_path, start_program, installed
+):
     path, report = tmp_path / "student.onnx", tmp_path / "report"
     distill(teacher, path, options=options_of_student(teacher, **SEEING), lessons=FEW)
     words = ("run", "sim_cameras", "--name", "p", "--non-real-time", "--set", "cameras.size=20")
