@@ -45,12 +45,12 @@ def teacher(tmp_path_factory):
     return policy_file.write(path, layers, low=[-1.0] * 9, high=[1.0] * 9, metadata=metadata)
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """The environment variables of somebody who has installed all programs."""
+@pytest.fixture
+def _installed(tmp_path_factory, monkeypatch):
+    """The programs are where somebody who has installed them has them."""
     folder = tmp_path_factory.mktemp("programs")
     write_scripts(folder)
-    return os.environ | {"PATH": f"{folder}:{os.environ['PATH']}"}
+    monkeypatch.setenv("PATH", f"{folder}:{os.environ['PATH']}")
 
 
 def test_the_student_is_told_what_moves_the_robot_as_the_teacher_would(teacher):
@@ -122,15 +122,14 @@ def test_the_file_of_a_student_that_sees_images_does_what_the_student_does(teach
     assert evaluate(policy, "push", 2).paths.shape == (2, 21, 3)
 
 
-def test_a_student_that_sees_images_moves_a_robot_with_cameras(
-    teacher, tmp_path, start_program, installed
-):
+@pytest.mark.usefixtures("_installed")
+def test_a_student_that_sees_images_moves_a_robot_with_cameras(teacher, tmp_path, start_program):
     path, report = tmp_path / "student.onnx", tmp_path / "report"
     distill(teacher, path, options=options_of_student(teacher, **SEEING), lessons=FEW)
     words = ("run", "sim_cameras", "--name", "p", "--non-real-time", "--set", "cameras.size=20")
     start_program(*words, "--set", "cameras.rate=50").wait_for("waits for a user")
     words = (PROGRAM, "run-policy", path, "--robot", "p", "--episodes", "2", "-o", report)
-    assert "0 of 2 episodes" in output_of(*map(str, words), env=installed)
+    assert "0 of 2 episodes" in output_of(*map(str, words))
     assert [one["actions"] for one in json.loads(report.read_text())] == [20, 20]
 
 
@@ -172,7 +171,8 @@ def test_a_teacher_must_say_what_it_knows(tmp_path):
         options_of_student(nameless)
 
 
-def test_the_command_writes_a_student(teacher, tmp_path, installed):
+@pytest.mark.usefixtures("_installed")
+def test_the_command_writes_a_student(teacher, tmp_path):
     teacher.save(tmp_path / "teacher.policy")
     few = ("episodes=4", "rounds=2", "num_envs=2", "epochs=1", "layers=(8,)")
     said = output_of(
@@ -181,7 +181,6 @@ def test_the_command_writes_a_student(teacher, tmp_path, installed):
         "teacher.policy",
         *(word for one in few for word in ("--set", one)),
         cwd=tmp_path,
-        env=installed,
     )
     assert "student.onnx is a policy" in said
     assert Policy(tmp_path / "student.onnx").num_outputs == 9
