@@ -97,7 +97,8 @@ TRIFINGER_WIDE void elu(float* x, std::int64_t count, float above, float below) 
   constexpr float kFirst = 355.0F / 512.0F;
   constexpr auto kRest = static_cast<float>(std::numbers::ln2 - 355.0 / 512.0);
   for (std::int64_t i = 0; i < count; ++i) {
-    const float negative = std::max(std::min(x[i], 0.0F), -87.0F);
+    // In this order NaN counts as 0 here; what is above keeps it.
+    const float negative = std::max(-87.0F, std::min(0.0F, x[i]));
     const float n = (negative * std::numbers::log2e_v<float> + kRound) - kRound;
     const float rest = (negative - n * kFirst) - n * kRest;
     float sum = 1.0F / 720.0F + rest * (1.0F / 5040.0F);
