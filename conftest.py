@@ -31,6 +31,24 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 BUILD = Path(_trifinger.__file__).parents[2]
 PROGRAM = os.environ.get("TRIFINGER_PROGRAM", str(BUILD / "apps/trifinger"))
 
+# Options of environments: everything that may differ from simulation to simulation.
+ALL_THAT_VARIES = {
+    "object_mass": (0.5, 2.0),
+    "friction": (0.5, 1.5),
+    "pair_friction": {"tip_object": (0.5, 1.5)},
+    "contact_time": (1.0, 2.0),
+    "rotor_inertia": (0.8, 1.2),
+    "joint_damping": (0.5, 2.0),
+    "joint_friction": (0.0, 0.01),
+    "stop_margin": (0.9, 1.1),
+    "tip_radius": (0.9, 1.1),
+    "motor_gain": (0.9, 1.1),
+    "torque_delay": (0, 3),
+    "measurement_delay": (0, 3),
+    "backlash": (0.0, 0.01),
+    "velocity_noise": 0.01,
+}
+
 FAKE_BACKEND = """
 import sys, trifinger
 with trifinger.run_fake(sys.argv[1], **eval(sys.argv[2])):

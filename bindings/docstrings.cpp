@@ -174,6 +174,7 @@ Raises InvalidArgument if there is no such simulation.)";
 const char* const first_finger = R"(`Environment.first_finger` of simulation `index`.
 
 Raises InvalidArgument if there is no such simulation.)";
+const char* const model_file = R"(The model as a file of MuJoCo, with all pairs of surfaces that may vary.)";
 const char* const oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is
 older, poses were lost, or the tracker was not sure since then.)";
 const char* const reset = R"(Begins an episode in the simulations that `which` marks with a number other than 0, or in

@@ -114,6 +114,7 @@ extern const char* const EnvironmentBatch;
 extern const char* const cameras;
 extern const char* const configuration;
 extern const char* const first_finger;
+extern const char* const model_file;
 extern const char* const oldest_sure_age;
 extern const char* const reset;
 extern const char* const seed;

@@ -371,11 +371,11 @@ The caller keeps it alive.)"))
           "Steps of the model in each call of other physics.")
       .def_prop_ro(
           "model_file",
-          [](EnvironmentBatch& self) {
-            const BatchMemory memory = self.memory();
-            return nb::bytes(memory.model.data(), memory.model.size());
+          [](const EnvironmentBatch& self) {
+            const std::vector<std::byte> file = self.model_file();
+            return nb::bytes(file.data(), file.size());
           },
-          "The model as a file of MuJoCo, with all pairs of surfaces that may vary.")
+          docs::EnvironmentBatch::model_file)
       .def_prop_ro(
           "varied_fields",
           [](const EnvironmentBatch& self) {

@@ -160,7 +160,7 @@ class Evaluator:
         successes = np.zeros(count, bool)
         self.has_ended = has_ended = np.zeros(count, bool)
         while not has_ended.all():
-            seen = vectors_of(observations, environment.single_observation_space, count * rows)
+            seen = vectors_of(observations, count * rows)
             actions = act(seen).reshape(count, -1)
             observations, reward, terminated, truncated, info = environment.step(actions)
             self.info = info
@@ -226,14 +226,14 @@ def rows_of(policy: Policy, task: str, seen: Space[Any], acted: Space[Any]) -> i
     return rows
 
 
-def vectors_of(observations: Observation, space: Space[Any], rows: int) -> Array:
-    """Observations as vectors, one for each row, with their parts as gymnasium.spaces.flatten does.
+def vectors_of(observations: Observation, rows: int) -> Array:
+    """Observations as vectors, one for each row.
 
-    `space` is that of one robot.
+    Parts are in the order of their names, as gymnasium.spaces.flatten has them.
     """
     if not isinstance(observations, dict):
         return observations.reshape(rows, -1)
-    parts = [observations[name].reshape(rows, -1) for name in space.spaces]  # type: ignore[attr-defined]
+    parts = [observations[name].reshape(rows, -1) for name in sorted(observations)]
     return np.concatenate(parts, axis=1, dtype=np.float32)
 
 
@@ -287,7 +287,7 @@ def save_policy_film(act: Act, environment: Environment, path: Path, rows: int =
             has_ended = False
             num_actions = 0
             while not has_ended:
-                seen = vectors_of(observation, environment.observation_space, rows)
+                seen = vectors_of(observation, rows)
                 action = act(seen).ravel()
                 observation, _, terminated, truncated, _ = environment.step(action)
                 has_ended = terminated or truncated

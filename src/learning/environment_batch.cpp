@@ -107,6 +107,9 @@ void EnvironmentBatch::set_physics(BatchPhysics physics) {
   implementation_->physics = std::move(physics);
 }
 BatchMemory EnvironmentBatch::memory() { return implementation_->memory(); }
+std::vector<std::byte> EnvironmentBatch::model_file() const {
+  return implementation_->model_file();
+}
 std::vector<std::string_view> EnvironmentBatch::varied_fields() const {
   return implementation_->varied_fields();
 }

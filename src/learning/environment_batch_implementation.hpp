@@ -33,6 +33,7 @@ class EnvironmentBatch::Implementation {
 
   [[nodiscard]] virtual std::vector<double> configuration(std::size_t index) const = 0;
   [[nodiscard]] virtual BatchMemory memory() = 0;
+  [[nodiscard]] virtual std::vector<std::byte> model_file() const = 0;
   [[nodiscard]] virtual std::vector<std::string_view> varied_fields() const = 0;
   [[nodiscard]] virtual std::vector<double> varied_field(std::string_view name) const = 0;
 

@@ -141,15 +141,18 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
       rows.first = mjb_stateComponent(batch_.get(), part, &rows.width);
       return rows;
     };
-    const mjModel* const model = shown_model();
-    std::vector<std::byte> file(static_cast<std::size_t>(mj_sizeModel(model)));
-    mj_saveModel(model, nullptr, file.data(), static_cast<int>(file.size()));
     return {.qpos = rows_of(mjSTATE_QPOS),
             .qvel = rows_of(mjSTATE_QVEL),
             .qacc_warmstart = rows_of(mjSTATE_WARMSTART),
             .ctrl = rows_of(mjSTATE_CTRL),
-            .substeps = simulator_.substeps(),
-            .model = std::move(file)};
+            .substeps = simulator_.substeps()};
+  }
+
+  [[nodiscard]] std::vector<std::byte> model_file() const override {
+    const mjModel* const model = shown_model();
+    std::vector<std::byte> file(static_cast<std::size_t>(mj_sizeModel(model)));
+    mj_saveModel(model, nullptr, file.data(), static_cast<int>(file.size()));
+    return file;
   }
 
   [[nodiscard]] std::vector<std::string_view> varied_fields() const override {

@@ -407,6 +407,7 @@ TRIFINGER_WIDE void convolve(const Windows& windows, const float* image,
   const std::size_t size = windows.firsts.size();
   for (std::size_t first = 0; first < size; first += kPlaces) {
     const std::size_t places = std::min(kPlaces, size - first);
+    // The loop below fills them, and the one over registers `weight`.
     std::array<const float*, kPlaces> at;                   // NOLINT(*-member-init)
     std::array<std::array<Sum, kPlaces>, kRegisters> sums;  // NOLINT(*-member-init)
     for (std::size_t i = 0; i < kPlaces; ++i) {

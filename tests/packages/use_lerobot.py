@@ -19,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +31,7 @@ RATE = 15  # of the data set [Hz]
 SIZE = 54  # of the images [pixel]
 SECONDS = 4
 CHUNKS = 20  # of actions of the policy
+POLL = 0.1  # s between two looks whether a program still runs
 # The machine may be busy; then actions are repeated, but the robot does not stop.
 BUSY = (
     *("--set", "safety.plausibility.stuck_time=.inf"),
@@ -350,11 +350,14 @@ def let_act(policy: Path) -> list[tuple[float, ...]]:
     from lerobot.async_inference.policy_server import PolicyServer, serve
 
     sent: list[tuple[float, ...]] = []
+    is_enough = threading.Event()
     predict = PolicyServer._predict_action_chunk
 
     def predict_and_keep(*given: Any) -> Any:
         chunk = predict(*given)
         sent.extend(tuple(one.get_action().tolist()) for one in chunk)
+        if len(sent) >= 4 * CHUNKS:
+            is_enough.set()
         return chunk
 
     PolicyServer._predict_action_chunk = predict_and_keep
@@ -374,8 +377,8 @@ def let_act(policy: Path) -> list[tuple[float, ...]]:
         Path("client.txt").open("w+") as said,
         subprocess.Popen([sys.executable, *words], stdout=said, stderr=said) as client,
     ):
-        while len(sent) < 4 * CHUNKS and client.poll() is None:
-            time.sleep(0.1)
+        while not is_enough.wait(POLL) and client.poll() is None:
+            pass  # a client that has died sends nothing
         client.send_signal(signal.SIGINT)
         client.wait()
         said.seek(0)

@@ -109,7 +109,7 @@ def test_the_file_of_a_student_that_sees_images_does_what_the_student_does(teach
     for _ in range(4):
         observations, *_ = environment.step(environment.action_space.sample())
     space = environment.single_observation_space
-    rows = vectors_of(observations, space, 3)
+    rows = vectors_of(observations, 3)
     for index, row in enumerate(rows):
         one = {name: part[index] for name, part in observations.items()}
         np.testing.assert_array_equal(row, flatten(space, one))

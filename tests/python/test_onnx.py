@@ -190,7 +190,7 @@ def test_actors_of_rsl_rl_give_the_actions_of_onnxruntime(tmp_path: Path, name: 
     kind, more = ACTORS[name]
     path = exported_by_rsl_rl(kind, tmp_path, **more)
     whole = tmp_path / "whole.onnx"
-    whole.write_bytes(policy_command.content_of(path))
+    whole.write_bytes(policy_command.network_of(path)[1])
     policy, official = trifinger.Policy(whole), Official(path)
     assert policy.num_inputs == OBSERVED + (3 * 64 * 64 if kind is CNNModel else 0)
     assert policy.has_state == (kind is RNNModel)

@@ -6,6 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from conftest import ALL_THAT_VARIES
 from gymnasium.vector import AutoresetMode
 from trifinger import _trifinger
 from trifinger.environments import Options, VectorEnvironment
@@ -13,22 +14,6 @@ from trifinger.errors import Error, InvalidArgument
 from trifinger.tasks import Task, View
 
 COUNT = 3
-ALL_THAT_VARIES = {
-    "object_mass": (0.5, 2.0),
-    "friction": (0.5, 1.5),
-    "pair_friction": {"tip_object": (0.5, 1.5)},
-    "contact_time": (1.0, 2.0),
-    "rotor_inertia": (0.8, 1.2),
-    "joint_damping": (0.5, 2.0),
-    "joint_friction": (0.0, 0.01),
-    "stop_margin": (0.9, 1.1),
-    "tip_radius": (0.9, 1.1),
-    "motor_gain": (0.9, 1.1),
-    "torque_delay": (0, 3),
-    "measurement_delay": (0, 3),
-    "backlash": (0.0, 0.01),
-    "velocity_noise": 0.01,
-}
 
 
 class MujocoPhysics:

@@ -42,7 +42,7 @@ ELSEWHERE = {
     "trifinger_data_sets/minari.py": ("_write_episodes",),
     # In a temporary folder.
     "trifinger_data_sets/recorded_environment.py": ("make",),
-    "commands/policy.py": ("_import",),
+    "commands/policy.py": ("network_of",),
     "commands/run_policy_of_python.py": ("_configuration_of",),
     "training/learner.py": ("serve", "policy"),
     # A file that is locked, and has nothing in it.

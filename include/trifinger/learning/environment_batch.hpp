@@ -81,7 +81,6 @@ struct BatchMemory {
   BatchRows qacc_warmstart;  ///< Must be the newest accelerations afterwards.
   BatchRows ctrl;            ///< Read only.
   int substeps{1};
-  std::vector<std::byte> model;  ///< As a file of MuJoCo, with all pairs of surfaces that may vary.
 };
 
 /// Many simulations of one decision process, each in an episode of its own. `Environment` computes
@@ -148,6 +147,8 @@ class EnvironmentBatch {
   /// @throws InvalidArgument if images are needed
   void set_physics(BatchPhysics physics);
   [[nodiscard]] BatchMemory memory();
+  /// The model as a file of MuJoCo, with all pairs of surfaces that may vary.
+  [[nodiscard]] std::vector<std::byte> model_file() const;
   /// What of the model may differ from simulation to simulation: names of fields of `mjModel`; none
   /// if nothing does.
   [[nodiscard]] std::vector<std::string_view> varied_fields() const;

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is missing: ./run soak warp")
 
+from conftest import ALL_THAT_VARIES
 from gymnasium.vector import AutoresetMode
 from trifinger.environments import VectorEnvironment
 from trifinger.errors import Error, InvalidArgument
@@ -24,21 +25,6 @@ pytestmark = [
 COUNT = 4
 NEAR = 1e-4  # what may differ: [rad], [m], and of a quaternion
 JOINTS = 9
-ALL_THAT_VARIES = {
-    "object_mass": (0.5, 2.0),
-    "friction": (0.5, 1.5),
-    "pair_friction": {"tip_object": (0.5, 1.5)},
-    "contact_time": (1.0, 2.0),
-    "rotor_inertia": (0.8, 1.2),
-    "joint_damping": (0.5, 2.0),
-    "joint_friction": (0.0, 0.01),
-    "stop_margin": (0.9, 1.1),
-    "tip_radius": (0.9, 1.1),
-    "motor_gain": (0.9, 1.1),
-    "torque_delay": (0, 3),
-    "measurement_delay": (0, 3),
-    "backlash": (0.0, 0.01),
-}
 
 
 def pair(**arguments: Any) -> tuple[VectorEnvironment, WarpEnvironment]:

@@ -43,7 +43,8 @@ def write(path: Path, source: Path = SOURCE) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     includes = (f"-I{PACKAGE / 'src'}", f"-I{ROOT / 'include'}")
     # The library's headers need these two words, which headers of CUDA would define. Products and
-    # sums stay apart, as on a processor, so that both give the same bits.
+    # sums stay apart, as on a processor, so that both give the same bits. Clang warns that it does
+    # not know the version of CUDA; there is none.
     words = (f"-D__{one}__=__attribute__(({one}))" for one in ("host", "device"))
     command = [compiler, "-x", "cuda", "--cuda-device-only", f"--cuda-gpu-arch={ARCHITECTURE}"]
     command += ["-nocudainc", "-nocudalib", "-Wno-unknown-cuda-version", "-ffp-contract=off"]

@@ -110,6 +110,7 @@ def model_of(file: bytes) -> Any:
 
 # Copies numbers to an array of the device, which stays where it is.
 def _put(target: Any, numbers: Array) -> None:
-    shape = target.numpy().shape
+    # Vectors and matrices are single elements for Warp.
+    shape = (*target.shape, *getattr(target.dtype, "_shape_", ()))
     source = np.ascontiguousarray(numbers, np.float32).reshape(shape)
     warp.copy(target, warp.array(source, dtype=target.dtype, device="cpu"))

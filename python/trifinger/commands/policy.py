@@ -79,11 +79,7 @@ def _import(arguments: argparse.Namespace) -> None:
 
     if arguments.network.suffix != ".onnx":
         raise InvalidArgument(f"{arguments.network} does not end in .onnx")
-    content = content_of(arguments.network)
-    with tempfile.TemporaryDirectory() as folder:
-        network = Path(folder, arguments.network.name)
-        network.write_bytes(content)
-        policy = Policy(network)
+    policy, content = network_of(arguments.network)
     options = Options.of(arguments.task, **dict(map(parse_setting, arguments.set)))
     Evaluator(arguments.task, options, 1, config=arguments.robot_config).rows_of(policy)
     if policy.metadata.keys() & {"task", "options"}:
@@ -97,14 +93,18 @@ def _import(arguments: argparse.Namespace) -> None:
     say(f"{output} is a policy for the task '{arguments.task}'.", file=sys.stderr)
 
 
-def content_of(network: Path) -> bytes:
-    """A file of ONNX, with the weights that PyTorch's exporter writes beside it."""
-    if not network.with_name(f"{network.name}.data").exists():
-        return network.read_bytes()
+def network_of(file: Path) -> tuple[Policy, bytes]:
+    """A network of ONNX and the bytes of its file, with weights that PyTorch wrote beside it."""
+    if not file.with_name(f"{file.name}.data").exists():
+        return Policy(file), file.read_bytes()
     extras.require("learning", "onnx")
     import onnx
 
-    return bytes(onnx.load(network).SerializeToString())
+    content = bytes(onnx.load(file).SerializeToString())
+    with tempfile.TemporaryDirectory() as folder:
+        whole = Path(folder, file.name)
+        whole.write_bytes(content)
+        return Policy(whole), content
 
 
 def _export(arguments: argparse.Namespace) -> None:

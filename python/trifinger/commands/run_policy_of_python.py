@@ -87,12 +87,11 @@ def _episodes(arguments: argparse.Namespace, policy: Policy, config: str) -> Non
         config=config,
         connect=lambda: connect(arguments.robot),
     )
-    seen = environment.observation_space
-    rows = rows_of(policy, task, seen, environment.action_space)
+    rows = rows_of(policy, task, environment.observation_space, environment.action_space)
     act = act_of(policy)
 
     def acted(observation: "Observation") -> Array:
-        return act(vectors_of(observation, seen, rows)).ravel()
+        return act(vectors_of(observation, rows)).ravel()
 
     say(f"'{arguments.robot}' shall do '{task}' with {arguments.policy}", flush=True)
     reports: list[dict[str, Any]] = []

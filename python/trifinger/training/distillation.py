@@ -13,6 +13,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -211,7 +212,7 @@ class Student(nn.Module):
             found = layers[0] + 3
         sizes = [count + found, *layers]
         hidden: list[nn.Module] = []
-        for size, after in zip(sizes, layers, strict=False):
+        for size, after in pairwise(sizes):
             hidden += [nn.Linear(size, after), nn.ELU()]
         self.layers = nn.Sequential(*hidden, nn.Linear(sizes[-1], acted), nn.Tanh())
 
@@ -331,7 +332,7 @@ def _learn(
 
 
 class _Robots:
-    # The same robots twice: as the teacher sees them, and as the student does.
+    # Has each robot twice: as the teacher sees it, and as the student does.
     def __init__(self, teacher: Policy, options: Options, lessons: Lessons) -> None:
         seeing = options_of_student(teacher)
         self.task = teacher.metadata.get("task", "")
