@@ -14,7 +14,7 @@
 /// The safety chain of one joint, made of the checks in safety_checks.hpp. `SafetyChain` calls
 /// these functions for each joint of a robot; src/gpu/safety_worlds.cpp of the package
 /// trifinger_gpu calls them for thousands of robots, also on a GPU. So they use no heap, no
-/// exceptions and no library but <cmath>.
+/// exceptions and no library but the functions of cmath.
 ///
 /// A step of a robot is `remember_measurement` for all joints. If it finds a fault anywhere, all
 /// joints `brake_joint`. Otherwise each joint has its command accepted, by `accept_and_remember`,
