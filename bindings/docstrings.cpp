@@ -190,6 +190,10 @@ stay those of this class. What `physics` raises, `step` raises; the episodes tha
 way have then ended.
 
 Raises InvalidArgument if images are needed.)";
+const char* const set_reset_states = R"(Lets a share of the later episodes begin in the midst of a movement: for training. Not for
+tasks whose memory depends on where an episode begins, such as those of D'Claw.
+
+Raises InvalidArgument if a robot cannot be in one of the states.)";
 const char* const step = R"(Applies one action in each simulation. `actions` has one row of numbers per simulation, as
 for `Environment.take_action`.
 

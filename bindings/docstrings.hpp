@@ -119,6 +119,7 @@ extern const char* const oldest_sure_age;
 extern const char* const reset;
 extern const char* const seed;
 extern const char* const set_physics;
+extern const char* const set_reset_states;
 extern const char* const step;
 extern const char* const varied_field;
 extern const char* const varied_fields;

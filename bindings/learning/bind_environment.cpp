@@ -56,6 +56,8 @@ using Marks = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu
 // In the order of the enumeration.
 constexpr std::array<std::string_view, 3> kAutoresets{"NextStep", "SameStep", "Disabled"};
 
+constexpr std::size_t kPoseNumbers = 7;  // position and quaternion
+
 // Numbers that belong to `owner`, as an array with `rows` rows (none: a vector).
 template <class T>
 nb::object view(nb::handle owner, T* values, std::size_t size, std::size_t rows = 0) {
@@ -100,6 +102,32 @@ BatchPhysics physics_of(const nb::callable& function) {
     std::ranges::copy(moves, static_cast<std::uint8_t*>(memory));
     called(array, models_changed);
   };
+}
+
+ResetStates resets_of(const Goals& position, const Goals& torque, const Goals& object,
+                      double share) {
+  const std::size_t count = position.shape(0);
+  if (torque.shape(0) != count || object.shape(0) != count ||
+      (object.shape(1) != 0 && object.shape(1) != kPoseNumbers)) {
+    throw InvalidArgument(
+        "states need as many rows of joint positions, torques and poses, and 7 or no "
+        "numbers in each pose");
+  }
+  const auto row_of = [](const Goals& rows, std::size_t row) {
+    const double* const first = rows.data() + row * rows.shape(1);
+    return std::vector<double>(first, first + rows.shape(1));
+  };
+  ResetStates resets{.share = share};
+  for (std::size_t i = 0; i < count; ++i) {
+    ResetState& state = resets.states.emplace_back();
+    state.position = row_of(position, i);
+    state.torque = row_of(torque, i);
+    const std::vector<double> pose = row_of(object, i);
+    if (pose.empty()) continue;
+    std::copy_n(pose.begin(), 3, state.object.position.begin());
+    std::copy_n(pose.begin() + 3, 4, state.object.orientation.begin());
+  }
+  return resets;
 }
 
 // What both classes tell of their task.
@@ -341,6 +369,14 @@ void bind_environments(nb::module_& m) {
           nb::sig("def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) "
                   "-> None"),
           also(docs::EnvironmentBatch::step, R"(The arrays below change.)"));
+  type.def(
+      "set_reset_states",
+      [](EnvironmentBatch& self, const Goals& position, const Goals& torque, const Goals& object,
+         double share) { self.set_reset_states(resets_of(position, torque, object, share)); },
+      "position"_a, "torque"_a, "object"_a, "share"_a,
+      also(docs::EnvironmentBatch::set_reset_states,
+           R"(Each array has a row for each state: joint positions, torques, and position [m] and
+quaternion (w, x, y, z) of the object, or no numbers where the task has none.)"));
   type.def(
           "set_physics",
           [](EnvironmentBatch& self, const nb::callable& physics) {

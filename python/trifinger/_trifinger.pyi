@@ -3982,6 +3982,17 @@ class EnvironmentBatch:
         The arrays below change.
         """
 
+    def set_reset_states(self, position: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], torque: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], object: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], share: float) -> None:
+        """
+        Lets a share of the later episodes begin in the midst of a movement: for training. Not for
+        tasks whose memory depends on where an episode begins, such as those of D'Claw.
+
+        Raises InvalidArgument if a robot cannot be in one of the states.
+
+        Each array has a row for each state: joint positions, torques, and position [m] and
+        quaternion (w, x, y, z) of the object, or no numbers where the task has none.
+        """
+
     def set_physics(self, physics: Callable[[numpy.typing.NDArray[numpy.bool_], bool], None]) -> None:
         """
         Lets `physics` move the simulations, in place of MuJoCo. Motors, safety checks and the task

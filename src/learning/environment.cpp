@@ -20,10 +20,11 @@ using trifinger::detail::text_of;
 constexpr double kApproachTime = 2.0;       // Time to reach the start of an episode [s].
 constexpr long long kApproachActions = 20;  // Minimum number of actions for it.
 
-// Each episode has three series of random numbers.
+// Each episode has four series of random numbers.
 constexpr std::uint64_t kStreams = 4;
 constexpr std::uint64_t kPoseNoise = 1;
 constexpr std::uint64_t kJointNoise = 2;
+constexpr std::uint64_t kResets = 3;
 
 double draw(Random& random, const Range<double>& range) noexcept {
   return random.uniform(range.low, range.high);
@@ -264,6 +265,55 @@ void Environment::begin(std::span<const Beginning> robots) const {
     self.check(*robots[row].start, row);
     self.complete(*robots[row].start, *robots[row].episode);
   }
+}
+
+void Environment::check(const ResetStates& resets) const {
+  const Implementation& self = *checked(implementation_);
+  if (!(resets.share >= 0.0 && resets.share <= 1.0) ||
+      (resets.states.empty() && resets.share > 0.0)) {
+    throw InvalidArgument(text_of("the share of episodes that begin in one of ",
+                                  resets.states.size(), " states is ", resets.share,
+                                  ", must be 0 to 1, and 0 without states"));
+  }
+  for (std::size_t i = 0; i < resets.states.size(); ++i) {
+    const ResetState& state = resets.states[i];
+    if (state.position.size() != self.num_joints || state.torque.size() != self.num_joints) {
+      throw InvalidArgument(text_of("state ", i, " has ", state.position.size(),
+                                    " joint positions and ", state.torque.size(),
+                                    " torques, must have ", self.num_joints));
+    }
+    const auto is_finite = [](double number) { return std::isfinite(number); };
+    if (!std::ranges::all_of(state.torque, is_finite)) {
+      throw InvalidArgument(text_of("state ", i, " has torques that are not finite"));
+    }
+    Start start;
+    std::ranges::copy(state.position, start.position.begin());
+    start.object = state.object;
+    self.check(start, i);
+  }
+}
+
+const ResetState* Environment::begin_midway(const ResetStates& resets, std::uint64_t seed,
+                                            std::uint64_t number, Start& start,
+                                            Episode& episode) const noexcept {
+  const Implementation& self = *checked(implementation_);
+  Random random{.seed = seed, .episode = kStreams * number + kResets};
+  if (resets.states.empty() || random.uniform(0.0, 1.0) >= resets.share) return nullptr;
+  const auto count = static_cast<std::int64_t>(resets.states.size());
+  const ResetState& state = resets.states[static_cast<std::size_t>(random.integer(0, count))];
+  std::ranges::copy(state.position, start.position.begin());
+  start.object = state.object;
+  start.object_velocity = {};
+  const ActionKind kind = self.options.action;
+  const bool presses = kind == ActionKind::kPosition || kind == ActionKind::kPositionChange;
+  std::array<double, kMaxCountedJoints> desired{};
+  for (std::size_t i = 0; i < self.num_joints; ++i) {
+    const double kp = self.options.position_kp > 0.0 ? self.options.position_kp : self.joints.kp[i];
+    desired[i] = state.position[i] + (presses && kp > 0.0 ? state.torque[i] / kp : 0.0);
+  }
+  self.hold(std::span(desired).first(self.num_joints), episode);
+  if (kind == ActionKind::kPositionChange) self.pull_back(state.position, episode);
+  return &state;
 }
 
 void Environment::begin_at(std::span<const double> position, Episode& episode) const noexcept {

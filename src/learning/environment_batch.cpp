@@ -123,6 +123,11 @@ void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t
   implementation_->runs[index].next_episode = episode;
 }
 
+void EnvironmentBatch::set_reset_states(ResetStates resets) {
+  implementation_->environment.check(resets);
+  implementation_->reset_states = std::move(resets);
+}
+
 void EnvironmentBatch::reset(std::span<const std::uint8_t> which) {
   Implementation& self = *implementation_;
   self.require_own();

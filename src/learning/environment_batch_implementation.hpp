@@ -62,6 +62,7 @@ class EnvironmentBatch::Implementation {
   std::vector<Run> runs;
   Results results;
   BatchPhysics physics;  // none: MuJoCo's
+  ResetStates reset_states;
   std::vector<int> selected;
   // The call in progress.
   Call call{Call::kReset};

@@ -34,6 +34,7 @@ JointFigures figures_of(const Kinematics& kinematics) {
       joints.hard_low.push_back(limits.hard_lower[i]);
       joints.hard_high.push_back(limits.hard_upper[i]);
       joints.max_torque.push_back(actuator(description).torque_limit);
+      joints.kp.push_back(limits.kp[i]);
       joints.position.low.push_back(limits.hard_lower[i] - kBeyondLimits);
       joints.position.high.push_back(limits.hard_upper[i] + kBeyondLimits);
       joints.velocity.low.push_back(-kMaxVelocity);
@@ -64,6 +65,7 @@ JointFigures figures_of(const FileBody& body) {
     joints.hard_low.push_back(limit.hard_lower);
     joints.hard_high.push_back(limit.hard_upper);
     joints.max_torque.push_back(limit.max_torque);
+    joints.kp.push_back(limit.default_kp);
     joints.position.low.push_back(is_end(limit.hard_lower) ? limit.hard_lower - kBeyondLimits
                                                            : low - half_turn);
     joints.position.high.push_back(is_end(limit.hard_upper) ? limit.hard_upper + kBeyondLimits

@@ -16,7 +16,8 @@ struct JointFigures {
   std::vector<double> high{};
   std::vector<double> hard_low{};  // Where the joint can be.
   std::vector<double> hard_high{};
-  std::vector<double> max_torque{};                                                // [Nm], [N]
+  std::vector<double> max_torque{};  // [Nm], [N]
+  std::vector<double> kp{};          // of a position that comes without its own [Nm/rad], [N/m]
   Entry position{.name = "joint_position", .unit = "rad", .low = {}, .high = {}};  // observed
   Entry velocity{.name = "joint_velocity", .unit = "rad/s", .low = {}, .high = {}};
 };

@@ -6,11 +6,13 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -256,6 +258,71 @@ TEST(EnvironmentBatch, BeginsOnlyThoseEpisodesThatAreMarked) {
     };
     EXPECT_EQ(std::ranges::equal(goal_of(before), goal_of(after)), i != 1);
   }
+}
+
+TEST(EnvironmentBatch, AShareOfTheEpisodesBeginsInTheMidstAndTheOthersAsBefore) {
+  constexpr std::size_t kMany = 200;
+  const EnvironmentOptions options = noisy("lift");
+  EnvironmentBatch usual("lift", options, late_poses(), kMany);
+  EnvironmentBatch batch("lift", options, late_poses(), kMany);
+  const std::vector<double> position{0.1, 0.8, -1.6, 0.0, 0.9, -1.7, -0.1, 0.9, -1.8};
+  const RobotDescription robot;
+  std::vector<double> torque(9);
+  torque[4] = 0.05 * figures(robot).kp[1];
+  torque[8] = -10.0;  // further than the leash allows
+  ResetStates resets{.share = 0.3};
+  for (const double height : {0.2, 0.3}) {
+    resets.states.push_back({position, torque, {.position = {0.0, 0.0, height}}});
+  }
+  batch.set_reset_states(resets);
+  usual.reset();
+  batch.reset();
+  const Results& plain = usual.results();
+  const Results& mixed = batch.results();
+  EXPECT_EQ(plain.seen.desired, mixed.seen.desired);
+  const std::size_t width = batch.environment().observation_size();
+  const std::vector<std::string> names = batch.environment().flat_names();
+  const auto place_of = [&names](std::string_view name) {
+    return static_cast<std::size_t>(std::ranges::find(names, name) - names.begin());
+  };
+  const auto row_of = [width](const Results& results, std::size_t i) {
+    return std::span(results.seen.observation).subspan(i * width, width);
+  };
+  std::array<int, 3> counts{};
+  for (std::size_t i = 0; i < kMany; ++i) {
+    const double height = mixed.seen.achieved[3 * i + 2];
+    if (height < 0.1) {
+      ++counts[0];
+      EXPECT_TRUE(std::ranges::equal(row_of(plain, i), row_of(mixed, i)));
+      continue;
+    }
+    ++counts[height < 0.25 ? 1 : 2];
+    const auto shown = [&](std::string_view name) { return row_of(mixed, i)[place_of(name)]; };
+    // The measured positions have noise of 1 mrad.
+    EXPECT_NEAR(shown("tracking_error[4]"), 0.05 / options.leash, 0.05);
+    EXPECT_NEAR(shown("tracking_error[8]"), -1.0, 0.05);
+  }
+  EXPECT_NEAR(counts[1] + counts[2], 0.3 * kMany, 20);
+  EXPECT_NEAR(counts[1], counts[2], 25);
+  EXPECT_GT(counts[0], 0);
+}
+
+TEST(EnvironmentBatch, RefusesToBeginWhereNoRobotCanBe) {
+  EnvironmentBatch batch("lift", noisy("lift"), late_poses(), 1);
+  const std::vector<double> position(9, 0.0);
+  const auto refuses = [&](const ResetStates& resets, const char* reason) {
+    EXPECT_THAT([&] { batch.set_reset_states(resets); },
+                ThrowsMessage<InvalidArgument>(HasSubstr(reason)));
+  };
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> far = position;
+  far[3] = 10.0;
+  refuses({{{position, position}}, 1.5}, "must be 0 to 1");
+  refuses({{}, 0.5}, "0 without states");
+  refuses({{{position, {0.0}}}, 0.5}, "torques, must have 9");
+  refuses({{{position, std::vector<double>(9, none)}}, 0.5}, "not finite");
+  refuses({{{far, position}}, 0.5}, "joint 3 at 10");
+  refuses({{{position, position, {.position = {none, 0.0, 0.0}}}}, 0.5}, "no pose");
 }
 
 TEST(EnvironmentBatch, MovesNothingBehindAnEndUntilItIsReset) {

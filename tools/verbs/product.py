@@ -62,7 +62,8 @@ EVALUATIONS = {
     "identify": "evaluation/identify.py",
     "learn-on-robot": "evaluation/learn_on_robot.py",
     "learning": "evaluation/learning.py",
-    "push": "evaluation/push.py",
+    "lift": "evaluation/move_cube.py",
+    "push": "evaluation/move_cube.py",
     "robots": "evaluation/compare_robots.py",
     "skills": "evaluation/skills.py",
     "teach": "build/release/evaluation/evaluate_teach",
@@ -70,6 +71,7 @@ EVALUATIONS = {
     "vision": "evaluation/skills.py",
 }
 JUDGED = ("evaluation/cliffs.py", "evaluation/skills.py")  # of the trials of run_trial
+NAMED = (*JUDGED, "evaluation/move_cube.py")  # These serve several experiments.
 
 
 def evaluate(experiment: str, *arguments: str) -> NoReturn:
@@ -78,6 +80,7 @@ def evaluate(experiment: str, *arguments: str) -> NoReturn:
     program = EVALUATIONS[experiment]
     if program in JUDGED:
         build("release", "run_trial")
+    if program in NAMED:
         arguments = (experiment, *arguments)
     if program.endswith(".py"):
         build("release", "bindings/all")

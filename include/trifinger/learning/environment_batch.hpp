@@ -121,6 +121,10 @@ class EnvironmentBatch {
   /// begins the next episode.
   /// @throws InvalidArgument if there is no such simulation
   void seed(std::size_t index, std::uint64_t seed, std::uint64_t episode = 0);
+  /// Lets a share of the later episodes begin in the midst of a movement: for training. Not for
+  /// tasks whose memory depends on where an episode begins, such as those of D'Claw.
+  /// @throws InvalidArgument if a robot cannot be in one of the states
+  void set_reset_states(ResetStates resets);
   /// Begins an episode in the simulations that `which` marks with a number other than 0, or in all
   /// of them without marks.
   /// @throws InvalidArgument if `which` has another size

@@ -55,7 +55,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         help="one of those below, or MODULE:CLASS of your own: my_tasks:Middle",
     )
     parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
-    add_settings(parser, "default: 700; for push by PPO 30000, for D'Claw by PPO 20000")
+    add_settings(parser, "default: 700; by PPO: push 60000, lift 30000, D'Claw 20000")
     parser.add_argument(
         "--robot-config",
         metavar="NAME|FILE",

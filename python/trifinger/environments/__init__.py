@@ -28,6 +28,7 @@ if not hasattr(gymnasium.vector, "AutoresetMode"):  # `trifinger` itself works w
 
 from trifinger.environments.options import Options as Options, policy_metadata as policy_metadata
 from trifinger.environments.registration import TASKS as TASKS, register as register
+from trifinger.environments.reset_states import ResetStates as ResetStates
 from trifinger.environments.single import Environment as Environment
 from trifinger.environments.vector import VectorEnvironment as VectorEnvironment
 

@@ -18,6 +18,7 @@ from trifinger.environments.options import (
     reset_options,
     whole_number,
 )
+from trifinger.environments.reset_states import ResetStates
 from trifinger.environments.task_environment import (
     AGE,
     MODES,
@@ -133,6 +134,18 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
     def num_threads(self) -> int:
         """Number of threads that step, including the calling thread."""
         return self._core.num_threads
+
+    def set_reset_states(self, states: ResetStates, share: float) -> None:
+        """Lets a share of the later episodes begin in one of these states, each as likely.
+
+        Goals and what varies stay those of the episode. Not for tasks that remember where an
+        episode has begun, such as D'Claw's.
+        """
+        position, torque, pose = (
+            np.ascontiguousarray(numbers, np.float64)
+            for numbers in (states.position, states.torque, states.object)
+        )
+        self._core.set_reset_states(position, torque, pose, share)
 
     def reset(
         self,

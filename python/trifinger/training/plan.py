@@ -33,6 +33,10 @@ class Recipe:
     """Number of robots that learn at once; a single one uses the interface of real robots."""
     physics_step: float = 0.001
     """Time step of many robots while they learn [s]; evaluations have steps of 1 ms."""
+    reset_states: str = ""
+    """File of `ResetStates`: a share of the episodes of many robots begins in one of them."""
+    reset_share: float = 0.5
+    """That share; evaluations always begin where the task does."""
     asymmetric: bool = False
     """Whether the critic of PPO also sees what only simulations know: the true pose of the object,
     its velocities, and what varies from robot to robot (Pinto et al. 2018)."""
@@ -121,11 +125,12 @@ class Recipe:
             if task.startswith("dclaw_"):
                 common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
-            common |= {"gamma": 0.99, "reward_scale": 1.0, "initial_noise": 0.6}
-            common |= {"entropy": 5e-4}
+            common |= {"gamma": 0.99, "reward_scale": 1.0, "entropy": 5e-4}
+            common |= {"initial_noise": 0.3 if task == "lift" else 0.6}
             if ":" not in task and task != "reach":
+                of_cube = task in ("push", "lift")
                 common |= {"physics_step": 0.005, "approach": 20.0, "kernel": 0.25}
-                common |= {"action_cost": 0.002, "reward_scale": 0.0 if task == "push" else 1.0}
+                common |= {"action_cost": 0.002, "reward_scale": 0.0 if of_cube else 1.0}
             return cls(**common, num_envs=128, rollout=64, batch_size=1024, epochs=4)
         if task == "push" and algorithm == "rlpd":
             common |= {"gamma": 0.95, "learning_rate": 3e-4, "gradient_steps": 12, "approach": 40.0}
@@ -187,18 +192,25 @@ class Plan:
         recipe = dataclasses.replace(recipe, **changes)
         if recipe.is_shared or (recipe.relabelled > 0 and task != "push"):
             settings = {"per_finger": True} | settings
-        if (task, algorithm) == ("push", ON_POLICY):
+        if task in ("push", "lift") and algorithm == ON_POLICY:
             shown = {"symmetric_view": True, "object_offsets": True}
-            settings = {"duration": 6.0, "position_change": 0.06} | shown | settings
-            more = {"episodes": 60_000} | more
+            change = {"position_change": 0.06 if task == "push" else 0.03}
+            settings = {"duration": 6.0} | change | shown | settings
+            more = {"episodes": 60_000 if task == "push" else 30_000} | more
         if (task, algorithm) == ("push", "rlpd"):
             slow = {"steps_per_action": 100, "duration": 10.0}
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
         if task.startswith("dclaw_") and algorithm == ON_POLICY:
             more = {"episodes": 20_000, "evaluation_interval": 1000} | more
+        if recipe.reset_states:
+            if recipe.num_envs == 1:
+                raise InvalidArgument("reset_states are for many robots: num_envs of 2 or more")
+            # --resume may be said elsewhere
+            whole = str(Path(recipe.reset_states).resolve())
+            recipe = dataclasses.replace(recipe, reset_states=whole)
         robot = more.get("robot_config")
         if robot is not None and Path(robot).is_file():
-            more["robot_config"] = str(Path(robot).resolve())  # --resume may be said elsewhere
+            more["robot_config"] = str(Path(robot).resolve())  # as above
         # There are about a hundred evaluations at most, so that they take little of the time.
         episodes = more.get("episodes", 700)
         more.setdefault("evaluation_interval", max(50, episodes // 100))

@@ -42,7 +42,12 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint"
 CURVE = "curve.csv"
 # Name of the figure of paths to the goals as seen from above, by task.
-PATH_FIGURES = {"reach": "tips.png", "finger_reach": "tips.png", "push": "object.png"}
+PATH_FIGURES = {
+    "reach": "tips.png",
+    "finger_reach": "tips.png",
+    "push": "object.png",
+    "lift": "object.png",
+}
 FIGURE_AFTER = 200  # the paper's figure shows this episode between the first and the last
 
 

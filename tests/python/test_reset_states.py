@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Episodes that begin in the midst of a movement."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trifinger.environments import ResetStates, VectorEnvironment
+from trifinger.errors import InvalidArgument
+from trifinger.training import Plan, Training
+
+sys.path.append(str(Path(__file__).parents[2] / "evaluation"))
+from lift_states import collect_states
+
+
+@pytest.fixture(scope="module")
+def held() -> ResetStates:
+    """States in which a controller carries a cube."""
+    states = collect_states(seed=3, episodes=2)
+    in_air = states.object[:, 2] > 0.045
+    assert in_air.sum() >= 20
+    rows = vars(states).items()
+    return ResetStates(**{name: numbers[in_air][:20] for name, numbers in rows})
+
+
+@pytest.mark.parametrize("action", ["position_change", "torque"])
+@pytest.mark.parametrize("physics_step", [0.001, 0.005])
+def test_a_cube_that_is_held_stays_held(
+    held: ResetStates, action: str, physics_step: float
+) -> None:
+    for torque, dropped_share in ((held.torque, 0.0), (-held.torque, 1.0)):
+        environment = VectorEnvironment(
+            "lift", 20, duration=1.0, physics_step=physics_step, action=action
+        )
+        environment.set_reset_states(dataclasses.replace(held, torque=torque), 1.0)
+        observations, _ = environment.reset(seed=1)
+        begin = environment.entries(observations)["object_position"].copy()
+        np.testing.assert_allclose(begin, held_places(held, begin), atol=1e-6)
+        numbers = np.zeros((20, 9), np.float32)
+        if action == "torque":  # the same torques go on, those of the state that it begins in
+            numbers[:] = torque[rows_of(held, begin)] / 0.36
+        for _ in range(20):
+            observations, *_ = environment.step(numbers)
+        end = environment.entries(observations)["object_position"]
+        dropped = (begin - end)[:, 2] > 0.005
+        assert abs(dropped.mean() - dropped_share) <= 0.1
+
+
+def rows_of(states: ResetStates, places: np.ndarray) -> np.ndarray:
+    """Which state has its object nearest to each of these places."""
+    offsets = places[:, None] - states.object[None, :, :3]
+    return np.linalg.norm(offsets, axis=2).argmin(axis=1)
+
+
+def held_places(states: ResetStates, places: np.ndarray) -> np.ndarray:
+    """The place of the nearest object of the states, for each of these places."""
+    return states.object[rows_of(states, places), :3]
+
+
+def test_a_file_has_them_as_they_were(held: ResetStates, tmp_path: Path) -> None:
+    held.save(tmp_path / "held.npz")
+    again = ResetStates.load(tmp_path / "held.npz")
+    for name, numbers in vars(held).items():
+        np.testing.assert_array_equal(numbers, getattr(again, name))
+    (tmp_path / "text.npz").write_text("no archive")
+    np.savez(tmp_path / "other.npz", position=np.zeros((1, 9)))
+    for name in ("none.npz", "text.npz", "other.npz"):
+        with pytest.raises(InvalidArgument, match=f"{name} has no states to begin in"):
+            ResetStates.load(tmp_path / name)
+
+
+def test_a_training_begins_in_them_and_its_evaluations_do_not(
+    held: ResetStates, tmp_path: Path
+) -> None:
+    held.save(tmp_path / "held.npz")
+    settings = {"reset_states": str(tmp_path / "held.npz"), "reset_share": 1.0, "num_envs": 8}
+    settings |= {"rollout": 8, "batch_size": 64, "duration": 0.4}
+    plan = Plan.of("lift", "ppo", settings=settings, episodes=16)
+    assert Plan.from_json(plan.to_json()) == plan
+    training = Training(plan, tmp_path / "run")
+    seen = training._rows.entries(training._rows.begin(5, np.zeros(8)))
+    assert (seen["object_position"][:, 2] > 0.045).all()
+    training.run()
+    begins = training._evaluator.environment.reset(seed=1)[0]
+    assert (training._rows.entries(begins)["object_position"][:, 2] < 0.04).all()
+    with pytest.raises(InvalidArgument, match="reset_states are for many robots"):
+        Plan.of("lift", "sac", settings={"reset_states": "held.npz", "num_envs": 1})
