@@ -2,17 +2,20 @@
 """Episodes that begin in the midst of a movement."""
 
 import dataclasses
+import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import BUILD, StartProgram
+from lift_states import collect_states
+from trifinger.commands import train
 from trifinger.environments import ResetStates, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.training import Plan, Training
 
-sys.path.append(str(Path(__file__).parents[2] / "evaluation"))
-from lift_states import collect_states
+EVALUATION = Path(__file__).parents[2] / "evaluation"
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +49,34 @@ def test_a_cube_that_is_held_stays_held(
         end = environment.entries(observations)["object_position"]
         dropped = (begin - end)[:, 2] > 0.005
         assert abs(dropped.mean() - dropped_share) <= 0.1
+
+
+@pytest.mark.slow
+def test_a_log_of_a_skill_has_them(start_program: StartProgram, tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
+    words = ("--non-real-time", "--set", "fingers.height=0.3", "--record", str(logs))
+    robot = start_program("run", "sim", "--name", "lifting", *words)
+    robot.wait_for("waits for a user")
+    skill = [str(BUILD / "apps/trifinger-manipulate"), "lift", "--robot", "lifting"]
+    settings = ("lift.height=0.06", "lift.hold_time=3", "lift.lead_turns=[0]")
+    words = (word for setting in settings for word in ("--set", setting))
+    subprocess.run([*skill, *words], check=True, capture_output=True)
+    robot.end()
+    states = ResetStates.load(logs)
+    in_air = states.object[:, 2] > 0.06
+    assert in_air.sum() >= 20
+    held = ResetStates(*(numbers[in_air] for numbers in vars(states).values()))
+    environment = VectorEnvironment("lift", 20, physics_step=0.005)
+    environment.set_reset_states(held, 1.0)
+    observations, _ = environment.reset(seed=1)
+    begin = environment.entries(observations)["object_position"].copy()
+    for _ in range(50):
+        observations, *_ = environment.step(np.zeros((20, 9), np.float32))
+    end = environment.entries(observations)["object_position"]
+    assert (begin[:, 2] > 0.055).all()
+    assert ((begin - end)[:, 2] < 0.005).mean() >= 0.9
+    with pytest.raises(InvalidArgument, match="does not say where an object 'ball' was"):
+        ResetStates.from_log(logs, "ball")
 
 
 def rows_of(states: ResetStates, places: np.ndarray) -> np.ndarray:
@@ -87,3 +118,18 @@ def test_a_training_begins_in_them_and_its_evaluations_do_not(
     assert (training._rows.entries(begins)["object_position"][:, 2] < 0.04).all()
     with pytest.raises(InvalidArgument, match="reset_states are for many robots"):
         Plan.of("lift", "sac", settings={"reset_states": "held.npz", "num_envs": 1})
+
+
+@pytest.mark.slow
+def test_states_of_a_controller_are_written_and_a_training_begins_in_them(tmp_path: Path) -> None:
+    file = tmp_path / "lift_states.npz"
+    program = [sys.executable, str(EVALUATION / "lift_states.py"), str(file), "--episodes", "1"]
+    assert "states" in subprocess.run(program, check=True, capture_output=True, text=True).stdout
+    settings = {"reset_states": str(file)}
+    for task, position_change in (("lift", 0.03), ("push", 0.06)):
+        plan = Plan.of(task, "ppo", settings=settings)
+        assert plan.options.position_change == position_change
+    words = ["lift", "--algorithm", "ppo", "--set", f"reset_states={file}", "--episodes", "2"]
+    words += ["--set", "num_envs=2", "--set", "duration=0.4", "--set", "rollout=20"]
+    assert train.main([*words, "-o", str(tmp_path / "run")]) == 0
+    assert (tmp_path / "run/object.png").is_file()

@@ -34,7 +34,8 @@ class Recipe:
     physics_step: float = 0.001
     """Time step of many robots while they learn [s]; evaluations have steps of 1 ms."""
     reset_states: str = ""
-    """File of `ResetStates`: a share of the episodes of many robots begins in one of them."""
+    """File of `ResetStates`, or a log: a share of the episodes of many robots begins in a state of
+    it."""
     reset_share: float = 0.5
     """That share; evaluations always begin where the task does."""
     asymmetric: bool = False
