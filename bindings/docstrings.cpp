@@ -161,8 +161,8 @@ computes the decision process and `Simulator` the physics, on the threads of MuJ
 batches.
 
 Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
-of its own. One batch must not be used by several threads at once. In a forked child `reset`
-and `step` raise InheritedHandle.
+of its own, unless `set_reset_states` is used. One batch must not be used by several threads
+at once. In a forked child `reset` and `step` raise InheritedHandle.
 
 Simulations with cameras share one vision pipeline per thread. An image is drawn when an
 observation needs it.)";
@@ -190,10 +190,10 @@ stay those of this class. What `physics` raises, `step` raises; the episodes tha
 way have then ended.
 
 Raises InvalidArgument if images are needed.)";
-const char* const set_reset_states = R"(Lets a share of the later episodes begin in the midst of a movement: for training. Not for
-tasks whose memory depends on where an episode begins, such as those of D'Claw.
+const char* const set_reset_states = R"(Lets a share of the later episodes begin in one of these states, for a training. Tasks whose
+memory depends on where an episode begins do not see that.
 
-Raises InvalidArgument if a robot cannot be in one of the states.)";
+Raises InvalidArgument if a robot cannot begin in one of the states.)";
 const char* const step = R"(Applies one action in each simulation. `actions` has one row of numbers per simulation, as
 for `Environment.take_action`.
 

@@ -55,6 +55,8 @@ def main() -> None:
     parser.add_argument("file", type=Path)
     parser.add_argument("--episodes", type=int, default=EPISODES, help=f"default: {EPISODES}")
     arguments = parser.parse_args()
+    if arguments.episodes < 1:
+        parser.error(f"--episodes is {arguments.episodes}, must be at least 1")
     states = collect_states(episodes=arguments.episodes)
     states.save(arguments.file)
     in_air = (states.object[:, 2] > 0.04).sum()

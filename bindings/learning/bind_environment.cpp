@@ -50,7 +50,7 @@ namespace {
 using namespace learning;
 
 using Actions = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
-using Goals = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Marks = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 // In the order of the enumeration.
@@ -104,8 +104,7 @@ BatchPhysics physics_of(const nb::callable& function) {
   };
 }
 
-ResetStates resets_of(const Goals& position, const Goals& torque, const Goals& object,
-                      double share) {
+ResetStates resets_of(const Rows& position, const Rows& torque, const Rows& object, double share) {
   const std::size_t count = position.shape(0);
   if (torque.shape(0) != count || object.shape(0) != count ||
       (object.shape(1) != 0 && object.shape(1) != kPoseNumbers)) {
@@ -113,7 +112,7 @@ ResetStates resets_of(const Goals& position, const Goals& torque, const Goals& o
         "states need as many rows of joint positions, torques and poses, and 7 or no "
         "numbers in each pose");
   }
-  const auto row_of = [](const Goals& rows, std::size_t row) {
+  const auto row_of = [](const Rows& rows, std::size_t row) {
     const double* const first = rows.data() + row * rows.shape(1);
     return std::vector<double>(first, first + rows.shape(1));
   };
@@ -124,8 +123,9 @@ ResetStates resets_of(const Goals& position, const Goals& torque, const Goals& o
     state.torque = row_of(torque, i);
     const std::vector<double> pose = row_of(object, i);
     if (pose.empty()) continue;
-    std::copy_n(pose.begin(), 3, state.object.position.begin());
-    std::copy_n(pose.begin() + 3, 4, state.object.orientation.begin());
+    state.object.emplace();
+    std::copy_n(pose.begin(), 3, state.object->position.begin());
+    std::copy_n(pose.begin() + 3, 4, state.object->orientation.begin());
   }
   return resets;
 }
@@ -167,7 +167,7 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
                    told([](const Environment& each) { return std::string(each.object_name()); }))
       .def(
           "compute_reward",
-          [environment_of](const T& self, const Goals& achieved, const Goals& desired) {
+          [environment_of](const T& self, const Rows& achieved, const Rows& desired) {
             if (achieved.shape(0) != desired.shape(0)) {
               throw InvalidArgument("there are " + std::to_string(achieved.shape(0)) +
                                     " achieved goals, but " + std::to_string(desired.shape(0)) +
@@ -371,7 +371,7 @@ void bind_environments(nb::module_& m) {
           also(docs::EnvironmentBatch::step, R"(The arrays below change.)"));
   type.def(
       "set_reset_states",
-      [](EnvironmentBatch& self, const Goals& position, const Goals& torque, const Goals& object,
+      [](EnvironmentBatch& self, const Rows& position, const Rows& torque, const Rows& object,
          double share) { self.set_reset_states(resets_of(position, torque, object, share)); },
       "position"_a, "torque"_a, "object"_a, "share"_a,
       also(docs::EnvironmentBatch::set_reset_states,

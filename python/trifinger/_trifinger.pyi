@@ -3915,8 +3915,8 @@ class EnvironmentBatch:
     batches.
 
     Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
-    of its own. One batch must not be used by several threads at once. In a forked child `reset`
-    and `step` raise InheritedHandle.
+    of its own, unless `set_reset_states` is used. One batch must not be used by several threads
+    at once. In a forked child `reset` and `step` raise InheritedHandle.
 
     Simulations with cameras share one vision pipeline per thread. An image is drawn when an
     observation needs it.
@@ -3984,10 +3984,10 @@ class EnvironmentBatch:
 
     def set_reset_states(self, position: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], torque: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], object: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], share: float) -> None:
         """
-        Lets a share of the later episodes begin in the midst of a movement: for training. Not for
-        tasks whose memory depends on where an episode begins, such as those of D'Claw.
+        Lets a share of the later episodes begin in one of these states, for a training. Tasks whose
+        memory depends on where an episode begins do not see that.
 
-        Raises InvalidArgument if a robot cannot be in one of the states.
+        Raises InvalidArgument if a robot cannot begin in one of the states.
 
         Each array has a row for each state: joint positions, torques, and position [m] and
         quaternion (w, x, y, z) of the object, or no numbers where the task has none.

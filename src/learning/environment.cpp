@@ -267,13 +267,19 @@ void Environment::begin(std::span<const Beginning> robots) const {
   }
 }
 
-void Environment::check(const ResetStates& resets) const {
+void Environment::check_reset_states(const ResetStates& resets) const {
   const Implementation& self = *checked(implementation_);
   if (!(resets.share >= 0.0 && resets.share <= 1.0) ||
       (resets.states.empty() && resets.share > 0.0)) {
     throw InvalidArgument(text_of("the share of episodes that begin in one of ",
                                   resets.states.size(), " states is ", resets.share,
                                   ", must be 0 to 1, and 0 without states"));
+  }
+  const bool has_object = !object_name().empty();
+  if (self.file != nullptr &&
+      self.file->initial_configuration().size() != self.num_joints + (has_object ? 7 : 0)) {
+    throw InvalidArgument(
+        "this robot has joints or bodies whose positions a state to begin in does not say");
   }
   for (std::size_t i = 0; i < resets.states.size(); ++i) {
     const ResetState& state = resets.states[i];
@@ -282,38 +288,65 @@ void Environment::check(const ResetStates& resets) const {
                                     " joint positions and ", state.torque.size(),
                                     " torques, must have ", self.num_joints));
     }
-    const auto is_finite = [](double number) { return std::isfinite(number); };
-    if (!std::ranges::all_of(state.torque, is_finite)) {
+    if (!std::ranges::all_of(state.torque, [](double one) { return std::isfinite(one); })) {
       throw InvalidArgument(text_of("state ", i, " has torques that are not finite"));
+    }
+    if (state.object.has_value() != has_object) {
+      throw InvalidArgument(text_of("state ", i, has_object ? " has no" : " has a",
+                                    " pose of an object, the task '", self.task_name, "' has ",
+                                    has_object ? "one" : "none"));
     }
     Start start;
     std::ranges::copy(state.position, start.position.begin());
-    start.object = state.object;
+    start.object = state.object.value_or(ObjectPose{});
     self.check(start, i);
   }
 }
 
-const ResetState* Environment::begin_midway(const ResetStates& resets, std::uint64_t seed,
-                                            std::uint64_t number, Start& start,
-                                            Episode& episode) const noexcept {
-  const Implementation& self = *checked(implementation_);
+const ResetState* Environment::choose_reset_state(const ResetStates& resets, std::uint64_t seed,
+                                                  std::uint64_t number,
+                                                  Start& start) const noexcept {
   Random random{.seed = seed, .episode = kStreams * number + kResets};
   if (resets.states.empty() || random.uniform(0.0, 1.0) >= resets.share) return nullptr;
   const auto count = static_cast<std::int64_t>(resets.states.size());
   const ResetState& state = resets.states[static_cast<std::size_t>(random.integer(0, count))];
   std::ranges::copy(state.position, start.position.begin());
-  start.object = state.object;
+  if (state.object) start.object = *state.object;
   start.object_velocity = {};
-  const ActionKind kind = self.options.action;
-  const bool presses = kind == ActionKind::kPosition || kind == ActionKind::kPositionChange;
-  std::array<double, kMaxCountedJoints> desired{};
+  return &state;
+}
+
+void Environment::begin_in(const ResetState& state, std::span<const double> measured,
+                           Episode& episode, std::span<double> torque,
+                           std::span<double> position) const noexcept {
+  const Implementation& self = *checked(implementation_);
   for (std::size_t i = 0; i < self.num_joints; ++i) {
     const double kp = self.options.position_kp > 0.0 ? self.options.position_kp : self.joints.kp[i];
-    desired[i] = state.position[i] + (presses && kp > 0.0 ? state.torque[i] / kp : 0.0);
+    torque[i] = 0.0;
+    position[i] = measured[i] + (kp > 0.0 ? state.torque[i] / kp : 0.0);
   }
-  self.hold(std::span(desired).first(self.num_joints), episode);
-  if (kind == ActionKind::kPositionChange) self.pull_back(state.position, episode);
-  return &state;
+  switch (self.options.action) {
+    case ActionKind::kPosition:
+      self.hold(position, episode);
+      break;
+    case ActionKind::kPositionChange:
+      self.hold(position, episode);
+      self.pull_back(measured, episode);
+      break;
+    case ActionKind::kRelativePosition:
+      self.hold(measured, episode);
+      return;
+    case ActionKind::kTorque:
+      self.hold(measured, episode);
+      for (std::size_t i = 0; i < self.num_joints; ++i) {
+        const double most = self.joints.max_torque[i];
+        torque[i] = std::clamp(state.torque[i], -most, most);
+        episode.action[i] = torque[i] / most;
+        position[i] = kNotGiven;
+      }
+      return;
+  }
+  std::copy_n(episode.target.begin(), self.num_joints, position.begin());
 }
 
 void Environment::begin_at(std::span<const double> position, Episode& episode) const noexcept {

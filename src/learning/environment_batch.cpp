@@ -124,7 +124,7 @@ void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t
 }
 
 void EnvironmentBatch::set_reset_states(ResetStates resets) {
-  implementation_->environment.check(resets);
+  implementation_->environment.check_reset_states(resets);
   implementation_->reset_states = std::move(resets);
 }
 

@@ -472,8 +472,8 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     Run& run = runs[i];
     Start start =
         is_of_many_ ? one.start : environment.begin(seeds[i], run.next_episode++, run.episode);
-    const ResetState* const midway =
-        environment.begin_midway(reset_states, seeds[i], run.next_episode - 1, start, run.episode);
+    const ResetState* const state =
+        environment.choose_reset_state(reset_states, seeds[i], run.next_episode - 1, start);
     run.must_reset = false;
     if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
     one.is_new = true;
@@ -485,20 +485,13 @@ class EnvironmentBatch::Simulations final : public EnvironmentBatch::Implementat
     see(-1, model, data, one);
     see(0, model, data, one);
     one.action = hold_position(one.state.observation);
-    if (midway != nullptr) hold(*midway, run.episode, one.action);
+    if (state != nullptr) {
+      environment.begin_in(*state, one.state.observation.position, run.episode, one.action.torque,
+                           one.action.position);
+      std::ranges::fill(one.action.position_kp, environment.position_kp());
+    }
     note_hidden(data, one);
     (void)observe(i);
-  }
-
-  // The action before the first one of an episode that begins in the midst.
-  void hold(const ResetState& state, const Episode& episode, CountedAction& action) const noexcept {
-    if (environment.options().action == ActionKind::kTorque) {
-      std::ranges::copy(state.torque, action.torque.begin());
-      std::ranges::fill(action.position, kNotGiven);
-    } else {
-      std::copy_n(episode.target.begin(), action.position.size(), action.position.begin());
-      std::ranges::fill(action.position_kp, environment.position_kp());
-    }
   }
 
   void put_at(const Start& start, mjData& data, Simulator::State& state) noexcept {

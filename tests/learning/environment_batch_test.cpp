@@ -272,7 +272,7 @@ TEST(EnvironmentBatch, AShareOfTheEpisodesBeginsInTheMidstAndTheOthersAsBefore) 
   torque[8] = -10.0;  // further than the leash allows
   ResetStates resets{.share = 0.3};
   for (const double height : {0.2, 0.3}) {
-    resets.states.push_back({position, torque, {.position = {0.0, 0.0, height}}});
+    resets.states.push_back({position, torque, ObjectPose{.position = {0.0, 0.0, height}}});
   }
   batch.set_reset_states(resets);
   usual.reset();
@@ -315,14 +315,67 @@ TEST(EnvironmentBatch, RefusesToBeginWhereNoRobotCanBe) {
                 ThrowsMessage<InvalidArgument>(HasSubstr(reason)));
   };
   const double none = std::numeric_limits<double>::quiet_NaN();
+  const ObjectPose lying{.position = {0.0, 0.0, 0.0325}};
   std::vector<double> far = position;
   far[3] = 10.0;
-  refuses({{{position, position}}, 1.5}, "must be 0 to 1");
+  refuses({{{position, position, lying}}, 1.5}, "must be 0 to 1");
+  refuses({{{position, position, lying}}, none}, "must be 0 to 1");
   refuses({{}, 0.5}, "0 without states");
-  refuses({{{position, {0.0}}}, 0.5}, "torques, must have 9");
-  refuses({{{position, std::vector<double>(9, none)}}, 0.5}, "not finite");
-  refuses({{{far, position}}, 0.5}, "joint 3 at 10");
-  refuses({{{position, position, {.position = {none, 0.0, 0.0}}}}, 0.5}, "no pose");
+  refuses({{{position, {0.0}, lying}}, 0.5}, "torques, must have 9");
+  refuses({{{position, std::vector<double>(9, none), lying}}, 0.5}, "not finite");
+  refuses({{{far, position, lying}}, 0.5}, "joint 3 at 10");
+  refuses({{{position, position, ObjectPose{.position = {none, 0.0, 0.0}}}}, 0.5}, "no pose");
+  refuses({{{position, position}}, 0.5}, "has no pose of an object");
+  EnvironmentBatch reach("reach", noisy("reach"), late_poses(), 1);
+  EXPECT_THAT([&] { reach.set_reset_states({{{position, position, lying}}, 0.5}); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("has a pose of an object")));
+  reach.set_reset_states({{{position, position}}, 0.5});
+}
+
+// A robot that is homed wrongly asks for the same torques, and says what it asks for.
+TEST(EnvironmentBatch, TheLastActionOfAStateAsksForItsTorques) {
+  const RobotDescription robot;
+  const std::vector<double> position{0.1, 0.8, -1.6, 0.0, 0.9, -1.7, -0.1, 0.9, -1.8};
+  std::vector<double> torque(9);
+  for (std::size_t i = 0; i < 9; ++i) torque[i] = 0.03 * static_cast<double>(i) - 0.1;
+  for (const ActionKind kind :
+       {ActionKind::kPosition, ActionKind::kPositionChange, ActionKind::kTorque}) {
+    EnvironmentOptions options = default_options("lift");
+    options.action = kind;
+    options.mapping = Mapping::kStateAugmentation;
+    options.homing_error = {0.005, 0.005};
+    EnvironmentBatch batch("lift", options, {}, 1);
+    const ObjectPose high{.position = {0.0, 0.0, 0.3}};
+    batch.set_reset_states({{{position, torque, high}}, 1.0});
+    batch.reset();
+    const Environment& environment = batch.environment();
+    const auto numbers_of = [&](std::string_view name) {
+      const std::vector<std::string> names = environment.flat_names();
+      const auto first = std::ranges::find(names, name) - names.begin();
+      const auto begin = batch.results().seen.observation.begin() + first;
+      return std::vector<double>(begin, begin + 9);
+    };
+    const Entry& joints = environment.entries()[0];
+    const auto scaled = [](double number, double low, double high_end) {
+      return low + 0.5 * (number + 1.0) * (high_end - low);
+    };
+    for (std::size_t i = 0; i < 9; ++i) {
+      const double kp = figures(robot).kp[i % 3];
+      const double measured =
+          scaled(numbers_of("joint_position[0]")[i], joints.low[i], joints.high[i]);
+      EXPECT_GT(std::abs(measured - position[i]), 1e-4);
+      if (kind == ActionKind::kTorque) {
+        EXPECT_NEAR(numbers_of("action[0]")[i] * actuator(robot).torque_limit, torque[i], 1e-6);
+      } else if (kind == ActionKind::kPosition) {
+        const double desired = scaled(numbers_of("action[0]")[i], environment.position_low()[i],
+                                      environment.position_high()[i]);
+        EXPECT_NEAR(kp * (desired - measured), torque[i], 1e-5);
+      } else {
+        const double ahead = options.leash * numbers_of("tracking_error[0]")[i];
+        EXPECT_NEAR(kp * ahead, torque[i], 1e-5);
+      }
+    }
+  }
 }
 
 TEST(EnvironmentBatch, MovesNothingBehindAnEndUntilItIsReset) {

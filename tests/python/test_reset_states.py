@@ -12,7 +12,7 @@ from conftest import BUILD, StartProgram
 from lift_states import collect_states
 from trifinger.commands import train
 from trifinger.environments import ResetStates, VectorEnvironment
-from trifinger.errors import InvalidArgument
+from trifinger.errors import Error, InvalidArgument
 from trifinger.training import Plan, Training
 
 EVALUATION = Path(__file__).parents[2] / "evaluation"
@@ -60,7 +60,7 @@ def test_a_log_of_a_skill_has_them(start_program: StartProgram, tmp_path: Path) 
     skill = [str(BUILD / "apps/trifinger-manipulate"), "lift", "--robot", "lifting"]
     settings = ("lift.height=0.06", "lift.hold_time=3", "lift.lead_turns=[0]")
     words = (word for setting in settings for word in ("--set", setting))
-    subprocess.run([*skill, *words], check=True, capture_output=True)
+    subprocess.run([*skill, *words], check=True, capture_output=True, cwd=tmp_path)
     robot.end()
     states = ResetStates.load(logs)
     in_air = states.object[:, 2] > 0.06
@@ -95,11 +95,30 @@ def test_a_file_has_them_as_they_were(held: ResetStates, tmp_path: Path) -> None
     again = ResetStates.load(tmp_path / "held.npz")
     for name, numbers in vars(held).items():
         np.testing.assert_array_equal(numbers, getattr(again, name))
+    whole = (tmp_path / "held.npz").read_bytes()
     (tmp_path / "text.npz").write_text("no archive")
+    (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "empty.npz").write_text("")
+    (tmp_path / "changed.npz").write_bytes(whole[:200] + b"no number" + whole[209:])
     np.savez(tmp_path / "other.npz", position=np.zeros((1, 9)))
-    for name in ("none.npz", "text.npz", "other.npz"):
-        with pytest.raises(InvalidArgument, match=f"{name} has no states to begin in"):
-            ResetStates.load(tmp_path / name)
+    np.savez(tmp_path / "flat.npz", position=np.zeros(9), torque=np.zeros(9), object=np.zeros(7))
+    for name in ("none", "text", "cut", "empty", "changed", "other", "flat"):
+        with pytest.raises(FileNotFoundError if name == "none" else Error):
+            ResetStates.load(tmp_path / f"{name}.npz")
+
+
+def test_says_where_no_robot_can_begin(held: ResetStates) -> None:
+    environment = VectorEnvironment("lift", 2)
+    for wrong, reason in (
+        (dataclasses.replace(held, object=held.object[:, :0]), "has no pose of an object"),
+        (dataclasses.replace(held, object=held.object[:, :3]), "7 or no numbers"),
+        (dataclasses.replace(held, torque=held.torque[:3]), "as many rows"),
+        (dataclasses.replace(held, position=held.position[:, :4]), "must have 9"),
+    ):
+        with pytest.raises(InvalidArgument, match=reason):
+            environment.set_reset_states(wrong, 0.5)
+    with pytest.raises(InvalidArgument, match="joints or bodies whose positions"):
+        VectorEnvironment("dclaw_turn_fixed", 2).set_reset_states(held, 0.5)
 
 
 def test_a_training_begins_in_them_and_its_evaluations_do_not(
@@ -114,10 +133,15 @@ def test_a_training_begins_in_them_and_its_evaluations_do_not(
     seen = training._rows.entries(training._rows.begin(5, np.zeros(8)))
     assert (seen["object_position"][:, 2] > 0.045).all()
     training.run()
+    (tmp_path / "held.npz").unlink()
+    again = Training.resume(tmp_path / "run")
+    seen = again._rows.entries(again._rows.begin(5, np.zeros(8)))
+    assert (seen["object_position"][:, 2] > 0.045).all()
     begins = training._evaluator.environment.reset(seed=1)[0]
     assert (training._rows.entries(begins)["object_position"][:, 2] < 0.04).all()
-    with pytest.raises(InvalidArgument, match="reset_states are for many robots"):
-        Plan.of("lift", "sac", settings={"reset_states": "held.npz", "num_envs": 1})
+    for wrong, reason in (({"num_envs": 1}, "for many robots"), ({"reset_share": 2.0}, "0 to 1")):
+        with pytest.raises(InvalidArgument, match=reason):
+            Plan.of("lift", "ppo", settings={"reset_states": "held.npz"} | wrong)
 
 
 @pytest.mark.slow

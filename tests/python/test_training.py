@@ -2,6 +2,7 @@
 """Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
 
 import contextlib
+import functools
 import io
 import json
 import multiprocessing
@@ -26,6 +27,7 @@ from link_into_venv import write_scripts
 from stable_baselines3 import DDPG
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from trifinger import evaluation, policy_file
+from trifinger._trifinger import task_names
 from trifinger.commands import evaluate, train
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
@@ -576,6 +578,8 @@ def test_the_programs_of_the_pages_run(page, word, changes, tmp_path, monkeypatc
         (["push", "--shared"], "per_finger"),
         (["reach", "--set", "approach=1.0"], "object"),
         (["--resume", "nowhere"], "nowhere"),
+        (["push", "--algorithm", "td3"], "'push' is learned by ppo, as far as is known"),
+        (["throw"], "nothing learns 'throw', as far as is known"),
     ],
 )
 def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
@@ -585,6 +589,25 @@ def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
     assert train.main(words) == 2
     assert said in capsys.readouterr().err
     assert not list(folder.iterdir())
+
+
+def test_what_is_offered_is_what_has_learned():
+    chosen = functools.partial(train.algorithm_of, is_untried=False)
+    assert chosen("push", None) == chosen("push", "ppo") == "ppo"
+    assert chosen("reach", None) == chosen("my_tasks:Middle", None) == "ddpg"
+    assert chosen("my_tasks:Middle", "sac") == "sac"
+    assert train.algorithm_of("push", "td3", is_untried=True) == "td3"
+    # The page says the same, of each pair that was trained with all seeds.
+    said = {}
+    for line in (ROOT / "docs/results/training.md").read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[0] in task_names() and cells[4].count(",") == 2:
+            task, algorithm = cells[0], cells[1].removesuffix(", shared")
+            said[task, algorithm] = said.get((task, algorithm), False) or cells[-1] == "yes"
+    assert said
+    for (task, algorithm), learns in said.items():
+        assert learns == (algorithm in train.LEARNED.get(task, ())), (task, algorithm)
+    assert {task for task, _ in said} >= set(train.LEARNED)
 
 
 @pytest.mark.parametrize("words", [["--episodes", "9"], ["--shared"], ["--set", "gamma=0.5"]])

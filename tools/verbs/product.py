@@ -66,6 +66,7 @@ EVALUATIONS = {
     "push": "evaluation/move_cube.py",
     "robots": "evaluation/compare_robots.py",
     "skills": "evaluation/skills.py",
+    "training": "evaluation/trainings.py",
     "teach": "build/release/evaluation/evaluate_teach",
     "tracking": "evaluation/tracking.py",
     "vision": "evaluation/skills.py",

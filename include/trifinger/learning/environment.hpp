@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -93,14 +94,12 @@ struct Start {
       trifinger::detail::filled<kMaxCountedJoints>(kNotGiven);
 };
 
-/// A state in the midst of a movement, at rest. Episodes may begin there, so that a policy also
-/// learns what it would rarely come to by itself (Tavakoli et al. 2018; Salimans and Chen 2018).
+/// A state in the midst of a movement, at rest. Episodes of a training may begin there, so that a
+/// policy also learns what it would rarely come to by itself (Salimans and Chen 2018).
 struct ResetState {
   std::vector<double> position{};  ///< Joint positions [rad], [m].
-  /// Joint torques that hold it there, and what the fingers hold [Nm], [N]. Where actions are
-  /// positions, the first desired positions are those that ask for these torques.
-  std::vector<double> torque{};
-  ObjectPose object{};  ///< Pose of the task's object, if it has one.
+  std::vector<double> torque{};    ///< What holds it there, and what the fingers hold [Nm], [N].
+  std::optional<ObjectPose> object{};  ///< Pose of the task's object, if it has one.
 };
 
 /// Some of these states, and the share of the episodes that begin in one of them.
@@ -215,15 +214,19 @@ class Environment {
   /// Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
   [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number, Episode& episode) const;
 
-  /// @throws InvalidArgument if this robot cannot be in one of the states, or the share is not 0 to
-  /// 1, or there are no states for it
-  void check(const ResetStates& resets) const;
-  /// Draws whether the episode that `begin` has drawn begins in one of `resets` instead, and then
-  /// changes joints, object and desired positions. Goal, memory of the task and what varies stay.
+  /// @throws InvalidArgument if this robot cannot begin in one of the states, or the share is not 0
+  /// to 1, or there are no states for it
+  void check_reset_states(const ResetStates& resets) const;
+  /// Draws whether the episode that `begin` has drawn begins in one of these states instead, and
+  /// then changes joints and object of its start. Goal, memory of the task and what varies stay.
   /// Returns the state, or nullptr.
-  const ResetState* begin_midway(const ResetStates& resets, std::uint64_t seed,
-                                 std::uint64_t number, Start& start,
-                                 Episode& episode) const noexcept;
+  const ResetState* choose_reset_state(const ResetStates& resets, std::uint64_t seed,
+                                       std::uint64_t number, Start& start) const noexcept;
+  /// Begins an episode in this state, in which the joints are measured at `measured`, and makes the
+  /// action that asks for the torques of the state until the first action. Where actions are
+  /// desired positions or change them, these go on from there; the leash may weaken them.
+  void begin_in(const ResetState& state, std::span<const double> measured, Episode& episode,
+                std::span<double> torque, std::span<double> position) const noexcept;
 
   /// Begins an episode, which `begin` has drawn, where the robot is held now: at joint positions
   /// `position` [rad], [m].

@@ -87,8 +87,8 @@ struct BatchMemory {
 /// the decision process and `Simulator` the physics, on the threads of MuJoCo's batches.
 ///
 /// Each simulation gives the same results, bit for bit, as an `Environment` with a simulation of
-/// its own. One batch must not be used by several threads at once. In a forked child `reset` and
-/// `step` throw InheritedHandle.
+/// its own, unless `set_reset_states` is used. One batch must not be used by several threads at
+/// once. In a forked child `reset` and `step` throw InheritedHandle.
 ///
 /// Simulations with cameras share one vision pipeline per thread. An image is drawn when an
 /// observation needs it.
@@ -121,9 +121,9 @@ class EnvironmentBatch {
   /// begins the next episode.
   /// @throws InvalidArgument if there is no such simulation
   void seed(std::size_t index, std::uint64_t seed, std::uint64_t episode = 0);
-  /// Lets a share of the later episodes begin in the midst of a movement: for training. Not for
-  /// tasks whose memory depends on where an episode begins, such as those of D'Claw.
-  /// @throws InvalidArgument if a robot cannot be in one of the states
+  /// Lets a share of the later episodes begin in one of these states, for a training. Tasks whose
+  /// memory depends on where an episode begins do not see that.
+  /// @throws InvalidArgument if a robot cannot begin in one of the states
   void set_reset_states(ResetStates resets);
   /// Begins an episode in the simulations that `which` marks with a number other than 0, or in all
   /// of them without marks.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 from trifinger import extras
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_output, ended_by_signals, say
-from trifinger.commands.train import ALGORITHMS, were_said
+from trifinger.commands.train import ALGORITHMS, algorithm_of, were_said
 from trifinger.environment_options import OptionFields
 from trifinger.errors import Error, InvalidArgument
 from trifinger.sweep.executors import EXECUTORS
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 CONDITIONS = get_args(get_type_hints(OptionFields)["condition"])
 # Options that only trainings have, only evaluations, and both.
-OF_TRAININGS = ("algorithm", "shared", "set", "robot_config", "wandb")
+OF_TRAININGS = ("algorithm", "untried", "shared", "set", "robot_config", "wandb")
 OF_EVALUATIONS = ("conditions",)
 OF_BOTH = ("seeds", "episodes", "output")
 OWN_AXES = ("task", "algorithm", "seed")  # of the table, also if they have one value
@@ -53,7 +53,8 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     add("--resume", type=Path, metavar="FOLDER", help="continue its sweep instead")
     add("--seeds", metavar="LIST", help="such as 1-4,7; default: 1, of evaluations 1000000")
     add("--episodes", type=int, help="of each training, or evaluated ones; default of these: 50")
-    add("--algorithm", default="ddpg", metavar="LIST", help="how it learns; default: ddpg")
+    add("--algorithm", metavar="LIST", help="how it learns; default: as for `trifinger train`")
+    add("--untried", action="store_true", help="as for `trifinger train`")
     add("--shared", action="store_true", help="one policy shared by the fingers")
     add("--set", action="append", default=[], metavar="KEY=LIST", help="as for `trifinger train`")
     add("--robot-config", metavar="NAME|FILE", help="as for `trifinger train`")
@@ -136,10 +137,11 @@ def plans_of(arguments: argparse.Namespace) -> Iterator[tuple["Row", "Plan"]]:
     """Yields the rows of the table and their plans: all combinations; seeds change fastest."""
     from trifinger.training import Plan
 
-    axes = {"task": arguments.tasks, "algorithm": arguments.algorithm.split(",")}
-    for one in axes["algorithm"]:
-        if one not in ALGORITHMS:
+    said = arguments.algorithm.split(",") if arguments.algorithm else [None]
+    for one in said:
+        if one not in (None, *ALGORITHMS):
             raise InvalidArgument.of_name("algorithm", one, ALGORITHMS)
+    axes: dict[str, list[Any]] = {"task": arguments.tasks, "algorithm": said}
     for word in arguments.set:
         name, values = values_of(word)
         if name in (*axes, "seed"):
@@ -151,6 +153,9 @@ def plans_of(arguments: argparse.Namespace) -> Iterator[tuple["Row", "Plan"]]:
     for combination in itertools.product(*axes.values()):
         chosen = dict(zip(axes, combination, strict=True))
         settings = {name: chosen[name] for name in axes if name not in OWN_AXES}
+        chosen["algorithm"] = algorithm_of(
+            chosen["task"], chosen["algorithm"], is_untried=arguments.untried
+        )
         words = (chosen["task"], chosen["algorithm"])
         fields |= {"is_shared": arguments.shared, "seed": chosen["seed"]}
         shown = [name for name in axes if name in OWN_AXES or len(axes[name]) > 1]

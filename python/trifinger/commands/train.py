@@ -32,7 +32,16 @@ if TYPE_CHECKING:
     from trifinger.training import Plan
 
 ALGORITHMS = ("ddpg", "td3", "sac", "ppo")
+# Those that are known to learn a task, the best one first: docs/results/training.md.
+LEARNED: Mapping[str, tuple[str, ...]] = {
+    "reach": ("ddpg",),
+    "finger_reach": ("ddpg",),
+    "push": ("ppo",),
+    "lift": ("ppo",),
+    "dclaw_turn_fixed": ("ppo",),
+}
 SETTINGS = ("shared", "episodes", "seed", "output", "set")  # of a training that is begun
+BEGUN = (*SETTINGS, "algorithm", "untried", "robot_config")
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -46,15 +55,19 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger train",
         description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
-        epilog="Tasks:\n  " + "\n  ".join(task_names()) + "\n"
-        "Example:\n  trifinger train reach --shared\n  trifinger train --resume reach",
+        epilog="Tasks, and what learns them:\n"
+        + "".join(f"  {task:<27} {', '.join(LEARNED.get(task, '-'))}\n" for task in task_names())
+        + "Example:\n  trifinger train reach --shared\n  trifinger train --resume reach",
     )
     parser.add_argument(
         "task",
         nargs="?",
         help="one of those below, or MODULE:CLASS of your own: my_tasks:Middle",
     )
-    parser.add_argument("--algorithm", choices=ALGORITHMS, help="how it learns; default: ddpg")
+    text = "how it learns; default: what is known to learn the task, or ddpg"
+    parser.add_argument("--algorithm", choices=ALGORITHMS, help=text)
+    text = "train even if nobody knows whether this algorithm learns this task"
+    parser.add_argument("--untried", action="store_true", help=text)
     add_settings(parser, "default: 700; by PPO: push 60000, lift 30000, D'Claw 20000")
     parser.add_argument(
         "--robot-config",
@@ -73,7 +86,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         parser.error("either a task or --resume is needed")
     if arguments.said and not arguments.resume:
         parser.error("--task belongs to --resume")
-    if arguments.resume and were_said(parser, arguments, *SETTINGS, "algorithm", "robot_config"):
+    if arguments.resume and were_said(parser, arguments, *BEGUN):
         parser.error("--resume goes on as the training was begun: it takes no other options")
     return arguments
 
@@ -118,12 +131,32 @@ def plan_of(
     )
 
 
+def algorithm_of(task: str, algorithm: str | None, *, is_untried: bool) -> str:
+    """The algorithm for a task: the one that was said, or that is known to learn it.
+
+    Raises InvalidArgument if nobody knows whether it learns, unless it `is_untried`.
+    """
+    known = LEARNED.get(task, ())
+    if task not in task_names() or is_untried or algorithm in known:
+        return algorithm or next(iter(known), "ddpg")
+    if algorithm is None and known:
+        return known[0]
+    what = f"'{task}' is learned by {' and '.join(known)}" if known else f"nothing learns '{task}'"
+    raise InvalidArgument(
+        f"{what}, as far as is known: docs/results/training.md. --untried trains with "
+        f"{algorithm or 'ddpg'} nevertheless"
+    )
+
+
 def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
     """The plan of a training and its folder; raises InvalidArgument."""
     from trifinger.training import Plan, name_of
 
     if arguments.resume:
         return Plan.of_folder(arguments.resume, arguments.said), arguments.resume
+    arguments.algorithm = algorithm_of(
+        arguments.task, arguments.algorithm, is_untried=arguments.untried
+    )
     plan = plan_of(arguments, arguments.robot_config, {})
     folder = arguments.output or Path(name_of(arguments.task))
     if folder.exists() and any(folder.iterdir()):

@@ -3,6 +3,8 @@
 
 import dataclasses
 import io
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Self
 
@@ -26,7 +28,14 @@ class ResetStates:
     torque: Array
     """Joint torques (N x joints) that hold the robot there, and what it holds [Nm], [N]."""
     object: Array
-    """Position [m] and quaternion (w, x, y, z) of the object of the task (N x 7)."""
+    """Position [m] and quaternion (w, x, y, z) of the object of the task (N x 7), or N x 0."""
+
+    def __post_init__(self) -> None:
+        for name in NAMES:
+            numbers = np.ascontiguousarray(getattr(self, name), np.float64)
+            if numbers.ndim != 2:
+                raise InvalidArgument(f"'{name}' has {numbers.ndim} dimensions, must have 2")
+            object.__setattr__(self, name, numbers)
 
     def save(self, path: Path | str) -> None:
         """Writes an archive of NumPy's arrays."""
@@ -35,39 +44,35 @@ class ResetStates:
         replace_file(Path(path), archive.getvalue())
 
     @classmethod
+    def load(cls, path: Path | str) -> Self:
+        """Reads what save() has written, or a log, as from_log() does.
+
+        Raises InvalidArgument or Error if it is neither, FileNotFoundError if there is none.
+        """
+        if not Path(path).is_file() or not zipfile.is_zipfile(path):
+            return cls.from_log(path)
+        broken = (EOFError, KeyError, OSError, TypeError, ValueError, zlib.error)
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return cls(*(archive[name] for name in NAMES))
+        except (*broken, zipfile.BadZipFile) as error:
+            raise InvalidArgument(f"{path} has no states to begin in: {error}") from error
+
+    @classmethod
     def from_log(cls, path: Path | str, name: str = "cube", every: float = 0.1) -> Self:
         """What a robot did with the object of this name, whoever controlled it: a skill, a person.
 
-        Of the log, or the newest recording in a folder, it takes a state `every` so many seconds.
-        Raises InvalidArgument if nobody has seen the object.
+        Of a log, or of the newest recording in a folder, it takes a state where the object was
+        seen, `every` so many seconds. Raises InvalidArgument if nobody has seen it, Error if this
+        is no log, FileNotFoundError if there is none.
         """
         session = Log(str(path)).session()
-        seen, objects = object_poses(session)
+        has_objects = any(companion.name.endswith(".object") for companion in session.companions)
+        seen, objects = object_poses(session) if has_objects else (np.empty(0), {})
         if name not in objects:
             raise InvalidArgument(f"{path} does not say where an object '{name}' was")
-        steps = np.asarray(session.time_index)
         stride = max(round(every / session.period), 1)
-        wanted = np.arange(steps[0], steps[-1] + 1, stride)
-        rows = np.searchsorted(steps, wanted)
-        poses = np.clip(np.searchsorted(seen, wanted), 0, len(seen) - 1)
-        chosen = (steps[rows] == wanted) & (np.abs(seen[poses] - wanted) <= stride)
-        observations = session.observations[rows[chosen]]
-        return cls(
-            np.asarray(observations["position"]),
-            np.asarray(observations["torque"]),
-            objects[name][poses[chosen]],
-        )
-
-    @classmethod
-    def load(cls, path: Path | str) -> Self:
-        """Reads what save() has written, or, if the name does not end in .npz, a log.
-
-        Raises InvalidArgument if the file has no such arrays.
-        """
-        if Path(path).suffix != ".npz":
-            return cls.from_log(path)
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                return cls(*(np.asarray(archive[name], np.float64) for name in NAMES))
-        except (KeyError, OSError, TypeError, ValueError) as error:
-            raise InvalidArgument(f"{path} has no states to begin in: {error}") from error
+        _, first = np.unique(seen // stride, return_index=True)
+        _, rows, poses = np.intersect1d(session.time_index, seen[first], return_indices=True)
+        observations = session.observations[rows]
+        return cls(observations["position"], observations["torque"], objects[name][first][poses])

@@ -138,14 +138,11 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
     def set_reset_states(self, states: ResetStates, share: float) -> None:
         """Lets a share of the later episodes begin in one of these states, each as likely.
 
-        Goals and what varies stay those of the episode. Not for tasks that remember where an
-        episode has begun, such as D'Claw's.
+        For trainings. Goals and what varies stay those of the episode. Tasks that remember where
+        an episode has begun do not see that. Raises InvalidArgument if this robot cannot begin in
+        one of the states, such as a robot from a file with joints that no motor drives.
         """
-        position, torque, pose = (
-            np.ascontiguousarray(numbers, np.float64)
-            for numbers in (states.position, states.torque, states.object)
-        )
-        self._core.set_reset_states(position, torque, pose, share)
+        self._core.set_reset_states(states.position, states.torque, states.object, share)
 
     def reset(
         self,

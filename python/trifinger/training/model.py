@@ -22,7 +22,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from trifinger import policy_file
 from trifinger._trifinger import num_processors
 from trifinger.arrays import Array
-from trifinger.environments import Environment, ResetStates, VectorEnvironment
+from trifinger.environments import Environment, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.training import checkpoint
 from trifinger.training.ddpg import QuickDDPG
@@ -54,9 +54,6 @@ def rows_of(
             autoreset_mode=mode,
             **plan.environment,
         )
-        if recipe.reset_states:
-            states = ResetStates.load(recipe.reset_states)
-            environment.set_reset_states(states, recipe.reset_share)
     return Rows(
         environment,
         is_per_finger=plan.options.per_finger,

@@ -117,6 +117,8 @@ class RobotTraining:
         self._judged_episodes = 0 if is_judged else judged  # by the task
         if plan.recipe.algorithm == "ppo":
             raise InvalidArgument("ppo learns only from what its newest policy did")
+        if plan.recipe.reset_states:
+            raise InvalidArgument("a robot that runs cannot be put into reset_states")
         if ":" in plan.task:
             raise InvalidArgument(f"'{plan.task}' is a task in Python, which no robot learns alone")
         if is_judged and plan.recipe.relabelled > 0:

@@ -35,7 +35,7 @@ class Recipe:
     """Time step of many robots while they learn [s]; evaluations have steps of 1 ms."""
     reset_states: str = ""
     """File of `ResetStates`, or a log: a share of the episodes of many robots begins in a state of
-    it."""
+    it. The folder of the training keeps these states."""
     reset_share: float = 0.5
     """That share; evaluations always begin where the task does."""
     asymmetric: bool = False
@@ -203,15 +203,13 @@ class Plan:
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
         if task.startswith("dclaw_") and algorithm == ON_POLICY:
             more = {"episodes": 20_000, "evaluation_interval": 1000} | more
+        # --resume may be said elsewhere.
         if recipe.reset_states:
-            if recipe.num_envs == 1:
-                raise InvalidArgument("reset_states are for many robots: num_envs of 2 or more")
-            # --resume may be said elsewhere
             whole = str(Path(recipe.reset_states).resolve())
             recipe = dataclasses.replace(recipe, reset_states=whole)
         robot = more.get("robot_config")
         if robot is not None and Path(robot).is_file():
-            more["robot_config"] = str(Path(robot).resolve())  # as above
+            more["robot_config"] = str(Path(robot).resolve())
         # There are about a hundred evaluations at most, so that they take little of the time.
         episodes = more.get("episodes", 700)
         more.setdefault("evaluation_interval", max(50, episodes // 100))
@@ -225,6 +223,10 @@ class Plan:
         for name in ("num_envs", "rollout", "batch_size", "epochs"):
             if vars(recipe)[name] < 1:
                 raise InvalidArgument(f"{name} is {vars(recipe)[name]}, must be at least 1")
+        if recipe.reset_states and recipe.num_envs == 1:
+            raise InvalidArgument("reset_states are for many robots: num_envs of 2 or more")
+        if not 0.0 <= recipe.reset_share <= 1.0:
+            raise InvalidArgument(f"reset_share is {recipe.reset_share}, must be 0 to 1")
         if not 0.0 < recipe.initial_noise <= 1.0:
             raise InvalidArgument(
                 f"initial_noise is {recipe.initial_noise}, must be above 0, at most 1"

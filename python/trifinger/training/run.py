@@ -8,7 +8,7 @@ import random
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 # This import comes first because its error says what to install.
 from trifinger.training.model import OffPolicy, rows_of
@@ -20,7 +20,12 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 
 from trifinger.arrays import Array
-from trifinger.environments import Environment, VectorEnvironment, policy_metadata
+from trifinger.environments import (
+    Environment,
+    ResetStates,
+    VectorEnvironment,
+    policy_metadata,
+)
 from trifinger.errors import InvalidArgument
 from trifinger.evaluation import (
     SHOWN_EPISODES,
@@ -41,6 +46,7 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "checkpoint"
 CURVE = "curve.csv"
+RESET_STATES = "reset_states.npz"
 # Name of the figure of paths to the goals as seen from above, by task.
 PATH_FIGURES = {
     "reach": "tips.png",
@@ -90,9 +96,17 @@ class Training:
         self._evaluator = Evaluator(**plan.environment)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = _model_of(plan, self._rows, self._total)
+        # A training that goes on begins in the same states, whatever has become of their file.
+        kept = folder / RESET_STATES
+        states = kept if kept.exists() else recipe.reset_states
+        resets = ResetStates.load(states) if recipe.reset_states else None
+        if resets is not None:
+            cast(VectorEnvironment, self._rows.one).set_reset_states(resets, recipe.reset_share)
         # Each robot begins with episode 0 of its seed.
         self._begin(np.zeros(recipe.num_envs, np.int64))
         folder.mkdir(parents=True, exist_ok=True)
+        if resets is not None and not kept.exists():
+            resets.save(kept)
         replace_file(folder / PLAN, plan.to_json().encode())
         self._restore()
         board = _Board(folder / "tensorboard", self._model.actions)

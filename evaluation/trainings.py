@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`./run evaluate training`: what each algorithm learns of each task, over three seeds.
+
+Each pair is trained with its own recipe (`Plan.of`), and judged in episodes that no training has
+seen. The lift is also trained without each part of its recipe. A result is kept in
+docs/results/training.jsonl at once, so an evaluation that was cut off goes on, also in the midst of
+a training; docs/results/training.md is written from these. Results of an earlier recipe do not
+count.
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from lift_states import collect_states
+from move_cube import FOLDER, STATES
+from trifinger.evaluation import SEED, Evaluator
+from trifinger.training import Plan, Training
+
+RESULTS = Path("docs/results/training.md")
+SEEDS = (1, 2, 3)
+JUDGED = 100  # episodes
+ENOUGH = 0.5  # share of them that succeed, by each seed, of what has learned
+
+
+class Way(NamedTuple):
+    """What is trained, and how."""
+
+    task: str
+    algorithm: str
+    name: str = ""
+    """What is not as in the recipe."""
+    settings: Mapping[str, Any] = MappingProxyType({})
+    episodes: int | None = None
+    """None: as many as in the recipe."""
+
+    def plan(self, seed: int) -> Plan:
+        """The plan of a training."""
+        settings = {"reset_states": str(STATES)} if self.task in IN_THE_MIDST else {}
+        settings |= self.settings
+        is_shared = bool(settings.pop("is_shared", False))
+        more = {} if self.episodes is None else {"episodes": self.episodes}
+        return Plan.of(
+            self.task, self.algorithm, is_shared=is_shared, seed=seed, settings=settings, **more
+        )
+
+    @property
+    def title(self) -> str:
+        """The words that choose it."""
+        return " ".join(filter(None, (self.task, self.algorithm, self.name)))
+
+
+PAIRS = (
+    Way("reach", "ddpg"),
+    Way("reach", "ddpg", "shared", {"is_shared": True}),
+    *(Way("reach", algorithm) for algorithm in ("td3", "sac", "ppo")),
+    *(Way("finger_reach", algorithm) for algorithm in ("ddpg", "td3", "sac", "ppo")),
+    Way("push", "ppo"),
+    Way("push", "sac"),
+    Way("lift", "ppo"),
+    Way("lift_pose", "ppo"),
+    Way("move_cube_on_trajectory", "ppo"),
+    Way("throw", "ppo"),
+    Way("throw", "sac"),
+    *(
+        Way(f"dclaw_{task}_{kind}", "ppo")
+        for task in ("pose", "turn", "screw")
+        for kind in ("fixed", "random", "random_dynamics")
+    ),
+)
+SHORT = 8000  # episodes of a lift
+PARTS = tuple(
+    Way("lift", "ppo", name, settings, SHORT)
+    for name, settings in (
+        ("the whole recipe", {}),
+        ("no states of a controller", {"reset_states": ""}),
+        ("no symmetric_view", {"symmetric_view": False}),
+        ("no object_offsets", {"object_offsets": False}),
+        ("no kernel", {"kernel": 0.0}),
+        ("no approach", {"approach": 0.0}),
+        ("no action_cost", {"action_cost": 0.0}),
+        ("position_change of a push, 0.06", {"position_change": 0.06}),
+        ("initial_noise of a push, 0.6", {"initial_noise": 0.6}),
+        ("the task's own reward, too", {"reward_scale": 1.0}),
+        ("a critic that sees what is hidden", {"asymmetric": True}),
+        ("steps of 1 ms", {"physics_step": 0.001}),
+    )
+)
+IN_THE_MIDST = ("lift", "lift_pose", "move_cube_on_trajectory")  # begin in states of a controller
+TEXT = """\
+<!-- SPDX-License-Identifier: BSD-3-Clause -->
+# What is learned: every task and algorithm
+
+Written by `./run evaluate training`. Each row is a recipe of [training.md](../training.md), trained
+with the seeds 1 to 3. Each policy is judged in 100 episodes that no training has seen, as long as
+those of the training, with steps of 1 ms, on robots as documented; starts and goals vary. A failure
+counts like any other episode, in the distances, too. *Learns*: with each seed at least half of the
+episodes succeed. `trifinger train` offers these pairs; it takes others with `--untried`.
+
+| task | algorithm | episodes | time of one processor | success | distance at the end, median \
+| learns |
+|---|---|---|---|---|---|---|
+{rows}
+
+The trainings of lifts begin in states of a controller, half of the time
+([how](../training.md#a-lift-begins-in-the-midst)). {missing}
+
+## What each part of the recipe is good for
+
+A lift, with {short} episodes, one seed, judged in the same way.
+
+| | time of one processor | success | distance at the end, median |
+|---|---|---|---|
+{parts}
+"""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a policy has learned."""
+
+    way: str
+    """Title of the way."""
+    seed: int
+    recipe: str
+    """Digest of the plan without its seed."""
+    episodes: int
+    minutes: float | None
+    """Time of one processor, with the evaluations of the curve; None if the training was cut off
+    once."""
+    success: float
+    median: float
+    unit: str
+
+    @property
+    def spent(self) -> str:
+        """The time, in words."""
+        return "-" if self.minutes is None else f"{self.minutes:.0f}"
+
+    @property
+    def distance(self) -> str:
+        """The median, without its unit."""
+        return f"{(100 if self.unit == 'm' else 1) * self.median:.2f}"
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit of `distance`."""
+        return "cm" if self.unit == "m" else self.unit
+
+
+def digest(plan: Plan) -> str:
+    """What a result is a result of."""
+    recipe = replace(plan.recipe, reset_states=Path(plan.recipe.reset_states).name)
+    text = replace(plan, seed=0, recipe=recipe).to_json()
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def train(way: Way, seed: int) -> Result:
+    """Trains, or goes on, and judges."""
+    plan = way.plan(seed)
+    folder = FOLDER / f"{way.title} {seed}".replace(" ", "_").replace(",", "")
+    is_new, begin = not folder.exists(), time.process_time()
+    with closing(Training(plan, folder, num_threads=1)) as training:
+        training.run()
+        minutes = (time.process_time() - begin) / 60 if is_new else None
+        evaluator = Evaluator(**plan.environment, episodes=JUDGED, seed=SEED + 1000)
+        found = evaluator(training.act, training._rows.rows).summary()
+    return Result(
+        *(way.title, seed, digest(plan), plan.episodes, minutes),
+        *(found.success, found.median, found.unit),
+    )
+
+
+Found = Mapping[tuple[str, int], Result]  # by title of the way, and seed
+
+
+def kept(file: Path) -> dict[tuple[str, int], Result]:
+    """The results of today's recipes."""
+    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+    results = {(one.way, one.seed): one for one in (Result(**json.loads(line)) for line in lines)}
+    today = {way.title: digest(way.plan(0)) for way in (*PAIRS, *PARTS)}
+    return {key: one for key, one in results.items() if one.recipe == today.get(one.way)}
+
+
+def row(way: Way, results: Sequence[Result]) -> str:
+    """A row of the table: all seeds of a pair."""
+    learns = len(results) == len(SEEDS) and all(one.success >= ENOUGH for one in results)
+    algorithm = ", ".join(filter(None, (way.algorithm, way.name)))
+    return (
+        f"| {way.task} | {algorithm} | {results[0].episodes} "
+        f"| {', '.join(one.spent for one in results)} min "
+        f"| {', '.join(f'{100 * one.success:.0f}' for one in results)} % "
+        f"| {', '.join(one.distance for one in results)} {results[0].shown_unit} "
+        f"| {'yes' if learns else 'no'} |"
+    )
+
+
+def page(found: Found) -> str:
+    """The text of the page."""
+    rows, missing = [], []
+    for way in PAIRS:
+        results = [found[way.title, seed] for seed in SEEDS if (way.title, seed) in found]
+        if results:
+            rows.append(row(way, results))
+        if len(results) < len(SEEDS):
+            missing.append(f"`{way.title}`")
+    parts = [
+        f"| {way.name} | {one.spent} min | {100 * one.success:.0f} % "
+        f"| {one.distance} {one.shown_unit} |"
+        for way in PARTS
+        if (one := found.get((way.title, SEEDS[0])))
+    ]
+    text = f"Not all seeds are trained yet of {', '.join(missing)}." if missing else ""
+    return TEXT.format(rows="\n".join(rows), missing=text, short=SHORT, parts="\n".join(parts))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Trains what is missing, and writes the page."""
+    parser = argparse.ArgumentParser(prog="./run evaluate training", description=__doc__)
+    parser.add_argument("--only", default="", help="train what begins like this: 'reach sac'")
+    parser.add_argument("--output", type=Path, default=RESULTS, help="the page that is written")
+    options = parser.parse_args(arguments)
+    if not STATES.exists():
+        STATES.parent.mkdir(parents=True, exist_ok=True)
+        collect_states().save(STATES)
+    file = options.output.with_suffix(".jsonl")
+    found = kept(file)
+    wanted = [(way, seed) for way in PAIRS for seed in SEEDS] + [(way, SEEDS[0]) for way in PARTS]
+    for way, seed in wanted:
+        if (way.title, seed) in found or not way.title.startswith(options.only):
+            continue
+        found[way.title, seed] = result = train(way, seed)
+        print(result, flush=True)
+        with file.open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(vars(result)) + "\n")
+    options.output.write_text(page(found))
+    print(f"{options.output} written.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
