@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -157,10 +157,15 @@ class Result:
 
 
 def digest(plan: Plan) -> str:
-    """What a result is a result of."""
-    recipe = replace(plan.recipe, reset_states=Path(plan.recipe.reset_states).name)
-    text = replace(plan, seed=0, recipe=recipe).to_json()
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+    """What a result is a result of: what is not as it is by default."""
+    said = {
+        field.name: getattr(one, field.name)
+        for one in (plan.recipe, plan.options)
+        for field in fields(one)
+        if getattr(one, field.name) != field.default
+    }
+    said |= {"episodes": plan.episodes, "reset_states": bool(plan.recipe.reset_states)}
+    return hashlib.sha256(json.dumps(said, default=str).encode()).hexdigest()[:12]
 
 
 def train(way: Way, seed: int) -> Result:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 # This import comes first because its error says what to install.
+from trifinger._trifinger import task_names
 from trifinger.environments import Options
 from trifinger.errors import InvalidArgument
 from trifinger.own_class import name_of_file
@@ -17,6 +18,13 @@ LIBRARY = ("ddpg", "td3", "sac")  # algorithms of Stable-Baselines3
 ON_POLICY = "ppo"  # of rsl_rl; it learns in simulations only
 # The others: each is a trifinger.training.algorithm.Algorithm, and here by name.
 CLASSES = {"rlpd": "trifinger.training.rlpd:Rlpd"}
+# Tasks with a cube by PPO: length of an episode [s], position_change [rad], and episodes.
+OF_CUBES = {
+    "push": (6.0, 0.06, 60_000),
+    "lift": (6.0, 0.03, 30_000),
+    "lift_pose": (6.0, 0.03, 30_000),
+    "move_cube_on_trajectory": (60.0, 0.03, 3000),
+}
 PLAN = "plan.json"  # the file in the folder of a training
 TALLY = "tally.json"  # what has happened, beside it, if the training is one on a robot
 
@@ -127,11 +135,11 @@ class Recipe:
                 common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
             common |= {"gamma": 0.99, "reward_scale": 1.0, "entropy": 5e-4}
-            common |= {"initial_noise": 0.3 if task == "lift" else 0.6}
+            common |= {"initial_noise": 0.3 if task in OF_CUBES and task != "push" else 0.6}
             if ":" not in task and task != "reach":
-                of_cube = task in ("push", "lift")
                 common |= {"physics_step": 0.005, "approach": 20.0, "kernel": 0.25}
-                common |= {"action_cost": 0.002, "reward_scale": 0.0 if of_cube else 1.0}
+                scale = 0.0 if task in OF_CUBES else 1.0
+                common |= {"action_cost": 0.002, "reward_scale": scale}
             return cls(**common, num_envs=128, rollout=64, batch_size=1024, epochs=4)
         if task == "push" and algorithm == "rlpd":
             common |= {"gamma": 0.95, "learning_rate": 3e-4, "gradient_steps": 12, "approach": 40.0}
@@ -193,11 +201,12 @@ class Plan:
         recipe = dataclasses.replace(recipe, **changes)
         if recipe.is_shared or (recipe.relabelled > 0 and task != "push"):
             settings = {"per_finger": True} | settings
-        if task in ("push", "lift") and algorithm == ON_POLICY:
+        if task in OF_CUBES and algorithm == ON_POLICY:
+            duration, change, episodes = OF_CUBES[task]
             shown = {"symmetric_view": True, "object_offsets": True}
-            change = {"position_change": 0.06 if task == "push" else 0.03}
-            settings = {"duration": 6.0} | change | shown | settings
-            more = {"episodes": 60_000 if task == "push" else 30_000} | more
+            shown |= {"keypoints": True} if task == "lift_pose" else {}
+            settings = {"duration": duration, "position_change": change} | shown | settings
+            more = {"episodes": episodes} | more
         if (task, algorithm) == ("push", "rlpd"):
             slow = {"steps_per_action": 100, "duration": 10.0}
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
@@ -215,8 +224,12 @@ class Plan:
         more.setdefault("evaluation_interval", max(50, episodes // 100))
         more.setdefault("checkpoint_interval", max(25, episodes // 100))
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
-        looks_at_objects = recipe.approach > 0 or recipe.kernel > 0
-        if looks_at_objects and (recipe.is_shared or task in ("reach", "finger_reach")):
+        reaches = task in ("reach", "finger_reach")
+        if recipe.is_shared and task in task_names() and not reaches:
+            raise InvalidArgument(
+                f"fingers share a policy of a reach (per_finger), not of '{task}'"
+            )
+        if (recipe.approach > 0 or recipe.kernel > 0) and (recipe.is_shared or reaches):
             raise InvalidArgument("approach and kernel are for tasks with an object")
         if recipe.device not in ("cpu", "cuda", "auto"):
             raise InvalidArgument(f"device is {recipe.device!r}, must be 'cpu', 'cuda' or 'auto'")
