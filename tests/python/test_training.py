@@ -489,7 +489,7 @@ def test_a_recipe_brings_its_episodes_unless_others_are_asked_for():
     assert (plan.episodes, plan.options.duration, plan.evaluation_interval) == (60000, 6.0, 600)
     plan = Plan.of("push", "ppo", episodes=10, settings={"duration": 1.0})
     assert (plan.episodes, plan.options.duration) == (10, 1.0)
-    assert Plan.of("lift", "ppo").options.duration == Options.of("lift").duration
+    assert Plan.of("throw", "ppo").options.duration == Options.of("throw").duration
 
 
 def test_gradient_steps_are_those_of_the_library(tmp_path, monkeypatch):
