@@ -91,6 +91,7 @@ PARTS = tuple(
         ("initial_noise of a push, 0.6", {"initial_noise": 0.6}),
         ("the task's own reward, too", {"reward_scale": 1.0}),
         ("a critic that sees what is hidden", {"asymmetric": True}),
+        ("three epochs instead of four", {"epochs": 3}),
         ("steps of 1 ms", {"physics_step": 0.001}),
     )
 )
