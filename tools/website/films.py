@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Makes films of skills, in docs/images/films: python -m website.films [NAME ...]
 
-The first page shows some. Each is a skill of a simulated robot, drawn from its log. `push` is a
-trained policy: it needs the training of `./run evaluate push`.
+The first page shows some. Each is a skill of a simulated robot, drawn from its log. `push` and
+`learned_lift` are policies, which `./run evaluate push` and `lift` train.
 """
 
 import contextlib
@@ -21,14 +21,14 @@ import trifinger
 from numpy.typing import NDArray
 from PIL import Image
 from tracked_files import ROOT
-from trifinger.environments import Environment
+from trifinger.environments import Environment, Options
+from trifinger.evaluation import act_of
 from trifinger.log.film import Scene
 from trifinger.picture import FILM_RATE, View, save_film
-from trifinger.training import Plan, Training
 
 FOLDER = ROOT / "docs/images/films"
-TRAINING = ROOT / "build/learning/push"
-EPISODES = 3  # of the training
+LEARNED = {"push": "push", "learned_lift": "lift"}  # the task of the policy that a film shows
+EPISODES = 3  # of a policy
 FAR = 0.08  # [m]
 SIZE = (480, 360)  # pixels
 PROGRAM = str(ROOT / ".venv/bin/trifinger")
@@ -111,18 +111,19 @@ def pictures(shot: Shot, logs: Path) -> Iterator[Picture]:
             yield scene.image(int(step))[top : top + SIZE[1], left : left + SIZE[0]]
 
 
-def pushes() -> Iterator[Picture]:
-    """Draws the first episodes of a training in which a cube that is far away comes to its goal."""
-    training = Training(Plan.of_folder(TRAINING), TRAINING, print)
+def episodes_of(task: str) -> Iterator[Picture]:
+    """Draws the first episodes in which a policy brings a cube from afar to its goal."""
+    policy = trifinger.Policy(ROOT / f"build/learning/{task}_1/{task}.policy")
+    act, options = act_of(policy), Options.from_json(policy.metadata["options"])
     view = View("front", *SIZE)
-    environment = Environment(**training.plan.environment, render_mode="rgb_array", view=view)
+    environment = Environment(task, options=options, render_mode="rgb_array", view=view)
 
     def episode(seed: int) -> Iterator[dict[str, Any]]:
         observation, info = environment.reset(seed=seed)
         has_ended = False
         while not has_ended:
             yield info
-            action = training.act(np.reshape(np.asarray(observation), (1, -1))).ravel()
+            action = act(np.reshape(np.asarray(observation), (1, -1))).ravel()
             observation, _, terminated, truncated, info = environment.step(action)
             has_ended = terminated or truncated
         yield info
@@ -149,9 +150,9 @@ def save(images: list[Picture], name: str, still: float) -> None:
 
 def main(names: list[str]) -> None:
     """Makes the films with these names, or all."""
-    for name in names or [*SHOTS, "push"]:
-        if name == "push":
-            save(list(pushes()), name, 0.68)
+    for name in names or [*SHOTS, *LEARNED]:
+        if name in LEARNED:
+            save(list(episodes_of(LEARNED[name])), name, 0.68)
             continue
         shot = SHOTS[name]
         with tempfile.TemporaryDirectory() as folder:
