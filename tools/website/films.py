@@ -28,7 +28,8 @@ from trifinger.picture import FILM_RATE, View, save_film
 
 FOLDER = ROOT / "docs/images/films"
 LEARNED = {"push": "push", "learned_lift": "lift"}  # the task of the policy that a film shows
-EPISODES = 3  # of a policy
+EPISODES = 4  # of a policy
+REST = 1.2  # s at the goal, which are shown
 FAR = 0.08  # [m]
 SIZE = (480, 360)  # pixels
 PROGRAM = str(ROOT / ".venv/bin/trifinger")
@@ -120,9 +121,10 @@ def episodes_of(task: str) -> Iterator[Picture]:
 
     def episode(seed: int) -> Iterator[dict[str, Any]]:
         observation, info = environment.reset(seed=seed)
-        has_ended = False
-        while not has_ended:
+        has_ended, there = False, 0
+        while not has_ended and there < REST * environment.metadata["render_fps"]:
             yield info
+            there = there + 1 if info.get("is_success") else 0
             action = act(np.reshape(np.asarray(observation), (1, -1))).ravel()
             observation, _, terminated, truncated, info = environment.step(action)
             has_ended = terminated or truncated
