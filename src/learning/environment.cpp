@@ -269,8 +269,8 @@ void Environment::begin(std::span<const Beginning> robots) const {
 
 void Environment::check_reset_states(const ResetStates& resets) const {
   const Implementation& self = *checked(implementation_);
-  if (!(resets.share >= 0.0 && resets.share <= 1.0) ||
-      (resets.states.empty() && resets.share > 0.0)) {
+  const bool is_share = resets.share >= 0.0 && resets.share <= 1.0;
+  if (!is_share || (resets.states.empty() && resets.share > 0.0)) {
     throw InvalidArgument(text_of("the share of episodes that begin in one of ",
                                   resets.states.size(), " states is ", resets.share,
                                   ", must be 0 to 1, and 0 without states"));
