@@ -3,8 +3,7 @@
 
 Writes docs/results/benchmark.md. Each row is kept in docs/results/benchmark.jsonl at once, so an
 evaluation that was cut off goes on. A policy that is not there is trained by `./run evaluate
-learning`, `./run evaluate push` or `trifinger train dclaw_turn_fixed --algorithm ppo -o
-build/learning/dclaw_turn_fixed`; its row is left out until then, or stays as it was.
+learning`, `push`, `lift` or `training`; its row is left out until then, or stays as it was.
 """
 
 import argparse
@@ -30,7 +29,10 @@ POLICIES = {
     "reach, one network (seed 1)": RUNS / "reach_1/reach.policy",
     "reach, shared (seed 1)": RUNS / "reach_shared_1/reach.policy",
     "push by PPO (seed 1)": RUNS / "push_1/push.policy",
-    "turn by PPO (seed 1)": RUNS / "dclaw_turn_fixed/dclaw_turn_fixed.policy",
+    "lift by PPO (seed 1)": RUNS / "lift_1/lift.policy",
+    "trajectory by PPO (seed 1)": RUNS
+    / "move_cube_on_trajectory_ppo_1/move_cube_on_trajectory.policy",
+    "turn by PPO (seed 1)": RUNS / "dclaw_turn_fixed_ppo_1/dclaw_turn_fixed.policy",
 }
 TEXT = """\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
