@@ -84,6 +84,7 @@ PARTS = tuple(
         ("no states of a controller", {"reset_states": ""}),
         ("no symmetric_view", {"symmetric_view": False}),
         ("no object_offsets", {"object_offsets": False}),
+        ("no symmetric_object", {"symmetric_object": False}),
         ("no kernel", {"kernel": 0.0}),
         ("no approach", {"approach": 0.0}),
         ("no action_cost", {"action_cost": 0.0}),

@@ -107,6 +107,7 @@ OWN = (
     *(
         "per_finger",
         "symmetric_view",
+        "symmetric_object",
         "object_offsets",
         "keypoints",
         "frames",

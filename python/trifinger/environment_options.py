@@ -41,6 +41,10 @@ class OptionFields:
     """Whether positions are shown turned about the middle by thirds of a circle, and fingers in
     another order, so that the goal of an object is on the side of finger 0. The fingers are
     turned copies of one, so a policy has a third of the goals to learn."""
+    symmetric_object: bool = False
+    """Whether the orientation of a cube is shown as the nearest to none of the 24 in which a
+    cube looks alike but for its colours. It does not matter which face is up, where a goal
+    has no orientation."""
     object_offsets: bool = False
     """Whether the offsets from the object, and from where a tip would push it to its goal, to
     the tips are observed, too, and how far and in which direction the goal is. They follow

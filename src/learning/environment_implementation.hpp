@@ -114,8 +114,9 @@ struct Environment::Implementation {
   std::vector<Entry> entries;
   std::vector<Turning> turnings;  // of the entries
   std::vector<Entry> hidden_entries;
-  bool has_own_entries{false};  // The task says what is observed.
-  std::size_t own_values{0};    // Number of numbers that it says.
+  std::size_t orientation_place{0};  // Where all entries have that of the object.
+  bool has_own_entries{false};       // The task says what is observed.
+  std::size_t own_values{0};         // Number of numbers that it says.
   bool shows_action{false};
   bool shows_tracking_error{false};
   std::size_t memory_values{0};   // of the task that are observed

@@ -89,6 +89,10 @@ void visit(Options& options, const Visitor& field) {
               "fingers in another order, so that the goal of an object is on the side of finger 0. "
               "The fingers are turned copies of one, so a policy has a third of the goals to "
               "learn."});
+  field("symmetric_object", options.symmetric_object,
+        About{"Whether the orientation of a cube is shown as the nearest to none of the 24 in "
+              "which a cube looks alike but for its colours. It does not matter which face is up, "
+              "where a goal has no orientation."});
   field(
       "object_offsets", options.object_offsets,
       About{

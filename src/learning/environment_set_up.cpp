@@ -265,6 +265,14 @@ void Environment::Implementation::check_shown() const {
                                   "task is '",
                                   task_name, "'"));
   }
+  if (options.symmetric_object &&
+      (!shows_object() || has_own_entries || options.keypoints || goal.low.size() == 7)) {
+    throw InvalidArgument(
+        text_of("symmetric_object is for tasks with an object whose orientation "
+                "is observed as a quaternion, and whose goal has none; the task "
+                "is '",
+                task_name, "'"));
+  }
 }
 
 void Environment::Implementation::list_usual_entries() {
@@ -283,6 +291,7 @@ void Environment::Implementation::list_usual_entries() {
     if (options.keypoints) {
       add("object_keypoints", "m", 3 * kCorners, -kMaxHeight, kMaxHeight);
     } else {
+      for (const Entry& entry : entries) orientation_place += entry.low.size();
       add("object_orientation", "1", 4, -1.0, 1.0);
     }
   }

@@ -451,6 +451,66 @@ TEST_P(WithSymmetry, SeesAndDoesInATurnedSceneWhatItSeesAndDoesInTheOther) {
 INSTANTIATE_TEST_SUITE_P(Learning, WithSymmetry,
                          ::testing::Values("push", "lift", "lift_pose", "move_cube_on_trajectory"));
 
+// The faces of a cube differ in colours only: all 24 orientations that look alike without them are
+// seen as one, and that one is as near to no rotation as any of them.
+TEST(Symmetry, SeesAllFacesOfACubeAlike) {
+  EnvironmentOptions options = default_options("lift");
+  options.symmetric_object = options.symmetric_view = true;
+  options.layout = Layout::kDictionary;
+  const Environment environment("lift", options, RobotDescription{});
+  std::size_t place = 0;
+  for (const Entry& entry : environment.entries()) {
+    if (entry.name == "object_orientation") break;
+    place += entry.low.size();
+  }
+  const Eigen::AngleAxisd about_x(std::numbers::pi / 2, Eigen::Vector3d::UnitX());
+  const Eigen::AngleAxisd about_z(std::numbers::pi / 2, Eigen::Vector3d::UnitZ());
+  Random random{.seed = 5};
+  for (std::uint64_t number = 0; number < 20; ++number) {
+    Episode episode;
+    Start start = environment.begin(2, number, episode);
+    const auto seen_as = [&](const Eigen::Quaterniond& rotation) {
+      start.object.orientation = {rotation.w(), rotation.x(), rotation.y(), rotation.z()};
+      const std::array<double, 9> still{};
+      std::vector<float> seen(environment.observation_size());
+      std::array<double, 3> achieved{};
+      std::array<double, 3> desired{};
+      Episode same = episode;
+      (void)environment.observe({.position = std::span(start.position).first(9),
+                                 .velocity = still,
+                                 .object = &start.object},
+                                same, seen, achieved, desired);
+      return seen;
+    };
+    const Eigen::Quaterniond begin(
+        Eigen::Vector4d::NullaryExpr([&random] { return random.normal(); }).normalized());
+    const std::vector<float> first = seen_as(begin);
+    Eigen::Quaterniond rotation = begin;
+    std::set<int> orientations;
+    for (int k = 0; k < 300; ++k) {
+      rotation = (rotation * (random.uniform(0.0, 1.0) < 0.5 ? about_x : about_z)).normalized();
+      const std::vector<float> other = seen_as(rotation);
+      for (std::size_t i = 0; i < first.size(); ++i) ASSERT_NEAR(first[i], other[i], 1e-6) << i;
+      const Eigen::Matrix3d relative = (begin.conjugate() * rotation).toRotationMatrix();
+      const Eigen::Vector3d shape(1.0, 3.0, 9.0);
+      orientations.insert(static_cast<int>(std::lround((relative * shape)[0] * 100) +
+                                           std::lround((relative * shape)[1] * 10)));
+      // None of them is nearer to no rotation, where finger 0 comes first and nothing is turned.
+      if (environment.first_finger(episode) != 0) continue;
+      EXPECT_LE(std::abs(rotation.w()), static_cast<double>(first[place]) + 1e-6);
+    }
+    EXPECT_EQ(orientations.size(), 24U);
+  }
+  options.keypoints = true;
+  EXPECT_THAT([&] { Environment("lift", options, RobotDescription{}); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("symmetric_object is for tasks")));
+  options.keypoints = false;
+  EXPECT_THAT([&] { Environment("lift_pose", options, RobotDescription{}); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("symmetric_object is for tasks")));
+  EXPECT_THAT([&] { Environment("reach", options, RobotDescription{}); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("tasks with an object")));
+}
+
 TEST(Symmetry, IsForTasksThatShowAnObject) {
   const auto make = [](std::string_view task, auto change) {
     EnvironmentOptions options = default_options(task);

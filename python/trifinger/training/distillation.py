@@ -39,8 +39,15 @@ FINGER = 3  # joints of a finger
 PLACE_UNIT = 0.1  # of where a student says that the object is [m]
 # What a student may have another of than its teacher: what is seen, not what is done.
 SIGHT = (
-    *("observation", "symmetric_view", "object_offsets", "keypoints", "position_noise"),
-    *("velocity_noise", "object_poses", "object_period", "object_delay", "object_position_noise"),
+    *("observation", "symmetric_view", "symmetric_object", "object_offsets", "keypoints"),
+    *(
+        "position_noise",
+        "velocity_noise",
+        "object_poses",
+        "object_period",
+        "object_delay",
+        "object_position_noise",
+    ),
     *("object_orientation_noise", "object_loss", "camera_rate", "camera_delay", "camera_size"),
     "camera_varies",
 )
@@ -132,14 +139,15 @@ def distill(
 def options_of_student(teacher: Policy, **changes: Any) -> Options:
     """The options of a teacher with some changes, for a student.
 
-    What images cannot show is off then: symmetric_view, object_offsets and keypoints. Raises
-    InvalidArgument if the teacher's file does not say its options, or for unknown names.
+    What images cannot show is off then: symmetric_view, symmetric_object, object_offsets and
+    keypoints. Raises InvalidArgument if the teacher's file does not say its options, or for unknown
+    names.
     """
     if "options" not in teacher.metadata:
         raise InvalidArgument("the teacher's file does not say its 'options'")
     if changes.get("observation") == "images":
-        unseen = {"symmetric_view": False, "object_offsets": False, "keypoints": False}
-        changes = unseen | changes
+        unseen = ("symmetric_view", "symmetric_object", "object_offsets", "keypoints")
+        changes = dict.fromkeys(unseen, False) | changes
     return Options.from_json(teacher.metadata["options"]).changed(**changes)
 
 

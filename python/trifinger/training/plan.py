@@ -204,7 +204,8 @@ class Plan:
         if task in OF_CUBES and algorithm == ON_POLICY:
             duration, change, episodes = OF_CUBES[task]
             shown = {"symmetric_view": True, "object_offsets": True}
-            shown |= {"keypoints": True} if task == "lift_pose" else {}
+            if task != "push":  # whose cube lies on one face
+                shown |= {"keypoints" if task == "lift_pose" else "symmetric_object": True}
             settings = {"duration": duration, "position_change": change} | shown | settings
             more = {"episodes": episodes} | more
         if (task, algorithm) == ("push", "rlpd"):
