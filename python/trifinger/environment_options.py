@@ -42,9 +42,9 @@ class OptionFields:
     another order, so that the goal of an object is on the side of finger 0. The fingers are
     turned copies of one, so a policy has a third of the goals to learn."""
     symmetric_object: bool = False
-    """Whether the orientation of a cube is shown as the nearest to none of the 24 in which a
-    cube looks alike but for its colours. It does not matter which face is up, where a goal
-    has no orientation."""
+    """Whether it is observed how a cube lies, whatever the colours of its faces, in place of its
+    orientation: nine fourth moments of its axes, the same for all 24 orientations that look
+    alike. For goals without an orientation."""
     object_offsets: bool = False
     """Whether the offsets from the object, and from where a tip would push it to its goal, to
     the tips are observed, too, and how far and in which direction the goal is. They follow

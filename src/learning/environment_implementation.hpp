@@ -21,6 +21,7 @@ namespace trifinger::learning {
 
 inline constexpr std::size_t kMaxValues = 1024;  // Largest number of values in an observation.
 inline constexpr std::size_t kCorners = 8;       // Keypoints of an object.
+inline constexpr std::size_t kFaces = 9;         // Numbers that say how a cube lies.
 
 // How `symmetric_view` turns an entry: numbers of joints in the order of fingers, points of
 // fingers, other points, a quaternion, a point with a quaternion.
@@ -114,9 +115,8 @@ struct Environment::Implementation {
   std::vector<Entry> entries;
   std::vector<Turning> turnings;  // of the entries
   std::vector<Entry> hidden_entries;
-  std::size_t orientation_place{0};  // Where all entries have that of the object.
-  bool has_own_entries{false};       // The task says what is observed.
-  std::size_t own_values{0};         // Number of numbers that it says.
+  bool has_own_entries{false};  // The task says what is observed.
+  std::size_t own_values{0};    // Number of numbers that it says.
   bool shows_action{false};
   bool shows_tracking_error{false};
   std::size_t memory_values{0};   // of the task that are observed

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "base/moved.hpp"
@@ -91,31 +90,20 @@ void turn_rotation(double angle, double* wxyz) noexcept {
   for (int i = 0; i < 3; ++i) wxyz[i + 1] = sign * turned.vec()[i];
 }
 
-// Turns a cube into the orientation that is nearest to none among those that look alike but for
-// the colours of its faces. The rotations of a cube are the unit quaternions in which one, two or
-// four numbers are equal in size and the others are zero.
-void fold_rotation(double* wxyz) noexcept {
-  const Eigen::Quaterniond shown(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
-  std::array<std::size_t, 4> order{0, 1, 2, 3};
-  std::ranges::sort(order, std::greater{}, [wxyz](std::size_t i) { return std::abs(wxyz[i]); });
-  double best = 0.0;
-  Eigen::Vector4d nearest = Eigen::Vector4d::UnitX();
-  for (const std::size_t count : {std::size_t{1}, std::size_t{2}, std::size_t{4}}) {
-    Eigen::Vector4d rotation = Eigen::Vector4d::Zero();
-    double cosine = 0.0;
-    for (std::size_t k = 0; k < count; ++k) {
-      const double size = 1.0 / std::sqrt(static_cast<double>(count));
-      rotation[static_cast<Eigen::Index>(order[k])] = std::copysign(size, wxyz[order[k]]);
-      cosine += size * std::abs(wxyz[order[k]]);
-    }
-    if (cosine <= best) continue;
-    best = cosine;
-    nearest = rotation;
+// Writes how a cube lies, whatever the colours of its faces: fourth moments of its axes, which are
+// the same for all 24 orientations that look alike and change smoothly with the cube. The others
+// follow from these nine.
+double* write_faces(const double* wxyz, double* next) noexcept {
+  const Eigen::Matrix3d axes =
+      Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
+  const Eigen::Matrix3d squares = axes.cwiseAbs2();
+  for (const auto& [a, b] : {std::pair{0, 1}, std::pair{0, 2}, std::pair{1, 2}}) {
+    const Eigen::RowVector3d both = axes.row(a).cwiseProduct(axes.row(b));
+    *next++ = both.squaredNorm();
+    *next++ = both.dot(squares.row(a));
+    *next++ = both.dot(squares.row(b));
   }
-  const Eigen::Quaterniond alike(nearest[0], nearest[1], nearest[2], nearest[3]);
-  const Eigen::Quaterniond folded = shown * alike.conjugate();
-  wxyz[0] = folded.w();
-  std::ranges::copy(folded.vec(), wxyz + 1);
+  return next;
 }
 
 }  // namespace
@@ -287,8 +275,16 @@ void Environment::Implementation::write(const Observed& one,
     if (!task->object_name().empty()) next = std::ranges::copy(one.view.tips, next).out;
     if (shows_object()) {
       next = std::ranges::copy(one.shown_object.position, next).out;
-      next = options.keypoints ? write_corners(one.shown_object, next)
-                               : std::ranges::copy(one.shown_object.orientation, next).out;
+      if (options.symmetric_object) {
+        std::array<double, 4> orientation = one.shown_object.orientation;
+        if (options.symmetric_view) {
+          turn_rotation(turns[first_finger(*one.episode)], orientation.data());
+        }
+        next = write_faces(orientation.data(), next);
+      } else {
+        next = options.keypoints ? write_corners(one.shown_object, next)
+                                 : std::ranges::copy(one.shown_object.orientation, next).out;
+      }
     }
     if (options.keypoints && goal.low.size() == 7) {
       next = write_corners(pose_of(one.episode->goal), next);
@@ -307,7 +303,6 @@ void Environment::Implementation::write(const Observed& one,
   }
   if (options.layout != Layout::kGoal && !has_own_entries) show_goal(*one.episode, next);
   if (options.symmetric_view) turn(*one.episode, values.data());
-  if (options.symmetric_object) fold_rotation(values.data() + orientation_place);
 
   for (std::size_t i = 0; i < flat.size(); ++i) {
     const std::size_t k = flat[i];

@@ -90,9 +90,9 @@ void visit(Options& options, const Visitor& field) {
               "The fingers are turned copies of one, so a policy has a third of the goals to "
               "learn."});
   field("symmetric_object", options.symmetric_object,
-        About{"Whether the orientation of a cube is shown as the nearest to none of the 24 in "
-              "which a cube looks alike but for its colours. It does not matter which face is up, "
-              "where a goal has no orientation."});
+        About{"Whether it is observed how a cube lies, whatever the colours of its faces, in place "
+              "of its orientation: nine fourth moments of its axes, the same for all 24 "
+              "orientations that look alike. For goals without an orientation."});
   field(
       "object_offsets", options.object_offsets,
       About{

@@ -268,8 +268,8 @@ void Environment::Implementation::check_shown() const {
   if (options.symmetric_object &&
       (!shows_object() || has_own_entries || options.keypoints || goal.low.size() == 7)) {
     throw InvalidArgument(
-        text_of("symmetric_object is for tasks with an object whose orientation "
-                "is observed as a quaternion, and whose goal has none; the task "
+        text_of("symmetric_object is for tasks with an object that is observed "
+                "without keypoints, and goals without an orientation; the task "
                 "is '",
                 task_name, "'"));
   }
@@ -288,10 +288,11 @@ void Environment::Implementation::list_usual_entries() {
     add("object_position", "m", 3, -kMaxSideways, kMaxSideways);
     entries.back().low[2] = 0.0;
     entries.back().high[2] = kMaxHeight;
-    if (options.keypoints) {
+    if (options.symmetric_object) {
+      add("object_faces", "1", kFaces, -0.5, 0.5);
+    } else if (options.keypoints) {
       add("object_keypoints", "m", 3 * kCorners, -kMaxHeight, kMaxHeight);
     } else {
-      for (const Entry& entry : entries) orientation_place += entry.low.size();
       add("object_orientation", "1", 4, -1.0, 1.0);
     }
   }

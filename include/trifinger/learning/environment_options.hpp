@@ -66,7 +66,7 @@ struct EnvironmentOptions {
   /// so that the goal of an object is on the side of finger 0. Actions are for fingers in this
   /// order.
   bool symmetric_view{false};
-  /// Shows the orientation of a cube as the nearest to none of the 24 that differ in colours only.
+  /// Shows how a cube lies without the colours of its faces, in place of its orientation.
   bool symmetric_object{false};
   bool object_offsets{
       false};             ///< Shows how far tips are from the object, and the object from its goal.

@@ -68,7 +68,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--algorithm", choices=ALGORITHMS, help=text)
     text = "train even if nobody knows whether this algorithm learns this task"
     parser.add_argument("--untried", action="store_true", help=text)
-    add_settings(parser, "default: 700; by PPO: push 60000, lift 30000, D'Claw 20000")
+    add_settings(parser, "default: 700; by PPO: push 60000, lift 15000, D'Claw 20000")
     parser.add_argument(
         "--robot-config",
         metavar="NAME|FILE",

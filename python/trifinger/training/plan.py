@@ -21,8 +21,8 @@ CLASSES = {"rlpd": "trifinger.training.rlpd:Rlpd"}
 # Tasks with a cube by PPO: length of an episode [s], position_change [rad], and episodes.
 OF_CUBES = {
     "push": (6.0, 0.06, 60_000),
-    "lift": (6.0, 0.03, 30_000),
-    "lift_pose": (6.0, 0.03, 30_000),
+    "lift": (6.0, 0.03, 15_000),
+    "lift_pose": (6.0, 0.03, 15_000),
     "move_cube_on_trajectory": (60.0, 0.03, 3000),
 }
 PLAN = "plan.json"  # the file in the folder of a training
