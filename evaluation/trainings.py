@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from lift_states import collect_states
-from move_cube import FOLDER, STATES
+from move_cube import FOLDER, STATES, processor_minutes
 from trifinger.evaluation import SEED, Evaluator
 from trifinger.training import Plan, Training
 
@@ -136,8 +136,8 @@ class Result:
     """Digest of the plan without its seed."""
     episodes: int
     minutes: float | None
-    """Time of one processor, with the evaluations of the curve; None if the training was cut off
-    once."""
+    """Time of one processor, with the evaluations of the curve; None if it is not known, because
+    the training was cut off."""
     success: float
     median: float
     unit: str
@@ -177,13 +177,21 @@ def train(way: Way, seed: int) -> Result:
     is_new, begin = not folder.exists(), time.process_time()
     with closing(Training(plan, folder, num_threads=1)) as training:
         training.run()
-        minutes = (time.process_time() - begin) / 60 if is_new else None
+        minutes = (time.process_time() - begin) / 60 if is_new else minutes_of(folder)
         evaluator = Evaluator(**plan.environment, episodes=JUDGED, seed=SEED + 1000)
         found = evaluator(training.act, training._rows.rows).summary()
     return Result(
         *(way.title, seed, digest(plan), plan.episodes, minutes),
         *(found.success, found.median, found.unit),
     )
+
+
+def minutes_of(folder: Path) -> float | None:
+    """How long a processor was busy with a training that was cut off, if its log says that."""
+    try:
+        return processor_minutes(folder)
+    except KeyError:
+        return None
 
 
 Found = Mapping[tuple[str, int], Result]  # by title of the way, and seed
