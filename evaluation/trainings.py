@@ -105,7 +105,8 @@ Written by `./run evaluate training`. Each row is a recipe of [training.md](../t
 with the seeds 1 to 3. Each policy is judged in 100 episodes that no training has seen, as long as
 those of the training, with steps of 1 ms, on robots as documented; starts and goals vary. A failure
 counts like any other episode, in the distances, too. *Learns*: with each seed at least half of the
-episodes succeed. `trifinger train` offers these pairs; it takes others with `--untried`.
+episodes succeed. `trifinger train` offers what learns; it takes other pairs with `--untried`.
+[learning.md](learning.md), [push.md](push.md) and [lift.md](lift.md) say more of some.
 
 | task | algorithm | episodes | time of one processor | success | distance at the end, median \
 | learns |
