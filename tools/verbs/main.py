@@ -44,7 +44,8 @@ usage: ./run VERB [ARGUMENT ...]
                    skills: throw, turn, draw and so on; cliffs: what each skill stands;
                    challenge: its tasks, by its costs; benchmark: our policies in it;
                    identify: find out what drawn robots are like;
-                   learning, push, lift, training: train policies; tracking: find the cube in images;
+                   learning, push, lift, training: train policies;
+                   tracking: find the cube in images;
                    robots: print a table of TriFinger and D'Claw
   soak [PART ...]  the long versions of the tests, a night: {", ".join(PARTS)}
   machine          SocketCAN with a robot in a virtual machine; ./run check does this, too
