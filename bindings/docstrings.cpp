@@ -190,8 +190,8 @@ stay those of this class. What `physics` raises, `step` raises; the episodes tha
 way have then ended.
 
 Raises InvalidArgument if images are needed.)";
-const char* const set_reset_states = R"(Lets a share of the later episodes begin in one of these states, for a training. Tasks whose
-memory depends on where an episode begins do not see that.
+const char* const set_reset_states = R"(Lets a share of the later episodes begin in one of these states, for a training. Not for
+tasks that remember where an episode has begun: they remember the start that was drawn.
 
 Raises InvalidArgument if a robot cannot begin in one of the states.)";
 const char* const step = R"(Applies one action in each simulation. `actions` has one row of numbers per simulation, as

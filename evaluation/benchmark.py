@@ -46,6 +46,8 @@ columns are, and how to get a row of your own.
 * **zero**, **random**: all numbers of an action are 0; they are drawn uniformly. Zeros hold the
   pose, or for actions that are positions go to the middle of their range. Any row must beat both.
 * **reach, ...**: the policies of [learning.md](learning.md), trained for five minutes.
+* **push**, **lift**, **trajectory**, **turn by PPO**: the policies of [push.md](push.md),
+  [lift.md](lift.md) and [training.md](training.md).
 * **planned grasps**: [solvers.py](../../evaluation/solvers.py) acts by torques at 1 kHz, from
   observations alone. Where it finds no grasp it leaves the cube.
 {missing}

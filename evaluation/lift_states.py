@@ -13,6 +13,7 @@ import numpy as np
 import solvers
 from trifinger.environments import Environment, ResetStates
 
+KEPT = Path("build/learning/lift_states.npz")  # for evaluations
 SEED = 900_000  # No policy is judged in episodes of this seed.
 EPISODES = 200
 DURATION = 10.0  # of an episode [s]
@@ -47,6 +48,14 @@ def collect_states(seed: int = SEED, episodes: int = EPISODES) -> ResetStates:
                 rows.append([seen["joint_position"].copy(), solvers.MAX_TORQUE * action, pose])
     position, torque, pose = (np.array(column, np.float64) for column in zip(*rows, strict=True))
     return ResetStates(position, torque, pose)
+
+
+def kept_states() -> Path:
+    """The file of the states of evaluations, which is written if there is none."""
+    if not KEPT.exists():
+        KEPT.parent.mkdir(parents=True, exist_ok=True)
+        collect_states().save(KEPT)
+    return KEPT
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from lift_states import EPISODES as CARRIED, collect_states
+from lift_states import EPISODES as CARRIED, kept_states
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from trifinger.arrays import Array
 from trifinger.environments import Options
@@ -28,7 +28,6 @@ from learning import processor
 
 RESULTS = Path("docs/results")
 FOLDER = Path("build/learning")
-STATES = FOLDER / "lift_states.npz"
 SEEDS = (1, 2, 3)
 JUDGED = 500  # episodes that neither the training nor its curve has seen
 DISTANCES = (0.0, 0.05, 0.1, 0.15, 0.2, np.inf)  # how far the cube has to go [m]
@@ -44,7 +43,7 @@ class Experiment:
 
     def plan(self, task: str, seed: int) -> Plan:
         """The recipe of the task."""
-        settings = {"reset_states": str(STATES)} if task == "lift" else {}
+        settings = {"reset_states": str(kept_states())} if task == "lift" else {}
         return Plan.of(task, "ppo", seed=seed, settings=settings)
 
 
@@ -52,8 +51,9 @@ EXPERIMENTS = {
     "push": Experiment("Learning to push", "from scratch", "in a disc with a radius of 13.9 cm"),
     "lift": Experiment(
         "Learning to lift",
-        "from states of a controller ([lift_states.py](../../evaluation/lift_states.py): "
-        f"{CARRIED} times a cube is grasped and carried to a goal; other seeds)",
+        "whose episodes begin, half of them, in states of a controller "
+        f"([lift_states.py](../../evaluation/lift_states.py) grasps and carries {CARRIED} cubes, "
+        "with other seeds)",
         "in a disc with a radius of 13.9 cm, goals up to 10 cm high; 30 % of them are so low that "
         "a cube on the table can be near enough",
     ),
@@ -117,9 +117,9 @@ def page(task: str, trainings: list[Training], judged: list[Judged], spent: list
     untouched = np.linalg.norm(judged[0].evaluation.paths[:, 0], axis=1)
     lucky = (untouched <= 0.02).mean()
     seeds = "\n".join(
-        f"| {training.plan.seed} | {time:.0f} min | {told(one.evaluation.summary())} | "
+        f"| {training.plan.seed} | {minutes:.0f} min | {told(one.evaluation.summary())} | "
         f"{told(one.noisy)} | {told(one.longer)} | {told(one.as_built)} |"
-        for training, one, time in zip(trainings, judged, spent, strict=True)
+        for training, one, minutes in zip(trainings, judged, spent, strict=True)
     )
     rate = actions * len(spent) / (60 * sum(spent))
     text = f"""\
@@ -128,9 +128,9 @@ PPO {experiment.beginning}, with the recipe of [training.md](../training.md), on
 {plan.recipe.num_envs} simulated `trifinger_edu` at once: {plan.episodes} episodes of
 {options.duration:g} s, {actions / 1e6:.1f} million actions, {rate:.0f} of them per second of a
 processor, all evaluations of the curve included. Starts and goals of the cube are those of the
-environment, {experiment.goals}. So is success: the cube within 2 cm of its goal when the time is
-over. The robot is as documented, and only starts and goals vary. Each policy is judged in {JUDGED}
-episodes that no training and no curve has seen, with steps of 1 ms.
+environment, {experiment.goals}. Success is that of the environment: the cube is within 2 cm of its
+goal when the time is over. The robot is as documented, and only starts and goals vary. Each policy
+is judged in {JUDGED} episodes that no training and no curve has seen, with steps of 1 ms.
 
 *With noise*: with the noise of the training on the actions. *Longer*: with the {long(task):g} s
 that the environment gives by default. *As built*: each episode on another robot that is
@@ -176,6 +176,13 @@ def long(task: str) -> float:
     return Options.of(task).duration
 
 
+def begun(plan: Plan, folder: Path) -> Training:
+    """The training in a folder; one by another plan is removed."""
+    if folder.exists() and Plan.of_folder(folder) != plan:
+        shutil.rmtree(folder)
+    return Training(plan, folder, print)
+
+
 def judge(training: Training) -> Judged:
     """Returns how a policy does as trained, with noise, in longer episodes, and as built."""
     task, options = training.plan.task, training.plan.options
@@ -198,13 +205,10 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"default: {FOLDER}")
     arguments = parser.parse_args()
     task, folder = arguments.task, arguments.folder
-    if task == "lift" and not STATES.exists():
-        STATES.parent.mkdir(parents=True, exist_ok=True)
-        collect_states().save(STATES)
     trainings, judged, spent = [], [], []
     for seed in SEEDS:
         own = folder / f"{task}_{seed}"
-        with closing(Training(EXPERIMENTS[task].plan(task, seed), own, print)) as training:
+        with closing(begun(EXPERIMENTS[task].plan(task, seed), own)) as training:
             training.run()
             judged.append(judge(training))
             if seed == SEEDS[0]:

@@ -20,10 +20,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from lift_states import collect_states
-from move_cube import FOLDER, STATES, processor_minutes
+from lift_states import KEPT, kept_states
+from move_cube import FOLDER, begun, processor_minutes
 from trifinger.evaluation import SEED, Evaluator
-from trifinger.training import Plan, Training
+from trifinger.training import Plan
 
 RESULTS = Path("docs/results/training.md")
 SEEDS = (1, 2, 3)
@@ -44,7 +44,9 @@ class Way(NamedTuple):
 
     def plan(self, seed: int) -> Plan:
         """The plan of a training."""
-        settings = {"reset_states": str(STATES)} if self.task in IN_THE_MIDST else {}
+        settings: dict[str, Any] = {}
+        if self.task in IN_THE_MIDST:
+            settings["reset_states"] = str(KEPT)
         settings |= self.settings
         is_shared = bool(settings.pop("is_shared", False))
         more = {} if self.episodes is None else {"episodes": self.episodes}
@@ -113,7 +115,7 @@ episodes succeed. `trifinger train` offers what learns; it takes other pairs wit
 |---|---|---|---|---|---|---|
 {rows}
 
-The trainings of lifts begin in states of a controller, half of the time
+The trainings of lifts and of the trajectory begin in states of a controller, half of the time
 ([how](../training.md#a-lift-begins-in-the-midst)). {missing}
 
 ## What each part of the recipe is good for
@@ -160,7 +162,8 @@ class Result:
 
 
 def digest(plan: Plan) -> str:
-    """What a result is a result of: what is not as it is by default."""
+    """What a result is a result of: what is not as it is by default, so that a new field that is
+    off leaves results as they are."""
     said = {
         field.name: getattr(one, field.name)
         for one in (plan.recipe, plan.options)
@@ -174,9 +177,14 @@ def digest(plan: Plan) -> str:
 def train(way: Way, seed: int) -> Result:
     """Trains, or goes on, and judges."""
     plan = way.plan(seed)
-    folder = FOLDER / f"{way.title} {seed}".replace(" ", "_").replace(",", "")
-    is_new, begin = not folder.exists(), time.process_time()
-    with closing(Training(plan, folder, num_threads=1)) as training:
+    if plan.recipe.reset_states:
+        kept_states()
+    # Those that have a page of their own are trained once.
+    name = way.task if way.title in ("push ppo", "lift ppo") else way.title
+    folder = FOLDER / f"{name} {seed}".replace(" ", "_").replace(",", "")
+    begin = time.process_time()
+    with closing(begun(plan, folder)) as training:
+        is_new = not training.curve
         training.run()
         minutes = (time.process_time() - begin) / 60 if is_new else minutes_of(folder)
         evaluator = Evaluator(**plan.environment, episodes=JUDGED, seed=SEED + 1000)
@@ -208,14 +216,16 @@ def kept(file: Path) -> dict[tuple[str, int], Result]:
 
 def row(way: Way, results: Sequence[Result]) -> str:
     """A row of the table: all seeds of a pair."""
-    learns = len(results) == len(SEEDS) and all(one.success >= ENOUGH for one in results)
+    learns = "yes" if all(one.success >= ENOUGH for one in results) else "no"
+    if len(results) < len(SEEDS):
+        learns = "-"
     algorithm = ", ".join(filter(None, (way.algorithm, way.name)))
     return (
         f"| {way.task} | {algorithm} | {results[0].episodes} "
         f"| {', '.join(one.spent for one in results)} min "
         f"| {', '.join(f'{100 * one.success:.0f}' for one in results)} % "
         f"| {', '.join(one.distance for one in results)} {results[0].shown_unit} "
-        f"| {'yes' if learns else 'no'} |"
+        f"| {learns} |"
     )
 
 
@@ -244,9 +254,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", default="", help="train what begins like this: 'reach sac'")
     parser.add_argument("--output", type=Path, default=RESULTS, help="the page that is written")
     options = parser.parse_args(arguments)
-    if not STATES.exists():
-        STATES.parent.mkdir(parents=True, exist_ok=True)
-        collect_states().save(STATES)
     file = options.output.with_suffix(".jsonl")
     found = kept(file)
     wanted = [(way, seed) for way in PAIRS for seed in SEEDS] + [(way, SEEDS[0]) for way in PARTS]

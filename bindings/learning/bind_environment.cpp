@@ -108,9 +108,11 @@ ResetStates resets_of(const Rows& position, const Rows& torque, const Rows& obje
   const std::size_t count = position.shape(0);
   if (torque.shape(0) != count || object.shape(0) != count ||
       (object.shape(1) != 0 && object.shape(1) != kPoseNumbers)) {
-    throw InvalidArgument(
-        "states need as many rows of joint positions, torques and poses, and 7 or no "
-        "numbers in each pose");
+    throw InvalidArgument("position, torque and object have " + std::to_string(count) + ", " +
+                          std::to_string(torque.shape(0)) + " and " +
+                          std::to_string(object.shape(0)) +
+                          " rows, must have the same number; object has " +
+                          std::to_string(object.shape(1)) + " columns, must have 7 or 0");
   }
   const auto row_of = [](const Rows& rows, std::size_t row) {
     const double* const first = rows.data() + row * rows.shape(1);

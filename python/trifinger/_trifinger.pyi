@@ -3984,8 +3984,8 @@ class EnvironmentBatch:
 
     def set_reset_states(self, position: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], torque: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], object: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], share: float) -> None:
         """
-        Lets a share of the later episodes begin in one of these states, for a training. Tasks whose
-        memory depends on where an episode begins do not see that.
+        Lets a share of the later episodes begin in one of these states, for a training. Not for
+        tasks that remember where an episode has begun: they remember the start that was drawn.
 
         Raises InvalidArgument if a robot cannot begin in one of the states.
 

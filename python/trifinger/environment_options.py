@@ -43,8 +43,8 @@ class OptionFields:
     turned copies of one, so a policy has a third of the goals to learn."""
     symmetric_object: bool = False
     """Whether it is observed how a cube lies, whatever the colours of its faces, in place of its
-    orientation: nine fourth moments of its axes, the same for all 24 orientations that look
-    alike. For goals without an orientation."""
+    orientation: nine numbers, the same for the 24 orientations that differ in colours only.
+    For goals that are positions."""
     object_offsets: bool = False
     """Whether the offsets from the object, and from where a tip would push it to its goal, to
     the tips are observed, too, and how far and in which direction the goal is. They follow

@@ -279,7 +279,8 @@ void Environment::check_reset_states(const ResetStates& resets) const {
   if (self.file != nullptr &&
       self.file->initial_configuration().size() != self.num_joints + (has_object ? 7 : 0)) {
     throw InvalidArgument(
-        "this robot has joints or bodies whose positions a state to begin in does not say");
+        "reset states say where motors and one object are, this robot has other joints or bodies, "
+        "too");
   }
   for (std::size_t i = 0; i < resets.states.size(); ++i) {
     const ResetState& state = resets.states[i];

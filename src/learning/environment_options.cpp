@@ -91,8 +91,8 @@ void visit(Options& options, const Visitor& field) {
               "learn."});
   field("symmetric_object", options.symmetric_object,
         About{"Whether it is observed how a cube lies, whatever the colours of its faces, in place "
-              "of its orientation: nine fourth moments of its axes, the same for all 24 "
-              "orientations that look alike. For goals without an orientation."});
+              "of its orientation: nine numbers, the same for the 24 orientations that differ in "
+              "colours only. For goals that are positions."});
   field(
       "object_offsets", options.object_offsets,
       About{

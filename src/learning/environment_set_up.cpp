@@ -265,12 +265,15 @@ void Environment::Implementation::check_shown() const {
                                   "task is '",
                                   task_name, "'"));
   }
-  if (options.symmetric_object &&
-      (!shows_object() || has_own_entries || options.keypoints || goal.low.size() == 7)) {
+  if (!options.symmetric_object) return;
+  if (options.keypoints) {
     throw InvalidArgument(
-        text_of("symmetric_object is for tasks with an object that is observed "
-                "without keypoints, and goals without an orientation; the task "
-                "is '",
+        "symmetric_object and keypoints both say how an object lies: choose one of them");
+  }
+  if (!shows_object() || has_own_entries || goal.low.size() != 3) {
+    throw InvalidArgument(
+        text_of("symmetric_object is for tasks with a cube that is observed, and "
+                "whose goal is a position; the task is '",
                 task_name, "'"));
   }
 }

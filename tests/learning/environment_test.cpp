@@ -393,10 +393,11 @@ struct Scene {
 class WithSymmetry : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(WithSymmetry, SeesAndDoesInATurnedSceneWhatItSeesAndDoesInTheOther) {
-  for (const bool keypoints : {false, true}) {
+  for (const int shown : {0, 1, 2}) {
     EnvironmentOptions options = default_options(GetParam());
     options.symmetric_view = options.object_offsets = true;
-    options.keypoints = keypoints;
+    options.keypoints = shown == 1;
+    options.symmetric_object = shown == 2 && GetParam() != "lift_pose";
     options.mapping = Mapping::kStateAugmentation;
     options.action = ActionKind::kPositionChange;
     const RobotDescription robot = description_for(GetParam());
@@ -463,6 +464,7 @@ TEST(Symmetry, SeesAllFacesOfACubeAlike) {
     if (entry.name == "object_faces") break;
     place += entry.low.size();
   }
+  ASSERT_LT(place, environment.observation_size());
   const Eigen::AngleAxisd about_x(std::numbers::pi / 2, Eigen::Vector3d::UnitX());
   const Eigen::AngleAxisd about_z(std::numbers::pi / 2, Eigen::Vector3d::UnitZ());
   Random random{.seed = 5};
@@ -517,12 +519,12 @@ TEST(Symmetry, SeesAllFacesOfACubeAlike) {
   }
   options.keypoints = true;
   EXPECT_THAT([&] { Environment("lift", options, RobotDescription{}); },
-              ThrowsMessage<InvalidArgument>(HasSubstr("symmetric_object is for tasks")));
-  options.keypoints = false;
-  EXPECT_THAT([&] { Environment("lift_pose", options, RobotDescription{}); },
-              ThrowsMessage<InvalidArgument>(HasSubstr("symmetric_object is for tasks")));
-  EXPECT_THAT([&] { Environment("reach", options, RobotDescription{}); },
-              ThrowsMessage<InvalidArgument>(HasSubstr("tasks with an object")));
+              ThrowsMessage<InvalidArgument>(HasSubstr("choose one of them")));
+  options.keypoints = options.symmetric_view = false;
+  for (const auto* const task : {"lift_pose", "throw", "reach"}) {
+    EXPECT_THAT([&] { Environment(task, options, description_for(task)); },
+                ThrowsMessage<InvalidArgument>(HasSubstr("symmetric_object is for tasks")));
+  }
 }
 
 TEST(Symmetry, IsForTasksThatShowAnObject) {

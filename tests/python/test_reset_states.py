@@ -111,13 +111,13 @@ def test_says_where_no_robot_can_begin(held: ResetStates) -> None:
     environment = VectorEnvironment("lift", 2)
     for wrong, reason in (
         (dataclasses.replace(held, object=held.object[:, :0]), "has no pose of an object"),
-        (dataclasses.replace(held, object=held.object[:, :3]), "7 or no numbers"),
-        (dataclasses.replace(held, torque=held.torque[:3]), "as many rows"),
+        (dataclasses.replace(held, object=held.object[:, :3]), "3 columns, must have 7 or 0"),
+        (dataclasses.replace(held, torque=held.torque[:3]), "must have the same number"),
         (dataclasses.replace(held, position=held.position[:, :4]), "must have 9"),
     ):
         with pytest.raises(InvalidArgument, match=reason):
             environment.set_reset_states(wrong, 0.5)
-    with pytest.raises(InvalidArgument, match="joints or bodies whose positions"):
+    with pytest.raises(InvalidArgument, match="has other joints or bodies"):
         VectorEnvironment("dclaw_turn_fixed", 2).set_reset_states(held, 0.5)
 
 

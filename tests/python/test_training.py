@@ -2,7 +2,6 @@
 """Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
 
 import contextlib
-import functools
 import io
 import json
 import multiprocessing
@@ -575,11 +574,14 @@ def test_the_programs_of_the_pages_run(page, word, changes, tmp_path, monkeypatc
         (["reach", "--set", "gamma='high'"], "gamma"),
         (["reach", "--episodes", "0"], "episodes"),
         (["jump"], "jump"),
-        (["push", "--shared"], "per_finger"),
+        (["push", "--shared"], "fingers share a policy of a reach (per_finger), not of 'push'"),
         (["reach", "--set", "approach=1.0"], "object"),
         (["--resume", "nowhere"], "nowhere"),
         (["push", "--algorithm", "td3"], "'push' is learned by ppo, as far as is known"),
+        (["push", "--set", "algorithm=td3"], "'push' is learned by ppo, as far as is known"),
         (["throw"], "nothing learns 'throw', as far as is known"),
+        (["lift"], "'lift' is not learned from scratch, as far as is known"),
+        (["push", "--untried", "--set", "action_cost='x'"], "action_cost"),
     ],
 )
 def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
@@ -592,11 +594,9 @@ def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
 
 
 def test_what_is_offered_is_what_has_learned():
-    chosen = functools.partial(train.algorithm_of, is_untried=False)
-    assert chosen("push", None) == chosen("push", "ppo") == "ppo"
+    chosen = train.algorithm_of
+    assert chosen("push", None) == chosen("throw", None) == chosen("reach", "ppo") == "ppo"
     assert chosen("reach", None) == chosen("my_tasks:Middle", None) == "ddpg"
-    assert chosen("my_tasks:Middle", "sac") == "sac"
-    assert train.algorithm_of("push", "td3", is_untried=True) == "td3"
     # The page says the same, of each pair that was trained with all seeds.
     said = {}
     for line in (ROOT / "docs/results/training.md").read_text().splitlines():

@@ -94,7 +94,7 @@ struct Start {
       trifinger::detail::filled<kMaxCountedJoints>(kNotGiven);
 };
 
-/// A state in the midst of a movement, at rest. Episodes of a training may begin there, so that a
+/// A state taken from a movement. Episodes of a training may begin there, without speed, so that a
 /// policy also learns what it would rarely come to by itself (Salimans and Chen 2018).
 struct ResetState {
   std::vector<double> position{};  ///< Joint positions [rad], [m].
@@ -223,8 +223,9 @@ class Environment {
   const ResetState* choose_reset_state(const ResetStates& resets, std::uint64_t seed,
                                        std::uint64_t number, Start& start) const noexcept;
   /// Begins an episode in this state, in which the joints are measured at `measured`, and makes the
-  /// action that asks for the torques of the state until the first action. Where actions are
-  /// desired positions or change them, these go on from there; the leash may weaken them.
+  /// action that asks for the torques of the state until the first action. Where actions change
+  /// desired positions, these go on from there, so zeros go on holding. Soft limits and the leash
+  /// may weaken the torques.
   void begin_in(const ResetState& state, std::span<const double> measured, Episode& episode,
                 std::span<double> torque, std::span<double> position) const noexcept;
 

@@ -121,8 +121,8 @@ class EnvironmentBatch {
   /// begins the next episode.
   /// @throws InvalidArgument if there is no such simulation
   void seed(std::size_t index, std::uint64_t seed, std::uint64_t episode = 0);
-  /// Lets a share of the later episodes begin in one of these states, for a training. Tasks whose
-  /// memory depends on where an episode begins do not see that.
+  /// Lets a share of the later episodes begin in one of these states, for a training. Not for tasks
+  /// that remember where an episode has begun: they remember the start that was drawn.
   /// @throws InvalidArgument if a robot cannot begin in one of the states
   void set_reset_states(ResetStates resets);
   /// Begins an episode in the simulations that `which` marks with a number other than 0, or in all

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 from trifinger import extras
 from trifinger.commands import command_line
 from trifinger.commands.command_line import ArgumentParser, add_output, ended_by_signals, say
-from trifinger.commands.train import ALGORITHMS, algorithm_of, were_said
+from trifinger.commands.train import ALGORITHMS, algorithm_of, require_learned, were_said
 from trifinger.environment_options import OptionFields
 from trifinger.errors import Error, InvalidArgument
 from trifinger.sweep.executors import EXECUTORS
@@ -153,13 +153,14 @@ def plans_of(arguments: argparse.Namespace) -> Iterator[tuple["Row", "Plan"]]:
     for combination in itertools.product(*axes.values()):
         chosen = dict(zip(axes, combination, strict=True))
         settings = {name: chosen[name] for name in axes if name not in OWN_AXES}
-        chosen["algorithm"] = algorithm_of(
-            chosen["task"], chosen["algorithm"], is_untried=arguments.untried
-        )
+        chosen["algorithm"] = algorithm_of(chosen["task"], chosen["algorithm"])
         words = (chosen["task"], chosen["algorithm"])
         fields |= {"is_shared": arguments.shared, "seed": chosen["seed"]}
         shown = [name for name in axes if name in OWN_AXES or len(axes[name]) > 1]
-        yield {name: chosen[name] for name in shown}, Plan.of(*words, settings=settings, **fields)
+        plan = Plan.of(*words, settings=settings, **fields)
+        if not arguments.untried:
+            require_learned(plan)
+        yield {name: chosen[name] for name in shown}, plan
 
 
 def values_of(word: str) -> tuple[str, list[Any]]:

@@ -40,6 +40,7 @@ LEARNED: Mapping[str, tuple[str, ...]] = {
     "lift": ("ppo",),
     "dclaw_turn_fixed": ("ppo",),
 }
+FROM_STATES = ("lift",)  # learned with `reset_states`
 SETTINGS = ("shared", "episodes", "seed", "output", "set")  # of a training that is begun
 BEGUN = (*SETTINGS, "algorithm", "untried", "robot_config")
 
@@ -131,21 +132,30 @@ def plan_of(
     )
 
 
-def algorithm_of(task: str, algorithm: str | None, *, is_untried: bool) -> str:
-    """The algorithm for a task: the one that was said, or that is known to learn it.
+def algorithm_of(task: str, said: str | None) -> str:
+    """The algorithm that was said, or that is known to learn the task, or the usual one."""
+    usual = "ppo" if task in task_names() else "ddpg"
+    return said or next(iter(LEARNED.get(task, ())), usual)
 
-    Raises InvalidArgument if nobody knows whether it learns, unless it `is_untried`.
-    """
+
+def require_learned(plan: Plan) -> None:
+    """Raises InvalidArgument if nobody knows whether a task of the environments is learned so."""
+    task, algorithm = plan.task, plan.recipe.algorithm
     known = LEARNED.get(task, ())
-    if task not in task_names() or is_untried or algorithm in known:
-        return algorithm or next(iter(known), "ddpg")
-    if algorithm is None and known:
-        return known[0]
-    what = f"'{task}' is learned by {' and '.join(known)}" if known else f"nothing learns '{task}'"
-    raise InvalidArgument(
-        f"{what}, as far as is known: docs/results/training.md. --untried trains with "
-        f"{algorithm or 'ddpg'} nevertheless"
-    )
+    if task not in task_names():
+        return
+    if algorithm not in known:
+        by = (
+            f"'{task}' is learned by {' and '.join(known)}" if known else f"nothing learns '{task}'"
+        )
+        raise InvalidArgument(
+            f"{by}, as far as is known; --untried trains by {algorithm} nevertheless"
+        )
+    if task in FROM_STATES and not plan.recipe.reset_states:
+        raise InvalidArgument(
+            f"'{task}' is not learned from scratch, as far as is known: --set reset_states=FILE "
+            "names states to begin in, or a log; --untried trains nevertheless"
+        )
 
 
 def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
@@ -154,10 +164,10 @@ def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
 
     if arguments.resume:
         return Plan.of_folder(arguments.resume, arguments.said), arguments.resume
-    arguments.algorithm = algorithm_of(
-        arguments.task, arguments.algorithm, is_untried=arguments.untried
-    )
+    arguments.algorithm = algorithm_of(arguments.task, arguments.algorithm)
     plan = plan_of(arguments, arguments.robot_config, {})
+    if not arguments.untried:
+        require_learned(plan)
     folder = arguments.output or Path(name_of(arguments.task))
     if folder.exists() and any(folder.iterdir()):
         raise InvalidArgument(

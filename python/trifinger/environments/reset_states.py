@@ -21,7 +21,7 @@ NAMES = ("position", "torque", "object")
 
 @dataclasses.dataclass(frozen=True)
 class ResetStates:
-    """N states of a robot at rest, for `VectorEnvironment.set_reset_states`."""
+    """N states of a robot, for `VectorEnvironment.set_reset_states`: nothing moves in them."""
 
     position: Array
     """Joint positions (N x joints) [rad], [m]."""
@@ -44,13 +44,13 @@ class ResetStates:
         replace_file(Path(path), archive.getvalue())
 
     @classmethod
-    def load(cls, path: Path | str) -> Self:
+    def load(cls, path: Path | str, name: str = "cube") -> Self:
         """Reads what save() has written, or a log, as from_log() does.
 
         Raises InvalidArgument or Error if it is neither, FileNotFoundError if there is none.
         """
         if not Path(path).is_file() or not zipfile.is_zipfile(path):
-            return cls.from_log(path)
+            return cls.from_log(path, name)
         broken = (EOFError, KeyError, OSError, TypeError, ValueError, zlib.error)
         try:
             with np.load(path, allow_pickle=False) as archive:
@@ -63,8 +63,9 @@ class ResetStates:
         """What a robot did with the object of this name, whoever controlled it: a skill, a person.
 
         Of a log, or of the newest recording in a folder, it takes a state where the object was
-        seen, `every` so many seconds. Raises InvalidArgument if nobody has seen it, Error if this
-        is no log, FileNotFoundError if there is none.
+        seen, `every` so many seconds, also where it moved: episodes begin there without speed.
+        Raises InvalidArgument if nobody has seen it, Error if this is no log, FileNotFoundError if
+        there is none.
         """
         session = Log(str(path)).session()
         has_objects = any(companion.name.endswith(".object") for companion in session.companions)

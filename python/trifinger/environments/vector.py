@@ -138,9 +138,10 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
     def set_reset_states(self, states: ResetStates, share: float) -> None:
         """Lets a share of the later episodes begin in one of these states, each as likely.
 
-        For trainings. Goals and what varies stay those of the episode. Tasks that remember where
-        an episode has begun do not see that. Raises InvalidArgument if this robot cannot begin in
-        one of the states, such as a robot from a file with joints that no motor drives.
+        For trainings. Goals and what varies stay those of the episode. Not for tasks that remember
+        where an episode has begun: they remember the start that was drawn. Raises InvalidArgument
+        if this robot cannot begin in one of the states, such as a robot from a file with joints
+        that no motor drives.
         """
         self._core.set_reset_states(states.position, states.torque, states.object, share)
 

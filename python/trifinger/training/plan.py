@@ -18,15 +18,32 @@ LIBRARY = ("ddpg", "td3", "sac")  # algorithms of Stable-Baselines3
 ON_POLICY = "ppo"  # of rsl_rl; it learns in simulations only
 # The others: each is a trifinger.training.algorithm.Algorithm, and here by name.
 CLASSES = {"rlpd": "trifinger.training.rlpd:Rlpd"}
-# Tasks with a cube by PPO: length of an episode [s], position_change [rad], and episodes.
-OF_CUBES = {
-    "push": (6.0, 0.06, 60_000),
-    "lift": (6.0, 0.03, 15_000),
-    "lift_pose": (6.0, 0.03, 15_000),
-    "move_cube_on_trajectory": (60.0, 0.03, 3000),
-}
+
+SHOWN = ("symmetric_view", "object_offsets")  # to PPO, in tasks with a cube
 PLAN = "plan.json"  # the file in the folder of a training
 TALLY = "tally.json"  # what has happened, beside it, if the training is one on a robot
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OfCube:
+    """What PPO needs for a task with a cube."""
+
+    episodes: int
+    duration: float = 6.0
+    """Length of an episode [s]."""
+    position_change: float = 0.03
+    """In place of 0.1 rad: a cube that is held is dropped by large changes."""
+    initial_noise: float = 0.3
+    shown: tuple[str, ...] = (*SHOWN, "symmetric_object")
+    """What is observed that is not by default."""
+
+
+OF_CUBES: Mapping[str, OfCube] = {
+    "push": OfCube(episodes=60_000, position_change=0.06, initial_noise=0.6, shown=SHOWN),
+    "lift": OfCube(episodes=15_000),
+    "lift_pose": OfCube(episodes=15_000, shown=(*SHOWN, "keypoints")),
+    "move_cube_on_trajectory": OfCube(episodes=3000, duration=60.0),
+}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -135,7 +152,8 @@ class Recipe:
                 common |= {"gamma": 0.98, "reward_scale": 1.0, "initial_noise": 0.6}
                 return cls(**common, num_envs=64, rollout=40, batch_size=512)
             common |= {"gamma": 0.99, "reward_scale": 1.0, "entropy": 5e-4}
-            common |= {"initial_noise": 0.3 if task in OF_CUBES and task != "push" else 0.6}
+            noise = OF_CUBES[task].initial_noise if task in OF_CUBES else 0.6
+            common |= {"initial_noise": noise}
             if ":" not in task and task != "reach":
                 common |= {"physics_step": 0.005, "approach": 20.0, "kernel": 0.25}
                 scale = 0.0 if task in OF_CUBES else 1.0
@@ -202,12 +220,13 @@ class Plan:
         if recipe.is_shared or (recipe.relabelled > 0 and task != "push"):
             settings = {"per_finger": True} | settings
         if task in OF_CUBES and algorithm == ON_POLICY:
-            duration, change, episodes = OF_CUBES[task]
-            shown = {"symmetric_view": True, "object_offsets": True}
-            if task != "push":  # whose cube lies on one face
-                shown |= {"keypoints" if task == "lift_pose" else "symmetric_object": True}
-            settings = {"duration": duration, "position_change": change} | shown | settings
-            more = {"episodes": episodes} | more
+            of_cube = OF_CUBES[task]
+            changes = {"duration": of_cube.duration, "position_change": of_cube.position_change}
+            changes |= dict.fromkeys(of_cube.shown, True)
+            if settings.get("keypoints"):
+                changes.pop("symmetric_object", None)  # Both say how the cube lies.
+            settings = changes | settings
+            more = {"episodes": of_cube.episodes} | more
         if (task, algorithm) == ("push", "rlpd"):
             slow = {"steps_per_action": 100, "duration": 10.0}
             settings = slow | {"action": "relative_position", "position_change": 0.15} | settings
@@ -253,10 +272,11 @@ class Plan:
                 "TriFinger by rlpd or an algorithm of your own"
             )
         chosen = plan.options
-        if of_pushes and (chosen.symmetric_view or chosen.object_offsets or chosen.keypoints):
+        shown = (chosen.symmetric_view, chosen.symmetric_object, chosen.object_offsets)
+        if of_pushes and any((*shown, chosen.keypoints)):
             raise InvalidArgument(
-                "symmetry, offsets and relabelled do not go with symmetric_view, object_offsets "
-                "and keypoints, which show the goal in other entries, too"
+                "symmetry, offsets and relabelled do not go with symmetric_view, "
+                "symmetric_object, object_offsets and keypoints, which show other entries"
             )
         if not 0.0 <= recipe.demonstrations <= 1.0:
             raise InvalidArgument(f"demonstrations is {recipe.demonstrations}, must be 0 to 1")

@@ -99,7 +99,8 @@ class Training:
         # A training that goes on begins in the same states, whatever has become of their file.
         kept = folder / RESET_STATES
         states = kept if kept.exists() else recipe.reset_states
-        resets = ResetStates.load(states) if recipe.reset_states else None
+        name = self._rows.one._core.object_name
+        resets = ResetStates.load(states, name) if recipe.reset_states else None
         if resets is not None:
             cast(VectorEnvironment, self._rows.one).set_reset_states(resets, recipe.reset_share)
         # Each robot begins with episode 0 of its seed.
