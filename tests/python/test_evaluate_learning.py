@@ -6,8 +6,8 @@ import resource
 import subprocess
 import sys
 
+import move_cube
 import numpy as np
-import push
 import pytest
 from trifinger.evaluation import Evaluation, Summary
 
@@ -114,7 +114,7 @@ def test_pushes_are_told_by_how_far_the_cube_had_to_go():
         successes=np.array([True, True, False, False]),
         paths=starts[:, None],
     )
-    assert push.table(evaluation).splitlines() == [
+    assert move_cube.table(evaluation).splitlines() == [
         "| 0 to 5 cm | 1 | 100 % | 1.00 cm | 1.00 to 1.00 cm |",
         "| 10 to 15 cm | 2 | 50 % | 2.00 cm | 1.50 to 2.50 cm |",
         "| over 20 cm | 1 | 0 % | 20.00 cm | 20.00 to 20.00 cm |",

@@ -29,7 +29,8 @@ ELSEWHERE = {
     # The caller gives the path inside of a whole file.
     "log/tables.py": ("to_csv", "to_parquet"),
     "log/original.py": ("_open_text",),
-    # Motion.save() writes a whole file.
+    # Motion.save() and ResetStates.save() write a whole file.
+    "training/run.py": ("__init__",),
     "trifinger_view/commands/motion.py": ("work",),
     "trifinger_view/commands/teach.py": ("save",),
     # A folder of many files, which grows.

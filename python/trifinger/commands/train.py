@@ -56,7 +56,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser = ArgumentParser(
         prog="trifinger train",
         description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
-        epilog="Tasks, and what learns them:\n"
+        epilog="Tasks:\n"
         + "".join(f"  {task:<27} {', '.join(LEARNED.get(task, '-'))}\n" for task in task_names())
         + "Example:\n  trifinger train reach --shared\n  trifinger train --resume reach",
     )
