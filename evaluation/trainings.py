@@ -117,7 +117,8 @@ episodes succeed. `trifinger train` offers what learns; it takes other pairs wit
 
 The trainings of lifts and of the trajectory begin in states of a controller, half of the time
 ([how](../training.md#a-lift-begins-in-the-midst)). {missing}
-
+"""
+PARTS_TEXT = """
 ## What each part of the recipe is good for
 
 A lift, with {short} episodes, one seed, judged in the same way.
@@ -245,7 +246,8 @@ def page(found: Found) -> str:
         if (one := found.get((way.title, SEEDS[0])))
     ]
     text = f"Not all seeds are trained yet of {', '.join(missing)}." if missing else ""
-    return TEXT.format(rows="\n".join(rows), missing=text, short=SHORT, parts="\n".join(parts))
+    whole = TEXT.format(rows="\n".join(rows), missing=text)
+    return whole + PARTS_TEXT.format(short=SHORT, parts="\n".join(parts)) if parts else whole
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
