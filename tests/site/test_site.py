@@ -153,7 +153,7 @@ def test_all_films_play_beside_a_log_that_moves(browser: Browser) -> None:
     context.set_default_timeout(60_000)
     page = context.new_page()
     shown = set()
-    for name in ("skills", "index"):
+    for name in ("skills", "training", "index"):
         page.goto(f"file://{SITE}/{name}.html")
         films = page.locator("video").all()
         played = {Path(film.get_attribute("src") or "").stem for film in films}
