@@ -62,7 +62,7 @@ def site() -> tuple[Pages, Copies]:
     generated["figures"] = figures.page(plots)
     linked |= linked_sources("".join(generated.values()))
     pages["index"] = home(pages["index"])
-    for name in ("index", "skills"):
+    for name in ("index", "skills", "training"):
         pages[name] = STILL.sub(FILM, pages[name])
     pages["configuration"] = configuration.without_table(pages["configuration"])
     for name, words in SEARCHED.items():
