@@ -38,11 +38,9 @@ def collect_states(seed: int = SEED, episodes: int = EPISODES) -> ResetStates:
         while not has_ended:
             action = solver.act(seen, info)
             observation, _, terminated, truncated, info = environment.step(action)
-            seen, has_ended, step = (
-                cast(solvers.Observation, observation),
-                terminated or truncated,
-                step + 1,
-            )
+            seen = cast(solvers.Observation, observation)
+            has_ended = terminated or truncated
+            step += 1
             if step >= FIRST and step % EVERY == 0:
                 pose = np.concatenate([seen["object_position"], seen["object_orientation"]])
                 rows.append([seen["joint_position"].copy(), solvers.MAX_TORQUE * action, pose])

@@ -217,9 +217,10 @@ def kept(file: Path) -> dict[tuple[str, int], Result]:
 
 def row(way: Way, results: Sequence[Result]) -> str:
     """A row of the table: all seeds of a pair."""
-    learns = "yes" if all(one.success >= ENOUGH for one in results) else "no"
     if len(results) < len(SEEDS):
         learns = "-"
+    else:
+        learns = "yes" if all(one.success >= ENOUGH for one in results) else "no"
     algorithm = ", ".join(filter(None, (way.algorithm, way.name)))
     return (
         f"| {way.task} | {algorithm} | {results[0].episodes} "

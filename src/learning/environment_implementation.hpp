@@ -46,6 +46,8 @@ struct Environment::Implementation {
   void check_shown() const;
   // The finger on whose side the goal is.
   [[nodiscard]] std::size_t first_finger(const Episode& episode) const noexcept;
+  // By how much `symmetric_view` turns the scene about the vertical axis [rad].
+  [[nodiscard]] double view_angle(const Episode& episode) const noexcept;
   // Turns all entries for `symmetric_view`.
   void turn(const Episode& episode, double* values) const noexcept;
   // Where the number of joint `joint` is in an action, in which finger `first` comes first.

@@ -121,6 +121,10 @@ std::size_t Environment::Implementation::first_finger(const Episode& episode) co
   return nearest;
 }
 
+double Environment::Implementation::view_angle(const Episode& episode) const noexcept {
+  return options.symmetric_view ? turns[first_finger(episode)] : 0.0;
+}
+
 void Environment::Implementation::turn(const Episode& episode, double* values) const noexcept {
   const std::size_t first = first_finger(episode);
   if (first == 0) return;
@@ -275,15 +279,14 @@ void Environment::Implementation::write(const Observed& one,
     if (!task->object_name().empty()) next = std::ranges::copy(one.view.tips, next).out;
     if (shows_object()) {
       next = std::ranges::copy(one.shown_object.position, next).out;
+      std::array<double, 4> orientation = one.shown_object.orientation;
       if (options.symmetric_object) {
-        std::array<double, 4> orientation = one.shown_object.orientation;
-        if (options.symmetric_view) {
-          turn_rotation(turns[first_finger(*one.episode)], orientation.data());
-        }
+        turn_rotation(view_angle(*one.episode), orientation.data());
         next = write_faces(orientation.data(), next);
+      } else if (options.keypoints) {
+        next = write_corners(one.shown_object, next);
       } else {
-        next = options.keypoints ? write_corners(one.shown_object, next)
-                                 : std::ranges::copy(one.shown_object.orientation, next).out;
+        next = std::ranges::copy(orientation, next).out;
       }
     }
     if (options.keypoints && goal.low.size() == 7) {
@@ -334,7 +337,7 @@ void Environment::show_hidden(const HiddenState& state, const Episode& episode,
     auto* const velocity = std::ranges::copy(state.object.position, object.begin()).out;
     auto* const rotation = std::ranges::copy(state.object_velocity.linear, velocity).out;
     std::ranges::copy(state.object_velocity.angular, rotation);
-    const double angle = self.options.symmetric_view ? self.turns[self.first_finger(episode)] : 0.0;
+    const double angle = self.view_angle(episode);
     turn_points(std::cos(angle), std::sin(angle), 3, object.data());
     next = std::ranges::transform(object, next, [](double number) {
              return static_cast<float>(number);
