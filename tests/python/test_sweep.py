@@ -263,6 +263,9 @@ def test_a_trial_that_is_always_killed_is_given_up(tmp_path, monkeypatch):
         ("reach --set gamma=0.9 --set gamma=0.95", "'gamma' is said twice"),
         ("reach --set seed=1,2", "'seed' is said twice, or has an option of its own"),
         ("reach --algorithm ddpg,pp", "there is no algorithm 'pp'"),
+        ("reach --algorithm ddpg,td3", "'reach' is learned by ddpg, as far as is known"),
+        ("reach throw", "nothing learns 'throw', as far as is known"),
+        ("lift", "'lift' is not learned from scratch, as far as is known"),
         ("reach --conditions worn", "--conditions does not go with tasks"),
         ("reach --jobs 0", "--jobs is 0, must be at least 1"),
         ("reach --episodes 0", "episodes is 0, must be at least 1"),
@@ -285,6 +288,20 @@ def test_what_is_wrong_is_said_in_a_sentence(words, said, tmp_path, monkeypatch,
     assert said in error
     assert error.count("\n") == 1
     assert not (tmp_path / "sweep").exists()
+
+
+def test_each_task_has_its_own_algorithm_unless_one_is_said():
+    def rows(words):
+        return [
+            (row["task"], row["algorithm"], plan.recipe.algorithm)
+            for row, plan in sweep.plans_of(sweep.parse(words.split()))
+        ]
+
+    assert rows("reach push") == [("reach", "ddpg", "ddpg"), ("push", "ppo", "ppo")]
+    assert rows("reach throw --algorithm sac --untried") == [
+        ("reach", "sac", "sac"),
+        ("throw", "sac", "sac"),
+    ]
 
 
 def test_a_folder_with_something_in_it_is_no_place_for_a_sweep(tmp_path, capsys):
