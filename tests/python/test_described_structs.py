@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-COMPILERS = [name for name in ("g++", "clang++-14") if shutil.which(name)]
+COMPILERS = [name for name in ("g++", "clang++") if shutil.which(name)]
 
 STRUCT = """
 #include <array>

@@ -62,7 +62,7 @@ def test_with_address_sanitizer(count: Count) -> bool:
 
 def preloaded_libraries() -> list[str]:
     """Returns the libraries that Python loads first, to run under AddressSanitizer."""
-    folder = answer("clang++-14", "--print-runtime-dir")
+    folder = answer("clang++", "--print-runtime-dir")
     return [
         f"{folder}/libclang_rt.asan-{platform.machine()}.so",
         answer("g++", "-print-file-name=libstdc++.so"),
@@ -163,8 +163,8 @@ def compile_for_gpus(count: Count) -> bool:  # noqa: ARG001
     Raises:
         NotRun: if the compiler is missing
     """
-    if shutil.which("clang++-14") is None:
-        raise NotRun("clang++-14 is missing: apt install clang-14")
+    if shutil.which("clang++") is None:
+        raise NotRun("clang++ is missing: apt install clang")
     tool = [PYTHON, "packages/trifinger_gpu/tools/write_ptx.py", "build/gpu/safety.ptx"]
     return Steps("gpu").check("PTX of the safety chain", tool).succeeded
 

@@ -27,7 +27,7 @@ DEBIAN_PACKAGES = (
     *("libeigen3-dev", "libyaml-cpp-dev", "libspdlog-dev", "libfmt-dev", "libcli11-dev"),
     *("libzstd-dev", "liblz4-dev", "libdeflate-dev", "pkgconf", "nlohmann-json3-dev"),
     *("libgtest-dev", "libgmock-dev", "librapidcheck-dev", "libbenchmark-dev"),
-    *("clang-14", "libclang-rt-14-dev"),  # the builds dev and fuzz
+    *("clang", "libclang-rt-dev"),  # the builds dev and fuzz
     *("libegl1", "libgl1-mesa-dri", "libopengl0"),  # pictures without a screen
     *("libturbojpeg0", "libaravis-0.8-0"),  # images in logs; industrial cameras
     "chromium",  # the browser in which the page of `trifinger view` is tested

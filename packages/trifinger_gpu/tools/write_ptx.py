@@ -18,7 +18,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 ROOT = PACKAGE.parents[1]
 SOURCE = PACKAGE / "src" / "gpu" / "safety_worlds.cpp"
 KERNEL = "trifinger_apply_safety"
-COMPILER = "clang++-14"  # Debian 12's, which setup installs
+COMPILER = "clang++"  # Debian's, which setup installs
 ARCHITECTURE = "sm_75"  # Turing; drivers compile PTX for later ones, too
 
 
@@ -39,7 +39,7 @@ def write(path: Path, source: Path = SOURCE) -> None:
     """
     compiler = shutil.which(COMPILER)
     if compiler is None:
-        sys.exit(f"{COMPILER} is missing: apt install clang-14 (./run setup does it)")
+        sys.exit(f"{COMPILER} is missing: apt install clang (./run setup does it)")
     path.parent.mkdir(parents=True, exist_ok=True)
     includes = (f"-I{PACKAGE / 'src'}", f"-I{ROOT / 'include'}")
     # The library's headers need these two words, which headers of CUDA would define. Products and
