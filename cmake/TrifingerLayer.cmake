@@ -32,6 +32,8 @@ function(trifinger_target_options target)
             -Wdouble-promotion
             # g++ 12 reports overlaps in std::string's operator+ that do not exist (GCC bug 105651).
             $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+            # g++ 13 and 14 take the reference that a function returns for one to its temporary argument (GCC bug 110358).
+            $<$<AND:$<CXX_COMPILER_ID:GNU>,$<VERSION_GREATER_EQUAL:${CMAKE_CXX_COMPILER_VERSION},13>>:-Wno-dangling-reference>
             # g++ takes files that are compiled together for headers, which should have no anonymous namespaces.
             $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-subobject-linkage>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
@@ -153,7 +155,8 @@ function(trifinger_test name)
   endif()
   set(script ${CMAKE_CURRENT_BINARY_DIR}/${target}.cmake)
   file(GENERATE OUTPUT ${script} CONTENT
-       "include([[${PROJECT_SOURCE_DIR}/cmake/TestSuites.cmake]])\nadd_test_suites([[$<TARGET_FILE:${target}>]] ${label})\n")
+       "include([[${PROJECT_SOURCE_DIR}/cmake/TestSuites.cmake]])
+add_test_suites(${label} ${CMAKE_CROSSCOMPILING_EMULATOR} [[$<TARGET_FILE:${target}>]])\n")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${script})
 endfunction()
 

@@ -316,7 +316,7 @@ void Bus::receive_fast_sync(std::span<const MotorId> ids, std::size_t size,
   const auto take = [&](std::size_t i, std::span<const std::uint8_t> bytes) {
     answers[i].answer = judge(bytes[0], port_->now());
     if (answers[i].answer.outcome == Outcome::kRefused) ++counts_.refused;
-    std::ranges::copy(bytes.subspan(2, size), answers[i].data.begin());
+    std::ranges::copy(bytes.subspan(2).first(size), answers[i].data.begin());
   };
   // Takes the parts in front of the first one that is damaged or missing.
   const auto take_good_parts = [&](std::span<const std::uint8_t> bytes) {
