@@ -52,6 +52,7 @@ Json json_of(const SessionInfo& info) {
                        {"realtime_lacks", info.realtime_warnings},
                        {"period", seconds(info.period)},
                        {"steps", info.steps},
+                       {"waiting_actions", info.waiting_actions},
                        {"host", info.host},
                        {"backend", json_of(info.backend)},
                        {"controller", json_of(info.controller)},

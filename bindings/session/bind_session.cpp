@@ -38,6 +38,7 @@ Shown<"trifinger.session_info.SessionInfo"> to_python(const SessionInfo& info) {
           "backend_is_alive"_a = info.backend_is_alive,
           "since_heartbeat"_a = to_seconds(info.since_heartbeat),
           "phase"_a = to_str(name_of(info.phase)), "steps"_a = info.steps,
+          "waiting_actions"_a = info.waiting_actions,
           "fault"_a = to_python(std::optional(info.fault)), "fault_text"_a = info.fault_text);
 }
 

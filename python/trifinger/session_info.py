@@ -45,6 +45,8 @@ class SessionInfo:
     """"preparing", "holding", "running" or "ended"."""
     steps: int
     """Number of complete steps so far."""
+    waiting_actions: int
+    """Number of actions that wait for their step; 0 if this user may not look at them."""
     fault: Fault | None
     """None before the end."""
     fault_text: str

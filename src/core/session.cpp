@@ -12,6 +12,7 @@
 #include "core/refused_sessions.hpp"
 #include "frontend_state.hpp"
 #include "ipc/file_lock.hpp"
+#include "ipc/ring.hpp"
 #include "session_directory.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
@@ -122,6 +123,26 @@ std::optional<ipc::ProcessIdentity> find_backend(const std::string& name) {
   return owners.front();
 }
 
+namespace {
+
+// Actions follow each other in the queue, so the first one that is missing is searched by halves.
+TimeIndex waiting_actions(const detail::StateHeader& header, const ipc::SharedMemory& action) {
+  const auto& [offset, shape] = header.queue;
+  if (action.size() < offset || action.size() - offset < shape.size()) return 0;
+  const ipc::Ring queue(action.data() + offset, shape);
+  const TimeIndex next = header.next_action.load(std::memory_order_acquire);
+  TimeIndex there = 0;
+  for (TimeIndex end = static_cast<TimeIndex>(shape.capacity); there < end;) {
+    const TimeIndex middle = there + (end - there) / 2;
+    const bool is_there =
+        queue.sequence_in_slot(next + middle) >= ipc::Ring::sequence_of(next + middle);
+    (is_there ? there : end) = is_there ? middle + 1 : middle;
+  }
+  return there;
+}
+
+}  // namespace
+
 SessionInfo Session::info() const {
   const detail::SessionMapping& mapping = *checked(mapping_);
   mapping.require_own();
@@ -165,6 +186,7 @@ SessionInfo Session::info() const {
         // A child that a bare fork(2) made keeps the lock of its dead parent.
         if (!controller.is_known_dead()) info.controller = controller;
       }
+      info.waiting_actions = waiting_actions(header, action);
     } catch (const Error&) {
       // The session has ended, or this user may not look at the file: no controller is named.
     }

@@ -34,10 +34,11 @@ struct Stat {
 
 // Reads /proc/PID/stat. The second field is the program's name in parentheses and may contain any
 // characters, so parsing begins after the last parenthesis. State is field 3, flags 9, threads 20,
-// start time 22.
+// start time 22. qemu makes up a start time for each thread of its own process, if asked for it by
+// its usual path; so the path has two slashes.
 Stat read_stat(std::int64_t pid) noexcept {
   std::array<char, 32> path{};
-  std::snprintf(path.data(), path.size(), "/proc/%lld/stat", static_cast<long long>(pid));
+  std::snprintf(path.data(), path.size(), "/proc//%lld/stat", static_cast<long long>(pid));
   std::array<char, 1024> buffer{};
   const int file = ::open(path.data(), O_RDONLY | O_CLOEXEC);
   if (file < 0) return {};

@@ -57,7 +57,9 @@ struct SessionInfo {
   bool backend_is_alive{false};
   Nanoseconds since_heartbeat{0};  ///< Time since the loop's last sign of life.
   Phase phase{Phase::kPreparing};
-  TimeIndex steps{0};      ///< Number of whole steps so far.
+  TimeIndex steps{0};  ///< Number of whole steps so far.
+  /// Number of actions that wait for their step; 0 if this user may not look at them.
+  TimeIndex waiting_actions{0};
   Fault fault;             ///< kNone before the end.
   std::string fault_text;  ///< A sentence; empty before the end.
   bool is_at_rest{false};  ///< The orderly stop is over; nothing more will come.
