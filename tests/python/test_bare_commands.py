@@ -25,6 +25,7 @@ LISTED = re.compile(r"^ {2,4}([a-z][a-z-]*) {2,}\S", re.MULTILINE)
 SKILL = re.compile(r"^  (\w+) +.*\(trifinger run (\w+)\)$", re.MULTILINE)
 GOES_ON = {
     "demo": "shall lift the cube",
+    "metrics": "Serves http://",
     "view": "Open http://",
     "pybullet_backend": "The robot is ready.",
     "trifinger_data_backend": "The robot is ready.",
