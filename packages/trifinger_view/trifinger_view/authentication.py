@@ -31,9 +31,12 @@ SEND_BUFFER = 256 * 1024  # of a connection, in the kernel [bytes]
 SHORTEST_TOKEN = 16  # [characters]
 ACTION_HEADER = "X-TriFinger"
 ACTIONS = "/actions"  # the websocket over which a page asks for actions
+GLANCE = "/glance"  # the websocket over which a page of many robots looks at this one
 Reply = tuple[int, str, dict[str, str]]
 """Status, text and headers of an answer; an empty text with the status 200 stands for the page."""
 UNKNOWN = "This page needs the whole address that `trifinger view` has printed, with its token.\n"
+FOREIGN = "The address of this page must be one of the machine it is served by.\n"
+NOTHING = "There is nothing here.\n"
 
 
 class Authentication:
@@ -63,6 +66,8 @@ class Authentication:
         self.count_browsers: Callable[[], int] = lambda: 0
         """How many browsers are connected."""
         self._actions: dict[str, Callable[[], tuple[int, str]]] = {}
+        self.sockets = {"/"}
+        """Paths at which websockets may open."""
         self._lines = 0  # websockets that are open at ACTIONS
 
     @property
@@ -96,6 +101,7 @@ class Authentication:
         needs no new connection, which other clients could delay.
         """
         self._actions[path] = action
+        self.sockets.add(ACTIONS)
 
     def answer(self, path: str, headers: Any) -> tuple[int, str] | None:
         """Does the action at a path and returns its answer; None if there is none."""
@@ -124,7 +130,7 @@ class Authentication:
             async for message in connection:
                 number, _, path = str(message).partition(" ")
                 action = self._actions.get(path)
-                status, text = action() if action else (404, "There is nothing here.\n")
+                status, text = action() if action else (404, NOTHING)
                 answer = {"number": number, "status": status, "text": text}
                 await connection.send(json.dumps(answer))
         except ConnectionClosed:
@@ -150,7 +156,7 @@ class Authentication:
             return *done, {}
         if "?" in path:  # a token that stays in the address could be seen
             return 303, "", {"Location": "/"}
-        return (200, "", {}) if path == "/" else (404, "There is nothing here.\n", {})
+        return (200, "", {}) if path == "/" else (404, NOTHING, {})
 
     def close(self) -> None:
         """Stops listening."""
@@ -163,13 +169,16 @@ class Authentication:
         """
         host = _only(headers, "Host")
         if host is None or not self._is_own(host):
-            return 403, "The address of this page must be one of the machine it is served by.\n"
+            return 403, FOREIGN
         if is_websocket:
             if _only(headers, "Origin") != f"http://{host}":
                 return 403, "Only a page of this server may connect to it.\n"
-            if path != "/" and not (path == ACTIONS and self._actions):
-                return 404, "There is nothing here.\n"
-        if not self._is_known(_cookies(headers, self.cookie)):
+            if path not in self.sockets:
+                return 404, NOTHING
+        tokens = _cookies(headers, self.cookie)
+        if path == GLANCE:  # a program has no cookies, and may come through a tunnel
+            tokens = [str(_only(headers, "Authorization")).removeprefix("Bearer ")]
+        if not self._is_known(tokens):
             return 403, UNKNOWN
         count = self._lines if path == ACTIONS else self.count_browsers()
         if is_websocket and count >= MAX_BROWSERS:

@@ -9,7 +9,7 @@ own messages by `page.server`.
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -39,9 +39,11 @@ def document_of(title: str, *, robot: str = "", is_plain: bool = False) -> Docum
 class Page:
     """What the browsers of a server show."""
 
-    def __init__(self, server: PageServer) -> None:
+    def __init__(self, server: PageServer, put: Callable[[str, bytes], None] | None = None) -> None:
+        """Sends messages to the browsers of a server, or gives them to `put` in its place."""
         self.server = server
         """Sends what it is told to the browsers."""
+        self._put = put
         self._scene: Scene | None = None
         self._session = 0
         self._id = secrets.token_hex(8)
@@ -153,4 +155,4 @@ class Page:
         sent = message(kind, numbers, session=self._session, **told)
         if sent != self._sent.get(kind):
             self._sent[kind] = sent
-            self.server.put(kind, sent)
+            (self._put or self.server.put)(kind, sent)

@@ -18,14 +18,14 @@ import math
 import queue
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from trifinger import extras
 from trifinger.commands.command_line import say
 
 from trifinger_view import PAGE, web_server
-from trifinger_view.authentication import ACTIONS, Authentication, is_plain
+from trifinger_view.authentication import ACTIONS, GLANCE, Authentication, is_plain
 from trifinger_view.to_browser import Document
 
 if TYPE_CHECKING:
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 ASK_PERIOD = 0.25  # between two questions for a sign of life [s]
 KINDS = ("session", "line", "state", "control", "seat", "frame", "targets", "images", "curves")
 """Kinds of messages, in the order in which a browser gets them."""
+GLANCE_KINDS = ("session", "glance", "frame", "images")
+"""What a page of many robots gets of one, each newest one once in a GLANCE_PERIOD."""
+GLANCE_PERIOD = 1.0  # [s]
 SILENCE = 20.0  # after which a connection is given up [s]
 ON_THE_WAY = 32 * 1024  # sent before the browser must have answered [bytes]
 LARGEST_MESSAGE = 4096  # of a browser [bytes]
@@ -58,10 +61,14 @@ class PageServer:
         """Told after the last message of a browser; in the same thread."""
         self.on_heard: Callable[[int], None] = lambda _: None
         """Told of signs of life of each browser, four times a second. It must not wait."""
+        self.kinds: Sequence[str] = KINDS
+        """Kinds of messages, in the order in which a browser gets them; if empty, the oldest one
+        is the first."""
         self._authentication, self._document = authentication, document
         self._newest: dict[int | None, dict[str, tuple[int, bytes]]] = {None: {}}
         self._changed: dict[int, asyncio.Event] = {}
-        self._lock = threading.Lock()  # of both
+        self._glances: set[int] = set()
+        self._lock = threading.Lock()  # of all three
         self._counts = itertools.count()
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         authentication.count_browsers = lambda: len(self._changed)
@@ -75,7 +82,12 @@ class PageServer:
     @property
     def browsers(self) -> list[int]:
         """The browsers that are connected, by numbers that no other one ever has."""
-        return list(self._changed)
+        return [one for one in list(self._changed) if one not in self._glances]
+
+    @property
+    def is_glanced_at(self) -> bool:
+        """Whether a page of many robots looks at this one."""
+        return bool(self._glances)
 
     def put(self, message_kind: str, message: bytes, browser: int | None = None) -> None:
         """Sends a message to a browser, or to all and to those that come later.
@@ -130,6 +142,8 @@ class PageServer:
         with self._lock:
             self._newest[browser] = {}
             self._changed[browser] = asyncio.Event()
+            if request is not None and request.path == GLANCE:
+                self._glances.add(browser)
         tasks = [
             asyncio.ensure_future(one)
             for one in (
@@ -146,26 +160,30 @@ class PageServer:
             await asyncio.gather(*tasks, return_exceptions=True)  # however a connection ends
             with self._lock:
                 del self._newest[browser], self._changed[browser]
+                self._glances.discard(browser)
             self._work.put(lambda: self.on_gone(browser))
 
     async def _send(self, connection: ServerConnection, browser: int) -> None:
         sent: dict[str, int] = {}
         unanswered = 0
+        is_glance = browser in self._glances
         while True:
             self._changed[browser].clear()
-            while (found := self._next(browser, sent)) is not None:
+            kinds = GLANCE_KINDS if is_glance else self.kinds
+            while (found := self._next(browser, sent, kinds)) is not None:
                 await connection.send(found)
                 unanswered += len(found)
                 if unanswered > ON_THE_WAY:  # a tunnel takes much more than the browser has got
                     await (await connection.ping())
                     unanswered = 0
+            await asyncio.sleep(GLANCE_PERIOD * is_glance)
             await self._changed[browser].wait()
 
-    def _next(self, browser: int, sent: dict[str, int]) -> bytes | None:
+    def _next(self, browser: int, sent: dict[str, int], kinds: Sequence[str]) -> bytes | None:
         """The first message that a browser has not yet got; it is noted as sent."""
         with self._lock:
             known = self._newest[None] | self._newest[browser]
-        for kind in KINDS:
+        for kind in kinds or sorted(known, key=lambda one: known[one][0]):
             number, message = known.get(kind, (-1, b""))
             if number > sent.get(kind, -1):
                 sent[kind] = number
@@ -175,7 +193,9 @@ class PageServer:
     async def _listen(self, connection: ServerConnection, browser: int) -> None:
         async for data in connection:
             try:
-                message = json.loads(data, parse_constant=_refuse, parse_float=_finite)
+                if browser in self._glances:
+                    raise ValueError("a glance asks for nothing")
+                message = json.loads(data, parse_constant=refuse, parse_float=finite)
                 if not isinstance(message, dict) or not isinstance(message.get("do"), str):
                     raise ValueError("no message of a page")
             except (ValueError, RecursionError):
@@ -221,10 +241,12 @@ class PageServer:
         return response
 
 
-def _finite(text: str) -> float:
+def finite(text: str) -> float:
+    """Reads a number of a message; raises ValueError if it is infinite."""
     number = float(text)
-    return number if math.isfinite(number) else _refuse(text)
+    return number if math.isfinite(number) else refuse(text)
 
 
-def _refuse(name: str) -> NoReturn:
+def refuse(name: str) -> NoReturn:
+    """Raises ValueError for "NaN" or "Infinity" in a message."""
     raise ValueError(f"{name} is no number")

@@ -81,15 +81,19 @@ class Document:
 
 
 def document(
-    *scripts: Sequence[str], data: Mapping[str, str] | None = None, **words: str
+    *scripts: Sequence[str],
+    data: Mapping[str, str] | None = None,
+    page_name: str = "page",
+    **words: str,
 ) -> Document:
     """The page with some files of the folder `web`, which are one script each time.
 
+    `page_name` is that of its files of HTML and CSS.
     `data` are texts that the scripts find by their names, and `words` what stands in place of
     @TITLE@ and the like.
     """
     texts = ["".join(_read(name) for name in each) for each in scripts]
-    style = _read("page.css")
+    style = _read("colours.css") + _read(f"{page_name}.css")
     hashes = [f"'sha256-{_hash(text)}'" for text in (style, *texts)]
     policy = (
         f"default-src 'none'; style-src {hashes[0]}; script-src {' '.join(hashes[1:])}; "
@@ -97,7 +101,7 @@ def document(
     )
     # A server says it in its headers.
     meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n' if data else ""
-    page = _read("page.html").replace("@POLICY@\n", meta).replace("@STYLE@", style)
+    page = _read(f"{page_name}.html").replace("@POLICY@\n", meta).replace("@STYLE@", style)
     for name, value in {"ROBOT": "", "PARTS": "", "FACTS": "", **words}.items():
         page = page.replace(f"@{name}@", html.escape(value))
     held = [

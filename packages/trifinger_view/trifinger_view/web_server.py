@@ -95,7 +95,7 @@ async def serve(
         process_response=process_response,
         open_timeout=HANDSHAKE_TIMEOUT,
         server_header=None,
-        logger=_quiet_logger(),
+        logger=quiet_logger(),
         **options,
     ) as server:
         # asyncio has only one number for the batch and for the queue.
@@ -140,8 +140,8 @@ class _Unhandled:
             loop.default_exception_handler(context)
 
 
-def _quiet_logger() -> logging.Logger:
-    """A logger for what other clients do, which is nothing for a terminal."""
+def quiet_logger() -> logging.Logger:
+    """A logger for what others at a connection do, which is nothing for a terminal."""
     logger = logging.getLogger("trifinger_view.web_server")
     logger.propagate = False
     logger.setLevel(logging.CRITICAL + 1)

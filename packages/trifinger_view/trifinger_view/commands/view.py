@@ -27,10 +27,11 @@ from trifinger.log.plot.panels import GROUPS
 from trifinger.niceness import be_nice
 
 from trifinger_view import PAGE
-from trifinger_view.authentication import LOOPBACK, Authentication
+from trifinger_view.authentication import GLANCE, LOOPBACK, Authentication
 from trifinger_view.commands.options import add_frames
 from trifinger_view.logged import LoggedRun
 from trifinger_view.page_controller import PageController, pullable
+from trifinger_view.to_browser import Document
 
 RATE = 40.0  # of pictures [Hz]
 IDLE_RATE = 5.0  # without a browser
@@ -58,10 +59,13 @@ def show(
     begin: Callable[..., Callable[[bool], None]],
     controller: PageController | None = None,
     note: str = "",
+    document: Document | None = None,
+    rate: float = RATE,
 ) -> None:
     """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it.
 
-    `note` is a sentence for the terminal.
+    `note` is a sentence for the terminal, `document` another page than that of a robot or a log,
+    and `rate` how often the page is renewed while somebody looks [Hz].
     """
     from trifinger_view.page import Page, document_of
     from trifinger_view.page_server import PageServer
@@ -71,12 +75,13 @@ def show(
     if controller is None:  # the thread of a guide would inherit this
         be_nice()
     robot = page_title if controls else ""
-    document = document_of(page_title, robot=robot, is_plain=options.is_plain)
+    is_fleet = document is not None
+    document = document or document_of(page_title, robot=robot, is_plain=options.is_plain)
     with contextlib.closing(authentication):
         server = PageServer(authentication, document)
         page = Page(server)
         renew = begin(page)
-        print_address(authentication, controls=controls, note=note)
+        print_address(authentication, controls=controls, note=note, is_fleet=is_fleet)
         if options.opens_browser:
             webbrowser.open(authentication.url)
         following = time.monotonic()
@@ -84,7 +89,7 @@ def show(
             while True:
                 is_watched = bool(server.browsers)
                 renew(is_watched)
-                following += 1.0 / (RATE if is_watched else IDLE_RATE)
+                following += 1.0 / min(rate, RATE if is_watched else IDLE_RATE)
                 pause = following - time.monotonic()
                 if pause > 0:
                     time.sleep(pause)
@@ -95,14 +100,19 @@ def show(
 
 
 def print_address(
-    authentication: Authentication, *, controls: bool = False, note: str = ""
+    authentication: Authentication,
+    *,
+    controls: bool = False,
+    note: str = "",
+    is_fleet: bool = False,
 ) -> None:
     """Says how to open the page, and what its end does to a robot that it controls or not."""
+    robots, do = ("the robots", "do") if is_fleet else ("the robot", "does")
     say(f"Open {authentication.url}")
     if not authentication.is_local:
         does = "moves" if controls else "sees"
         say(
-            f"Who has this address {does} the robot; it crosses the network unencrypted.",
+            f"Who has this address {does} {robots}; it crosses the network unencrypted.",
             file=sys.stderr,
         )
     elif os.environ.get("SSH_CONNECTION"):
@@ -115,7 +125,7 @@ def print_address(
         )
     if note:
         say(note)
-    end = "the session of the robot ends with it" if controls else "the robot does not notice"
+    end = "the session of the robot ends with it" if controls else f"{robots} {do} not notice"
     say(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
@@ -125,11 +135,13 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
     With a controller, the page can steer it.
     """
     from trifinger_view.control_panel import ControlPanel, add_stop
+    from trifinger_view.glance import Glance
     from trifinger_view.live import LiveRun
     from trifinger_view.page import Page
     from trifinger_view.words import facts_of, lines_of_training
 
-    live = LiveRun(name)
+    live, glance = LiveRun(name), Glance()
+    options.authentication.sockets.add(GLANCE)
     if controller is not None and controller.with_guide:
         add_stop(options.authentication, name)
 
@@ -140,7 +152,9 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
         panel = None if controller is None else ControlPanel(page.server, controller)
 
         def renew(is_watched: bool) -> None:
-            live.look(with_images=is_watched)
+            is_due = glance.is_due()
+            is_seen = is_watched or (is_due and page.server.is_glanced_at)
+            live.look(with_images=is_seen)
             if live.session_id != shown["session"]:
                 shown["session"] = live.session_id
                 if live.info is not None:
@@ -151,6 +165,11 @@ def show_robot(name: str, options: PageOptions, controller: PageController | Non
                 panel.renew(live)
             if live.frame is not None:
                 page.show(live.frame)
+                if is_seen and not is_watched:
+                    page.show_images(live.frame.images)
+            if is_due:
+                lines = live.lines + lines_of_training(options.training)
+                page.server.put("glance", glance.message(live, lines))
             if live.lines is not shown["lines"]:
                 shown["lines"] = live.lines
                 page.show_state(live.lines + lines_of_training(options.training))
@@ -200,6 +219,27 @@ def require_hand(name: str) -> None:
             )
 
 
+def show_fleet(words: Sequence[str], arguments: argparse.Namespace) -> None:
+    """Shows the robots whose pages have these addresses, or without any those of this machine."""
+    from trifinger_view.fleet import Fleet, LocalRobots, addresses_of, fleet_document
+    from trifinger_view.page import Page
+
+    addresses = addresses_of(words)
+    title = "Robots" if addresses else f"Robots of {socket.gethostname()}"
+    with contextlib.ExitStack() as stack:
+
+        def begin(page: Page) -> Callable[[bool], None]:
+            page.server.kinds = ()  # each robot has kinds of its own
+            if addresses:
+                stack.enter_context(contextlib.closing(Fleet(page.server, addresses)))
+                return lambda _: None
+            robots = LocalRobots(page.server)
+            return lambda _: robots.renew()
+
+        document = fleet_document(title, is_plain=arguments.plain)
+        show(title, page_options(arguments), begin, document=document, rate=1.0)
+
+
 def show_log(run: LoggedRun, options: PageOptions) -> None:
     """Shows a log with a time line."""
     from trifinger_view.log_page import LogPage
@@ -242,6 +282,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "  trifinger view                     the robot that runs\n"
         "  trifinger view sim                 the robot 'sim', and its next sessions\n"
         "  trifinger view sim --control       the same, and the page steers the robot\n"
+        "  trifinger view --fleet             all robots of this machine, at a glance\n"
         "  trifinger view logs                the newest log in a folder, with a time line\n"
         "  trifinger view logs -o run.html    a file that any browser shows, without this program",
     )
@@ -280,6 +321,13 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "--plain",
         action="store_true",
         help="draw without shadows, for a browser without a graphics card",
+    )
+    parser.add_argument(
+        "--fleet",
+        nargs="*",
+        metavar="ADDRESS|@FILE",
+        help="many robots: addresses that `trifinger view` has printed, or a file with one in each "
+        "line; default: all robots of this machine",
     )
     file = parser.add_argument_group("a file of a log")
     file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
@@ -321,6 +369,13 @@ def main(words: Sequence[str] | None = None) -> int:
 def show_or_write(arguments: argparse.Namespace) -> None:
     """Shows a robot or a log, or writes a log into a file, as the arguments say."""
     steers = arguments.control or arguments.hand
+    if arguments.fleet is not None:
+        if steers or arguments.what or arguments.training or arguments.output:
+            raise InvalidArgument("--fleet only shows, and takes addresses and no robot or log")
+        require_no_file_options(arguments, "a log and -o")
+        extras.require(*PAGE)
+        show_fleet(arguments.fleet, arguments)
+        return
     if arguments.frame and not arguments.control:
         raise InvalidArgument("--frame says what --control moves; it needs --control")
     if steers and is_log(arguments.what):
