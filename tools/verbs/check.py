@@ -30,6 +30,7 @@ def check() -> int:
             ("the safety chain for GPUs", compile_for_gpus),
             ("results of skills are of their judges", test_results),
             ("every fault has its test", test_every_fault),
+            ("what is stable has not broken", test_stability),
         ]
     )
 
@@ -174,3 +175,13 @@ def test_results(count: Count) -> bool:  # noqa: ARG001
     build("release", "run_trial")
     pages = [PYTHON, "evaluation/skills.py", "check"]
     return Steps("results").check("pages of skills", pages).succeeded
+
+
+def test_stability(count: Count) -> bool:  # noqa: ARG001
+    """Compares what is stable with the record of the last release; names what broke."""
+    build("release", "apps/all", "bindings/all")
+    step = Steps("stability").check("the last release", [PYTHON, "tools/stability.py"])
+    if step.succeeded:
+        for line in filter(None, step.output.splitlines()):  # breaks that the version allows
+            print(f"    {line}")
+    return step.succeeded

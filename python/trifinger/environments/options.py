@@ -51,14 +51,20 @@ class Options(OptionFields):
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """Options from the text that to_json() returned."""
+        """Options from the text that to_json() returned.
+
+        Raises InvalidArgument for another text, as from a version with options that are unknown.
+        """
 
         def of(value: Any) -> Any:
             if isinstance(value, dict):
                 return {name: of(part) for name, part in value.items()}
             return tuple(value) if isinstance(value, list) else value
 
-        return cls(**of(json.loads(text)))
+        try:
+            return cls().changed(**of(json.loads(text)))
+        except (json.JSONDecodeError, TypeError):
+            raise InvalidArgument("the options of an environment must be a JSON object") from None
 
 
 def _is_a(kind: Any, value: Any) -> bool:
