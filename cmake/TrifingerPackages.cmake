@@ -77,11 +77,25 @@ foreach(component library development program)
   endif()
 endforeach()
 install_compressed(${PROJECT_SOURCE_DIR}/CHANGELOG.md CHANGELOG.md share/doc/trifinger program)
-install_compressed(${PROJECT_SOURCE_DIR}/system/debian/trifinger.1 trifinger.1 share/man/man1 program)
-foreach(program endurance job manipulate run-policy)
-  file(WRITE ${PROJECT_BINARY_DIR}/debian/trifinger-${program}.1 ".so man1/trifinger.1\n")
-  install_compressed(${PROJECT_BINARY_DIR}/debian/trifinger-${program}.1 trifinger-${program}.1 share/man/man1 program)
+# What the programs of the release build say about themselves: those made here may be for another machine.
+find_package(Python 3.11 REQUIRED COMPONENTS Interpreter)
+add_custom_target(
+  manual_pages COMMAND ${Python_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/manual_pages.py ${PROJECT_BINARY_DIR}/debian/man1
+  VERBATIM)
+install(DIRECTORY ${PROJECT_BINARY_DIR}/debian/man1 DESTINATION share/man COMPONENT program)
+
+# What is inside the packages: CPack runs this when all files are in their folders.
+file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/debian/bills.cmake @ONLY CONTENT [[
+foreach(each "library libtrifinger none" "development libtrifinger-dev src/,packages/" "program trifinger src/,apps/,packages/")
+  separate_arguments(each)
+  list(POP_FRONT each component package objects)
+  execute_process(
+    COMMAND @Python_EXECUTABLE@ @PROJECT_SOURCE_DIR@/tools/bill_of_materials.py ${package}
+            ${CPACK_TEMPORARY_INSTALL_DIRECTORY}/${component} @PROJECT_BINARY_DIR@ ${objects}
+    COMMAND_ERROR_IS_FATAL ANY)
 endforeach()
+]])
+set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_BINARY_DIR}/debian/bills.cmake)
 
 # Where udev and PAM find them by themselves.
 install(FILES system/99-trifinger.rules DESTINATION lib/udev/rules.d COMPONENT program)
@@ -91,6 +105,7 @@ add_custom_target(packaged)
 foreach(layer IN LISTS TRIFINGER_LAYERS)
   add_dependencies(packaged trifinger_${layer})
 endforeach()
-add_dependencies(packaged trifinger_program trifinger_manipulate trifinger_run_policy trifinger_endurance trifinger_job)
+add_dependencies(packaged trifinger_program trifinger_manipulate trifinger_run_policy trifinger_endurance trifinger_job
+                 manual_pages)
 
 include(CPack)

@@ -12,8 +12,13 @@
 extern "C" {
 
 // The newer version computes the same and leaves errno alone.
+#ifdef __aarch64__
+#define FIRST_GLIBC "GLIBC_2.17"  // the first for this kind of processor
+#else
+#define FIRST_GLIBC "GLIBC_2.2.5"
+#endif
 double older_hypot(double x, double y);
-__asm__(".symver older_hypot, hypot@GLIBC_2.2.5");
+__asm__(".symver older_hypot, hypot@" FIRST_GLIBC);
 double __wrap_hypot(double x, double y) { return older_hypot(x, y); }
 
 // The newer version differs only in what happens when a thread is cancelled.

@@ -3,9 +3,9 @@
 
     tools/make_release.py FOLDER
 
-These are a wheel for each Python of this machine, the wheels of packages/, the packages of Debian,
-the sources, notes from the CHANGELOG, and checksums. The same commit gives the same bytes in every
-folder, on the same system. pyproject.toml has the version.
+These are a wheel for Python 3.11 and one for all later ones, the wheels of packages/, the packages
+of Debian, the sources, bills of materials, notes from the CHANGELOG, and checksums. The same commit
+gives the same bytes in every folder, on the same system. pyproject.toml has the version.
 """
 
 import hashlib
@@ -16,10 +16,12 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from zipfile import ZipFile
 
 from make_wheel import ROOT, make_wheel, make_wheels_of_packages, reproducible
 
-VERSIONS_OF_PYTHON = ("3.11", "3.12", "3.13")
+# From 3.12 on, a wheel is for all later ones, too: wheel.py-api in pyproject.toml.
+VERSIONS_OF_PYTHON = ("3.11", "3.12", "3.13", "3.14")
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 VERSION: str = PYPROJECT["project"]["version"]
 # As in build/release, so that ccache has all objects.
@@ -68,9 +70,11 @@ def builder(version: str, python: Path) -> Path:
 
 def make_wheels(folder: Path) -> None:
     """Makes the wheels of the package, and of the packages beside it."""
-    for version, python in pythons().items():
+    found = pythons()
+    later = [version for version in found if version != "3.11"]
+    for version in [*set(found).difference(later), *later[:1]]:
         print(f"wheel for Python {version}", flush=True)
-        make_wheel(folder, VARIABLES, str(builder(version, python)))
+        make_wheel(folder, VARIABLES, str(builder(version, found[version])))
     for project in sorted((ROOT / "packages").glob("*/pyproject.toml")):
         own = tomllib.loads(project.read_text())["project"]
         if own["version"] != VERSION:
@@ -78,17 +82,33 @@ def make_wheels(folder: Path) -> None:
     make_wheels_of_packages(folder)
 
 
-def make_debian_packages(folder: Path) -> None:
-    """Makes the packages of Debian with CPack."""
-    build = ROOT / "build" / "package"
+def make_debian_packages(folder: Path, preset: str = "package", **variables: str) -> None:
+    """Makes the packages of Debian with CPack; `variables` are for that."""
+    build = ROOT / "build" / preset
     shutil.rmtree(build / "_CPack_Packages", ignore_errors=True)
     for old in build.glob("*.deb"):
         old.unlink()
-    run("cmake", "--preset", "package")
-    run("cmake", "--build", "--preset", "package")
-    run("cpack", "--config", build / "CPackConfig.cmake", "-B", build)
+    run("cmake", "--preset", preset)
+    run("cmake", "--build", "--preset", preset)
+    run("cpack", "--config", build / "CPackConfig.cmake", "-B", build, **variables)
     for package in build.glob("*.deb"):
         shutil.move(package, folder / package.name)
+
+
+def put_bills_beside(folder: Path) -> None:
+    """Copies the bill of materials of each wheel and package out of it: FILE.spdx.json."""
+    for wheel in folder.glob("*.whl"):
+        with ZipFile(wheel) as archive:
+            (name,) = (name for name in archive.namelist() if name.endswith(".spdx.json"))
+            wheel.with_name(f"{wheel.name}.spdx.json").write_bytes(archive.read(name))
+    for package in folder.glob("*.deb"):
+        unpack = ["dpkg-deb", "--fsys-tarfile", str(package)]
+        files = subprocess.run(unpack, check=True, capture_output=True).stdout
+        name = package.name.partition("_")[0]
+        path = f"./usr/share/doc/{name}/{name}.spdx.json"
+        take = ["tar", "--extract", "--to-stdout", path]
+        bill = subprocess.run(take, input=files, check=True, capture_output=True).stdout
+        package.with_name(f"{package.name}.spdx.json").write_bytes(bill)
 
 
 def make_source_archive(folder: Path) -> None:
@@ -123,6 +143,7 @@ def make_release(folder: Path) -> None:
     folder.mkdir(parents=True)
     make_wheels(folder)
     make_debian_packages(folder)
+    put_bills_beside(folder)
     make_source_archive(folder)
     (folder / "NOTES.md").write_text(notes((ROOT / "CHANGELOG.md").read_text(), VERSION))
     (folder / "SHA256SUMS").write_text(checksums(folder))

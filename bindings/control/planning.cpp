@@ -53,10 +53,9 @@ struct EndPlanner {
     if (batch_cost && batch_cost->runs_here()) {
       // The cost function itself has dropped the planner, which waits for the end of this function.
       std::thread([planner, kept = batch_cost] { delete planner; }).detach();
-    } else if (PyGILState_Check() != 0) {
-      const GilRelease release;
-      delete planner;
     } else {
+      const GilHold held_or_not;
+      const GilRelease release;
       delete planner;
     }
   }

@@ -102,7 +102,7 @@ std::string shape_of(nb::handle array) { return text_of(array.attr("shape")); }
 
 nb::object new_numpy_array(const nb::object& dtype, std::span<npy_intp> shape) {
   PyArray_Descr* const descr = descr_of(dtype);
-  Py_INCREF(descr);  // the call takes one reference
+  dtype.inc_ref();  // the call takes one reference
   return nb::steal(PyArray_NewFromDescr(&PyArray_Type, descr, static_cast<int>(shape.size()),
                                         shape.data(), nullptr, nullptr, 0, nullptr));
 }
@@ -142,7 +142,7 @@ ElementType::New ElementType::new_scalar_array() const {
 
 nb::object ElementType::view(const std::byte* memory, const nb::object& owner) const {
   PyArray_Descr* const descr = descr_of(dtype_);
-  Py_INCREF(descr);  // the call takes one reference
+  dtype_.inc_ref();  // the call takes one reference
   // NumPy has no pointer to constants; without NPY_ARRAY_WRITEABLE it does not write.
   nb::object array = nb::steal(PyArray_NewFromDescr(&PyArray_Type, descr, 0, nullptr, nullptr,
                                                     const_cast<std::byte*>(memory), 0, nullptr));
@@ -195,7 +195,7 @@ ElementType::Elements ElementType::contiguous(nb::handle elements) const {
     throw InvalidArgument("this array has shape " + shape_of(elements) +
                           "; expected is one dimension: (number of elements,)");
   }
-  nb::object copy = nb::steal(reinterpret_cast<PyObject*>(PyArray_GETCONTIGUOUS(array)));
+  nb::object copy = nb::steal(PyArray_FROM_OF(elements.ptr(), NPY_ARRAY_C_CONTIGUOUS));
   if (!copy.is_valid()) throw nb::python_error();
   const std::byte* const bytes = data_of(copy);
   return {std::move(copy), bytes, static_cast<std::size_t>(PyArray_DIM(array, 0))};

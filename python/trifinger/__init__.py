@@ -10,6 +10,13 @@ The basic control loop, paced by the robot:
             t = robot.append_desired_action(policy(y))
 """
 
+import sys as _sys
+
+if not _sys.platform.startswith("linux"):
+    raise ImportError(
+        "trifinger needs Linux; on Windows use WSL 2, on macOS a virtual machine or a container"
+    )
+
 from trifinger._trifinger import (
     Action as Action,
     AppliedAction as AppliedAction,

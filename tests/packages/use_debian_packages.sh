@@ -43,6 +43,7 @@ wait "$robot"
 # Services, rights, documents.
 for file in /usr/lib/systemd/system/trifinger{,-endurance}@.service /usr/lib/udev/rules.d/99-trifinger.rules \
   /etc/security/limits.d/99-trifinger.conf /usr/share/man/man1/trifinger-job.1.gz \
+  /usr/share/doc/trifinger/trifinger.spdx.json /usr/share/doc/libtrifinger/libtrifinger.spdx.json \
   /usr/share/bash-completion/completions/trifinger; do
   [[ -s $file ]] || fail "$file is missing"
 done

@@ -28,7 +28,7 @@ within() {
 begin=$(date +%s)
 "$python" -m venv "$place/environment"
 source "$place/environment/bin/activate"
-tag=$(python -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
+tag=$(python -c 'import sys; print("cp311" if sys.version_info < (3, 12) else "cp312-abi3")')
 pip install --quiet "$folder"/trifinger-*-"$tag"-*.whl  # the file: the name is not ours on PyPI
 cd "$place"
 lift=$(trifinger demo) || fail "the demo"

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import sys
 import sysconfig
 import tomllib
@@ -16,7 +17,10 @@ import pytest
 from conftest import BUILD, output_of
 from link_into_venv import PROJECTS
 from make_wheel import make_wheel, make_wheels_of_packages
+from manual_pages import COMPILED, PACKAGE, Command
 from packaging.requirements import Requirement
+from spdx_tools.spdx.parser.parse_anything import parse_file
+from spdx_tools.spdx.validation.document_validator import validate_full_spdx_document
 
 pytestmark = pytest.mark.slow
 
@@ -84,6 +88,11 @@ def installation(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Insta
     return Installation(tmp_path_factory.mktemp("environment"), wheel)
 
 
+def libraries_of(installation: Installation) -> list[Path]:
+    """The libraries of others that are in the wheel."""
+    return list((installation.packages / "trifinger.libs").iterdir())
+
+
 def test_names_no_folder_of_the_machine_that_built_it(installation: Installation) -> None:
     folders = [str(folder).encode() for folder in (SOURCES, BUILD, PACKAGES)]
     files = [path for path in (installation.packages / "trifinger").rglob("*") if path.is_file()]
@@ -100,7 +109,38 @@ def test_holds_the_package_alone(installation: Installation) -> None:
         *("trifinger", "trifinger_launcher", "trifinger.libs", f"trifinger-{VERSION}.dist-info"),
         *("mujoco", "numpy", "numpy.libs"),
     }
-    assert not (installation.folder / "share").exists()
+    shared = {path.parent for path in (installation.folder / "share").rglob("*.*")}
+    assert shared == {installation.folder / "share/man/man1"}
+
+
+def test_has_a_manual_page_of_every_command(installation: Installation) -> None:
+    command = Command.parsed(("trifinger",), "", "", installation.run("trifinger", "--help"))
+    headings = (*COMPILED, f"{PACKAGE}trifinger")
+    names = [f"trifinger-{name}" for each in headings for name in command.lists[each]]
+    pages = {path.stem for path in (installation.folder / "share/man/man1").iterdir()}
+    assert len(names) > 30
+    assert {"trifinger", "trifinger-log-info", "trifinger-log-plot", *names} <= pages
+
+
+@pytest.mark.skipif(shutil.which("man") is None, reason="there is no `man`")
+def test_man_finds_the_pages_of_an_active_environment(installation: Installation) -> None:
+    found = installation.run("man", "--where", "trifinger-log-info")
+    assert found == f"{installation.folder}/share/man/man1/trifinger-log-info.1\n"
+
+
+def test_names_all_libraries_inside_it_in_its_bill_of_materials(installation: Installation) -> None:
+    (path,) = installation.packages.glob("trifinger-*.dist-info/sboms/trifinger.spdx.json")
+    document = parse_file(str(path))
+    assert validate_full_spdx_document(document) == []
+    libraries = {f"trifinger.libs/{path.name}" for path in libraries_of(installation)}
+    assert {each.file_name for each in document.packages if each.checksums} == libraries
+    compiled_in = {"Eigen", "CLI11", "JSON for Modern C++", "eiquadprog", "nanobind", "robin-map"}
+    bundled = {"fmt", "yaml-cpp", "LZ4", "Zstandard", "libdeflate"}
+    assert {each.name for each in document.packages} == {
+        *("trifinger", "numpy", "mujoco-core"),
+        *compiled_in,
+        *bundled,
+    }
 
 
 def test_says_for_which_systems_it_is(wheel: Path) -> None:
@@ -134,11 +174,10 @@ def test_brings_all_libraries_but_mujoco(installation: Installation, file: str) 
 
 
 def test_has_the_licences_of_what_is_inside(installation: Installation) -> None:
-    libraries = {path.name for path in (installation.packages / "trifinger.libs").iterdir()}
-    names = {re.split(r"-[0-9a-f]{8}\.", name)[0] for name in libraries}
+    names = {re.split(r"-[0-9a-f]{8}\.", path.name)[0] for path in libraries_of(installation)}
     assert names == {"libdeflate", "libfmt", "liblz4", "libyaml-cpp", "libzstd"}
     licences = installation.packages / "trifinger" / "licences"
-    for name in (*names, "libspdlog", "libcli11", "libeigen3", "nlohmann-json3", "eiquadprog"):
+    for name in (*names, "nanobind", "libcli11", "libeigen3", "nlohmann-json3", "eiquadprog"):
         assert any((licences / name).iterdir())
 
 

@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tests of ./run release: its notes, its checksums, and where versions are written."""
 
+import os
 import re
+import shutil
 import subprocess
+import tempfile
 import tomllib
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
-from make_release import VERSION, checksums, notes
+from make_release import VERSION, checksums, notes, put_bills_beside
 from make_wheel import reproducible
 from verbs import release
 from verbs.steps import StepFailed
@@ -52,9 +56,58 @@ def test_checksums_are_what_sha256sum_reads(tmp_path: Path) -> None:
     assert subprocess.run(check, cwd=tmp_path, capture_output=True, check=False).returncode == 1
 
 
+@pytest.mark.skipif(shutil.which("gpg") is None, reason="there is no `gpg`")
+def test_a_release_is_signed_and_checked_as_the_page_says(tmp_path: Path) -> None:
+    page = (ROOT / "docs/howto/check_a_release.md").read_text()
+    check, sign = re.findall(r"^```bash .*\n((?:.*\n)*?)```$", page, re.MULTILINE)
+    (tmp_path / "a.whl").write_text("bytes")
+    (tmp_path / "SHA256SUMS").write_text(checksums(tmp_path))
+
+    def run(commands: str, home: str) -> int:
+        words = ["bash", "-e", "-c", commands]
+        variables = {**os.environ, "GNUPGHOME": home}
+        return subprocess.run(words, cwd=tmp_path, env=variables, check=False).returncode
+
+    # The paths of sockets must be short.
+    with tempfile.TemporaryDirectory() as maintainer, tempfile.TemporaryDirectory() as user:
+        key = "gpg --batch --passphrase '' --quick-generate-key test@trifinger.example"
+        try:
+            assert run(key, maintainer) == 0
+            assert run(sign, maintainer) == 0
+            assert run(check, user) == 0
+            (tmp_path / "a.whl").write_text("other bytes")
+            assert run(check, user) != 0
+            (tmp_path / "SHA256SUMS").write_text(checksums(tmp_path))
+            assert run(check, user) != 0
+        finally:
+            for home in (maintainer, user):
+                run("gpgconf --kill all", home)
+
+
 def test_all_distributions_have_one_version() -> None:
     for project in (ROOT / "packages").glob("*/pyproject.toml"):
         assert tomllib.loads(project.read_text())["project"]["version"] == VERSION
+
+
+def test_the_citation_names_the_version() -> None:
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert re.findall(r"^version: (.+)$", citation, re.MULTILINE) == [VERSION]
+
+
+def test_bills_of_materials_lie_beside_what_they_describe(tmp_path: Path) -> None:
+    with ZipFile(tmp_path / "a-1-py3-none-any.whl", "w") as wheel:
+        wheel.writestr("a-1.dist-info/sboms/a.spdx.json", "of the wheel")
+    package = tmp_path / "package"
+    (package / "DEBIAN").mkdir(parents=True)
+    fields = "Package: a\nVersion: 1\nArchitecture: all\nMaintainer: m <m@a.example>\n"
+    (package / "DEBIAN/control").write_text(f"{fields}Description: d\n")
+    (package / "usr/share/doc/a").mkdir(parents=True)
+    (package / "usr/share/doc/a/a.spdx.json").write_text("of the package")
+    build = ["dpkg-deb", "--build", package, tmp_path / "a_1_all.deb"]
+    subprocess.run(build, capture_output=True, check=True)
+    put_bills_beside(tmp_path)
+    assert (tmp_path / "a-1-py3-none-any.whl.spdx.json").read_text() == "of the wheel"
+    assert (tmp_path / "a_1_all.deb.spdx.json").read_text() == "of the package"
 
 
 def test_builds_take_their_time_from_the_commit(monkeypatch: pytest.MonkeyPatch) -> None:

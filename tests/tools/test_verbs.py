@@ -212,6 +212,31 @@ def test_an_old_python_is_told_which_one_is_needed() -> None:
     assert "Python 3.11 or later is needed, python3 is 3.9.2" in done.stderr
 
 
+ELSEWHERE = "on Windows use WSL 2, on macOS a virtual machine or a container"
+
+
+@pytest.mark.parametrize("system", ["darwin", "win32"])
+@pytest.mark.parametrize("file", ["run", "python/trifinger/__init__.py"])
+def test_another_system_is_told_where_it_works(file: str, system: str) -> None:
+    script = (
+        f"import sys; sys.platform = {system!r}\n"
+        f"exec(compile(open({str(ROOT / file)!r}).read(), {file!r}, 'exec'))"
+    )
+    done = subprocess.run([PYTHON, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    assert said.endswith(f"needs Linux; {ELSEWHERE}")
+    assert ("Traceback" in done.stderr) == (file != "run")  # an import can only raise
+
+
+@pytest.mark.parametrize("system", ["Darwin", "Windows"])
+def test_a_build_on_another_system_is_told_where_it_works(tmp_path: Path, system: str) -> None:
+    words = ["cmake", "-S", str(ROOT), "-B", str(tmp_path), f"-DCMAKE_SYSTEM_NAME={system}"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert f"TriFinger needs Linux; {ELSEWHERE}" in " ".join(done.stderr.split())
+
+
 def test_an_activated_terminal_finds_programs_and_package() -> None:
     # Python reads this file of paths, and leaves out a folder that is not built yet.
     packages = "python -c 'import sysconfig; print(sysconfig.get_path(\"purelib\"))'"

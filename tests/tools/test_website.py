@@ -42,6 +42,13 @@ def test_links_lead_to_pages_of_the_site() -> None:
     assert linked == {Path("ARCHITECTURE.md")}
 
 
+def test_a_search_finds_a_page_by_words_that_it_does_not_have() -> None:
+    page = pages.with_entries("<!-- x -->\n# Cameras\n\ntext\n", ["webcam", "gym.make"])
+    keywords = "---\nmyst:\n  html_meta:\n    keywords: gym, make, webcam\n---\n"
+    index = "# Cameras\n\n```{index} ! webcam, ! gym.make\n```\n\ntext\n"
+    assert page == f"{keywords}<!-- x -->\n{index}"
+
+
 def test_every_page_is_in_the_side_bar() -> None:
     shown = {
         name.partition("</")[2].rstrip(">") or name for each in CONTENTS.values() for name in each

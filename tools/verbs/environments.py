@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of `./run soak` with packages of others, each in an environment of its own."""
+"""Parts of `./run soak` on other machines, and with packages of others."""
 
+import os
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import aarch64
 from make_release import VARIABLES, builder, pythons
 
 from .build import build, uses
-from .setup import PYTHON
+from .setup import PYTHON, install_debian_packages
 from .steps import ROOT, NotRun, Step, Steps
 
 STEPS = Steps("soak")
@@ -158,3 +160,38 @@ def oldest() -> tuple[Step, Step]:
         print(f"    with {versions}: {tested.last_line(' passed| failed')}")
         use = [python, "tests/packages/use_oldest.py"]
         return tested, STEPS.check("its own evaluation", use, **uses("release"))
+
+
+def bare_debians() -> Iterable[Step]:
+    """Runs what the README says on a bare Debian 12 and a bare Debian 13.
+
+    Raises:
+        NotRun: if somebody else than root asks for it
+    """
+    if os.geteuid() != 0:
+        raise NotRun("a bare Debian needs root")
+    install_debian_packages(STEPS, ("debootstrap",))
+    script = "git clone --quiet /packages ~/trifinger && cd ~/trifinger && ./run demo && ./run test"
+    for suite in ("bookworm", "trixie"):
+        bare = ["tools/on_bare_debian", suite, str(ROOT), "bash", "-c", script]
+        yield STEPS.check(f"demo and tests on a bare {suite}", bare)
+
+
+# Layers whose tests say whether a processor orders and computes as they need it.
+LAYERS_ON_ARM = ("base", "ipc", "core", "joint", "log")
+# To others, a process in qemu has qemu's name, and goes on where its first thread has returned.
+NOT_EMULATED = (r"^ipc\.DescribeProcess$", r"^ipc\.ProcessIdentity$")
+
+
+def other_processor() -> Iterable[Step]:
+    """Makes the files for 64-bit ARM, and lets qemu run tests and wheel."""
+    install_debian_packages(STEPS, aarch64.TOOLS)
+    files = ROOT / "build" / "packages-aarch64"
+    yield STEPS.check("wheel and packages", [PYTHON, "tools/aarch64.py", str(files)])
+    build("aarch64", *(f"tests/{layer}/all" for layer in LAYERS_ON_ARM))
+    chosen = f"^({'|'.join(LAYERS_ON_ARM)})"
+    tests = ["ctest", "--preset", "aarch64", "-L", chosen, "-E", "|".join(NOT_EMULATED)]
+    yield STEPS.check(f"C++ tests of {', '.join(LAYERS_ON_ARM)}", tests)
+    build("release")
+    use = [PYTHON, "tests/packages/use_aarch64.py", str(files)]
+    yield STEPS.check("the wheel computes the same", use, **uses("release"))

@@ -34,6 +34,7 @@ def examples(*names: str) -> NoReturn:
 def wheel() -> None:
     """Makes a wheel, and those of packages/, and says how to install them."""
     setup()
+    build("release", "apps/all", "bindings/all")  # Their helps become manual pages.
     # This option is that of build/release, so that ccache has all objects.
     option = "TRIFINGER_WARNINGS_AS_ERRORS=ON"
     step = Steps("release").run(

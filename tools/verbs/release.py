@@ -8,6 +8,7 @@ import sys
 
 from make_release import VERSION, pythons
 
+from .build import build
 from .setup import PYTHON, VENV, install_debian_packages, setup
 from .steps import ROOT, StepFailed, Steps
 
@@ -23,6 +24,7 @@ def release(*options: str) -> int:
     """
     require_clean_tree()
     setup()
+    build("release", "apps/all", "bindings/all")  # Their helps become manual pages.
     steps = Steps("release")
     install_debian_packages(steps, ("dpkg-dev", "lintian", "debootstrap"))
     steps.run("wheels, packages, sources", [PYTHON, "tools/make_release.py", str(PACKAGES)])
@@ -58,8 +60,10 @@ def check(steps: Steps) -> int:
         "wheel on a bare Debian": "use_wheel.sh",
         "packages on a bare Debian": "use_debian_packages.sh",
     }.items():
-        bare = ["tools/on_bare_debian", str(PACKAGES), f"/tests/packages/{script}", "/packages"]
-        passed.append(checked(steps, label, bare))
+        use = [f"/tests/packages/{script}", "/packages"]
+        passed.append(
+            checked(steps, label, ["tools/on_bare_debian", "bookworm", str(PACKAGES), *use])
+        )
     return 0 if all(passed) else 1
 
 

@@ -24,13 +24,14 @@ PINS = VENV / "pins"  # what has been installed there
 # Needed besides git and python3.
 DEBIAN_PACKAGES = (
     *("g++", "cmake", "ninja-build", "ccache", "python3-dev", "python3-venv"),
-    *("libeigen3-dev", "libyaml-cpp-dev", "libspdlog-dev", "libfmt-dev", "libcli11-dev"),
+    *("libeigen3-dev", "libyaml-cpp-dev", "libfmt-dev", "libcli11-dev"),
     *("libzstd-dev", "liblz4-dev", "libdeflate-dev", "pkgconf", "nlohmann-json3-dev"),
     *("libgtest-dev", "libgmock-dev", "librapidcheck-dev", "libbenchmark-dev"),
     *("clang", "libclang-rt-dev"),  # the builds dev and fuzz
     *("libegl1", "libgl1-mesa-dri", "libopengl0"),  # pictures without a screen
     *("libturbojpeg0", "libaravis-0.8-0"),  # images in logs; industrial cameras
     "chromium",  # the browser in which the page of `trifinger view` is tested
+    *("man-db", "mandoc", "gnupg"),  # manual pages, signatures
     "rt-tests",  # cyclictest, with which lateness is compared
     *("slurm-wlm", "munge"),  # the queue of a shared robot
     *("qemu-system-x86", "busybox", "can-utils"),  # the virtual machine of tests with CAN

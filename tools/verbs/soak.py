@@ -14,7 +14,7 @@ from .check import (
     test_with_thread_sanitizer,
 )
 from .counting import Count
-from .environments import cluster, lerobot, oldest, warp
+from .environments import bare_debians, cluster, lerobot, oldest, other_processor, warp
 from .lint import clang_tidy
 from .setup import PYTHON, fetch_robots, setup
 from .steps import NotRun, Step, StepFailed, Steps
@@ -184,6 +184,16 @@ def lowest_versions() -> bool:
     return all_true(print_figures(step) for step in oldest())
 
 
+def systems() -> bool:
+    """Runs demo and tests on a bare Debian 12 and a bare Debian 13."""
+    return all_true(step.succeeded for step in bare_debians())
+
+
+def arm() -> bool:
+    """Compiles for 64-bit ARM, and runs tests and wheel in an emulator."""
+    return all_true(print_figures(step) for step in other_processor())
+
+
 PARTS: dict[str, Callable[[], bool]] = {
     "analyser": analyser,
     "kills": kills,
@@ -197,6 +207,8 @@ PARTS: dict[str, Callable[[], bool]] = {
     "cluster": sweeps,
     "warp": physics_of_warp,
     "oldest": lowest_versions,
+    "systems": systems,
+    "aarch64": arm,
     "endurance": endurance,
     "endurance-real-time": endurance_in_real_time,
 }

@@ -142,9 +142,15 @@ def shown_files(linked: Iterable[Path]) -> Pages:
 
 
 def with_entries(text: str, words: Iterable[str]) -> str:
-    """Returns a page with entries of the index, which a search shows first, below its title."""
-    entries = ", ".join(f"! {word}" for word in words)
-    return re.sub(r"(?m)^# .*$", rf"\g<0>\n\n```{{index}} {entries}\n```", text, count=1)
+    """Returns a page that a search for these words finds, though the page may not have them.
+
+    They are entries of the index, which a search shows first, and each word is a keyword.
+    """
+    words = list(words)
+    entries = ", ".join(f"! {each}" for each in words)
+    keywords = ", ".join(sorted({word for each in words for word in re.findall(r"\w+", each)}))
+    text = re.sub(r"(?m)^# .*$", rf"\g<0>\n\n```{{index}} {entries}\n```", text, count=1)
+    return f"---\nmyst:\n  html_meta:\n    keywords: {keywords}\n---\n{text}"
 
 
 def list_of(pages: Mapping[str, str]) -> str:
