@@ -56,7 +56,7 @@ PARTS = (
 )
 # Headers of the system and of Python make nothing a part of a file.
 SYSTEM = re.compile(
-    r"deb/debian/(libc6-dev|linux-libc-dev|libgcc-\d+-dev|libstdc\+\+-\d+-dev|libpython3.*-dev)"
+    r"deb/debian/(libc6(-dev)?|linux-libc-dev|libgcc-\d+-dev|libstdc\+\+-\d+-dev|libpython3.*-dev)"
     r"(-\w+-cross)?"
     r"|generic/python|pypi/numpy"
 )

@@ -82,7 +82,11 @@ def make_wheel(
         "Eiquadprog_ROOT": str(packages / "cmeel.prefix"),
         **variables,
     }
-    settings = (f"cmake.define.{name}={value}" for name, value in variables.items())
+    ask = [python, "-c", "import sys; print(sys.implementation.cache_tag)"]
+    tag = subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip()
+    build = ROOT / "build" / f"wheel-{machine}-{tag}"
+    settings = [f"build-dir={build}"]
+    settings += [f"cmake.define.{name}={value}" for name, value in variables.items()]
     with tempfile.TemporaryDirectory() as temporary:
         run(
             *(python, "-m", "pip", "--disable-pip-version-check", "wheel"),
@@ -99,9 +103,7 @@ def make_wheel(
             **environment,
         )
         (wheel,) = repaired.glob("*.whl")
-        ask = [python, "-c", "import sys; print(sys.implementation.cache_tag)"]
-        tag = subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip()
-        run(sys.executable, ADD_PAPERS, wheel, ROOT / "build" / f"wheel-{tag}")
+        run(sys.executable, ADD_PAPERS, wheel, build)
         folder.mkdir(parents=True, exist_ok=True)
         # The temporary folder may be on another file system.
         return Path(shutil.move(wheel, folder / wheel.name))

@@ -62,6 +62,7 @@ CONTENTS = {
         "log_format",
         "stability",
         "howto/check_a_release",
+        "releases/1.0",
         "changelog",
     ],
     "Working on it": ["development", "contributing", "packages/index"],

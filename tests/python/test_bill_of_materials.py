@@ -17,9 +17,6 @@ from spdx_tools.spdx.validation.document_validator import validate_full_spdx_doc
 BUILD = ROOT / "build/release"
 # What every Linux has, as the standard of wheels says.
 SYSTEM = ("libc.", "libm.", "libgcc_s.", "libstdc++.", "ld-linux")
-needs_build = pytest.mark.skipif(
-    not (BUILD / ".ninja_deps").exists(), reason="nothing is built: ./run build release"
-)
 
 
 @pytest.fixture
@@ -93,14 +90,12 @@ def test_what_is_compiled_in_is_told_apart_from_libraries(
     assert relations["SPDXRef-deb-debian-libzstd-dev"] == "DYNAMIC_LINK"
 
 
-@needs_build
 def test_every_header_of_others_that_is_compiled_in_has_an_owner_in_the_list() -> None:
     found = compiled_in(BUILD, ("src/", "apps/", "bindings/", "packages/"))
     assert {"deb/debian/libeigen3-dev", "pypi/nanobind", "pypi/eiquadprog"} <= set(found)
     assert [each for each in found if not part_of(each)] == []
 
 
-@needs_build
 @pytest.mark.skipif(shutil.which("readelf") is None, reason="there is no `readelf`")
 def test_every_library_that_is_linked_is_in_the_list() -> None:
     files = [*BUILD.glob("apps/trifinger*"), *BUILD.glob("python/trifinger/_trifinger*.so")]
