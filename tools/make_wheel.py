@@ -28,6 +28,13 @@ OUTSIDE = "libmujoco.so.*"
 # The oldest systems for which Debian 12 compiles, such as RHEL 9: glibc 2.34 and the libstdc++ of
 # that time. cmake/older_glibc.cpp replaces what is newer.
 PLATFORM = "manylinux_2_34"
+# auditwheel for the machine that is named first; by itself it is for the one that it runs on.
+AUDITWHEEL = """
+import platform, runpy, sys
+machine = sys.argv.pop(1)
+platform.machine = lambda: machine
+runpy.run_module("auditwheel", run_name="__main__", alter_sys=True)
+"""
 
 ADD_PAPERS = ROOT / "tools" / "add_papers.py"
 
@@ -98,7 +105,7 @@ def make_wheel(
         (raw,) = Path(temporary).glob("*.whl")
         repaired = Path(temporary, "repaired")
         run(
-            *(sys.executable, "-m", "auditwheel", "repair", "--exclude", OUTSIDE),
+            *(sys.executable, "-c", AUDITWHEEL, machine, "repair", "--exclude", OUTSIDE),
             *("--plat", f"{PLATFORM}_{machine}", "--wheel-dir", repaired, raw),
             **environment,
         )

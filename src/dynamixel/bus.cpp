@@ -220,8 +220,9 @@ Answer Bus::write(MotorId id, std::uint16_t address, std::span<const std::uint8_
 
 Answer Bus::write(MotorId id, const Register& which, std::int32_t value) noexcept {
   std::array<std::uint8_t, 4> bytes{};
-  put_number(bytes, static_cast<std::uint32_t>(value), which.size);
-  return write(id, which.address, std::span(bytes).first(which.size));
+  const std::size_t size = std::min<std::size_t>(which.size, bytes.size());
+  put_number(bytes, static_cast<std::uint32_t>(value), size);
+  return write(id, which.address, std::span(bytes).first(size));
 }
 
 Answer Bus::reboot(MotorId id) noexcept {

@@ -267,7 +267,8 @@ def test_fault_14_nobody_acts_in_time(start_fake: StartChild) -> None:
 # ---- fork ----
 
 FORK = """
-import os, sys, trifinger
+import os, sys, trifinger, warnings
+warnings.simplefilter("ignore", DeprecationWarning)  # from Python 3.12 on, of every such fork
 backend = trifinger.run_fake("mine")
 robot = trifinger.connect("robot")
 t = robot.append_desired_action(robot.new_action())

@@ -26,7 +26,7 @@ def release(*options: str) -> int:
     setup()
     build("release", "apps/all", "bindings/all")  # Their helps become manual pages.
     steps = Steps("release")
-    install_debian_packages(steps, ("dpkg-dev", "lintian", "debootstrap"))
+    install_debian_packages(steps, ("dpkg-dev", "lintian", "debootstrap", "podman", "buildah"))
     steps.run("wheels, packages, sources", [PYTHON, "tools/make_release.py", str(PACKAGES)])
     for path in sorted(PACKAGES.iterdir()):
         print(f"    {path.relative_to(ROOT)}, {path.stat().st_size / 2**20:.1f} MiB")
@@ -64,6 +64,8 @@ def check(steps: Steps) -> int:
         passed.append(
             checked(steps, label, ["tools/on_bare_debian", "bookworm", str(PACKAGES), *use])
         )
+    use = ["tests/packages/use_container.sh", str(PACKAGES)]
+    passed.append(checked(steps, "a container", use))
     return 0 if all(passed) else 1
 
 
