@@ -135,7 +135,7 @@ def debian_packages(folder: Path) -> None:
         "package-aarch64",
         DPKG_ADMINDIR=str(DEBIAN / "var" / "lib" / "dpkg"),
         DEB_HOST_ARCH="arm64",
-        LD_LIBRARY_PATH=str(LIBRARIES),
+        LD_LIBRARY_PATH=f"{LIBRARIES}:{DEBIAN / 'lib' / 'aarch64-linux-gnu'}",
     )
 
 

@@ -56,7 +56,7 @@ PARTS = (
 )
 # Headers of the system and of Python make nothing a part of a file.
 SYSTEM = re.compile(
-    r"deb/debian/(libc6(-dev)?|linux-libc-dev|libgcc-\d+-dev|libstdc\+\+-\d+-dev|libpython3.*-dev)"
+    r"deb/debian/(libc6-dev|linux-libc-dev|libgcc-\d+-dev|libstdc\+\+-\d+-dev|libpython3.*-dev)"
     r"(-\w+-cross)?"
     r"|generic/python|pypi/numpy"
 )
@@ -81,7 +81,7 @@ def compiled_in(build: Path, objects: Iterable[str] = ("",)) -> list[str]:
     headers = {
         os.path.realpath(build / line.strip()).removeprefix(str(ROOT / "build/aarch64/debian"))
         for entry in log.split("\n\n")
-        if entry.startswith(tuple(objects))
+        if re.match(rf"({'|'.join(objects)})\S*\.o:", entry)
         for line in entry.splitlines()[1:]
     }
     query = ["dpkg-query", "--search", *(path for path in headers if path.startswith("/usr/"))]
