@@ -97,7 +97,7 @@ def emulated(*arguments: str | Path, packages: Path = PACKAGES) -> str:
     """What the other machine's Python prints; raises CalledProcessError if it fails."""
     python = DEBIAN / "usr" / "bin" / "python3.11"
     command = ["qemu-aarch64", "-L", DEBIAN, python, *arguments]
-    variables = {"PYTHONPATH": f"{packages}:{PACKAGES}", "PYTHONDONTWRITEBYTECODE": "1"}
+    variables = {"PYTHONPATH": str(packages), "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
         list(map(str, command)),
         env={**os.environ, **variables},
@@ -125,6 +125,9 @@ def installed(wheel: Path, folder: Path) -> Path:
     which = ("--only-binary=:all:", "--no-deps", "--python-version=3.11")
     where = ("--platform=manylinux_2_34_aarch64", "--target", folder)
     run(*pip, *which, *where, wheel)
+    for path in PACKAGES.iterdir():  # what it needs is beside it
+        if not (folder / path.name).exists():
+            (folder / path.name).symlink_to(path)
     return folder
 
 

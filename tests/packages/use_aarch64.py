@@ -20,12 +20,17 @@ CLOSE = 1e-9  # [rad]
 
 
 def positions() -> list[list[float]]:
-    """Joint positions of a robot that moves with growing torques, in steps of 1 ms [rad]."""
+    """Joint positions of a robot that moves in the air, in steps of 1 ms [rad].
+
+    A contact makes more of the last digit: fingers that hit each other at step 400 were 1e-8 rad
+    apart after 1000 steps, and 2e-16 before.
+    """
     seen = []
     with trifinger.simulate() as robot:
+        start = robot.latest_observation().position
         for t in range(STEPS):
-            torque = 0.2 * np.sin(0.01 * t * (1 + np.arange(9) / 9))
-            now = robot.append_desired_action(robot.new_action(torque=torque))
+            wave = 0.15 * np.sin(0.01 * t * (1 + np.arange(9) / 9))
+            now = robot.append_desired_action(robot.new_action(position=start + wave))
             seen.append(robot.get_observation(now).position.tolist())
     return seen
 
