@@ -47,7 +47,11 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "${same_version}, adduser")
 # Pictures, and images in logs; both are looked for when they are needed.
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "libegl1, libgl1-mesa-dri, libopengl0, libturbojpeg0")
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "linux-image-rt-amd64")
+if(CPACK_DEBIAN_PACKAGE_ARCHITECTURE)
+  set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "linux-image-rt-${CPACK_DEBIAN_PACKAGE_ARCHITECTURE}")
+else()
+  set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "linux-image-rt-amd64")
+endif()
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA
     ${PROJECT_SOURCE_DIR}/system/debian/postinst ${PROJECT_SOURCE_DIR}/system/debian/prerm
     ${PROJECT_SOURCE_DIR}/system/debian/conffiles)

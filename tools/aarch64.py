@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Makes what users of 64-bit ARM get (Jetson, Raspberry Pi 5), on another machine.
 
-    tools/aarch64.py FOLDER
+    .venv/bin/python tools/aarch64.py FOLDER    # after ./run build release, on Debian 12
 
 These are a wheel for Debian 12's Python, and the packages of Debian. Debian's cross compiler makes
 them, and qemu runs them here: `./run soak aarch64` does so. Libraries come from packages of Debian
@@ -18,8 +17,8 @@ import sys
 import tarfile
 from pathlib import Path
 
-from make_release import make_debian_packages, run
-from make_wheel import ROOT, make_wheel
+from make_release import checksums, make_debian_packages, put_bills_beside, run
+from make_wheel import ROOT, make_wheel, make_wheels_of_packages
 
 BUILD = ROOT / "build" / "aarch64"
 DEBIAN = BUILD / "debian"
@@ -143,11 +142,15 @@ def debian_packages(folder: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """Makes the files in a folder."""
+    """Makes the files in a folder, and nothing else is in it then."""
     fetch()
-    folder.mkdir(parents=True, exist_ok=True)
-    print(wheel(folder))
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    wheel(folder)
+    make_wheels_of_packages(folder)
     debian_packages(folder)
+    put_bills_beside(folder)
+    (folder / "SHA256SUMS").write_text(checksums(folder))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ class Part:
     licence: str
     source: str
     """The package with its headers, as in a package URL."""
-    library: str = "/"
+    library: str = ""
     """How the file of its shared library begins; without one, all of it is compiled in."""
 
 
@@ -54,6 +54,8 @@ PARTS = (
     Part("nanobind", "BSD-3-Clause", "pypi/nanobind"),
     Part("robin-map", "MIT", "generic/robin-map"),  # inside nanobind
 )
+# That of this machine, also while packages are made for another one.
+DPKG = ("dpkg-query", "--admindir=/var/lib/dpkg")
 # Headers of the system and of Python make nothing a part of a file.
 SYSTEM = re.compile(
     r"deb/debian/(libc6-dev|linux-libc-dev|libgcc-\d+-dev|libstdc\+\+-\d+-dev|libpython3.*-dev)"
@@ -84,7 +86,7 @@ def compiled_in(build: Path, objects: Iterable[str] = ("",)) -> list[str]:
         if re.match(rf"({'|'.join(objects)})\S*\.o:", entry)
         for line in entry.splitlines()[1:]
     }
-    query = ["dpkg-query", "--search", *(path for path in headers if path.startswith("/usr/"))]
+    query = [*DPKG, "--search", *(path for path in headers if path.startswith("/usr/"))]
     told = subprocess.run(query, capture_output=True, text=True).stdout.splitlines()
     known = {path: line.partition(":")[0] for line in told for path in [line.split(": ", 1)[1]]}
     found = {f"deb/debian/{name}" for name in known.values()}
@@ -95,7 +97,7 @@ def compiled_in(build: Path, objects: Iterable[str] = ("",)) -> list[str]:
 def part_of(what: str) -> Part:
     """Returns the part that a package or the name of a library stands for."""
     for part in PARTS:
-        if what == part.source or what.startswith(part.library):
+        if what == part.source or (part.library and what.startswith(part.library)):
             return part
     raise LookupError(f"{what} is not in PARTS of tools/bill_of_materials.py")
 
@@ -118,7 +120,7 @@ def element(name: str, source: str, number: str, **more: Any) -> dict[str, Any]:
 def element_of(part: Part, **more: Any) -> dict[str, Any]:
     """Returns a part with the version that is installed here."""
     kind, _, name = part.source.rpartition("/")
-    query = ["dpkg-query", "-W", "-f", "${Version}", name]
+    query = [*DPKG, "-W", "-f", "${Version}", name]
     number = subprocess.run(query, capture_output=True, text=True).stdout
     number = version(name) if kind == "pypi" else number
     licences = {"licenseConcluded": part.licence, "licenseDeclared": part.licence}
@@ -142,7 +144,7 @@ def parts(
             yield "CONTAINS", element_of(part_of(path.name), packageFileName=file, checksums=sums)
     for source in compiled_in(build, objects) if build else ():
         part = part_of(source)
-        yield "STATIC_LINK" if part.library == "/" else "DYNAMIC_LINK", element_of(part)
+        yield "DYNAMIC_LINK" if part.library else "STATIC_LINK", element_of(part)
 
 
 def bill(

@@ -132,7 +132,7 @@ TimeIndex waiting_actions(const detail::StateHeader& header, const ipc::SharedMe
   const ipc::Ring queue(action.data() + offset, shape);
   const TimeIndex next = header.next_action.load(std::memory_order_acquire);
   TimeIndex there = 0;
-  for (TimeIndex end = static_cast<TimeIndex>(shape.capacity); there < end;) {
+  for (auto end = static_cast<TimeIndex>(shape.capacity); there < end;) {
     const TimeIndex middle = there + (end - there) / 2;
     const bool is_there =
         queue.sequence_in_slot(next + middle) >= ipc::Ring::sequence_of(next + middle);

@@ -8,7 +8,7 @@
 set -euo pipefail
 root=$(realpath "$(dirname "${BASH_SOURCE[0]}")/../..")
 folder=$(realpath "$1")
-base=${XDG_CACHE_HOME:-$HOME/.cache}/trifinger/bookworm.tar
+base=${XDG_CACHE_HOME:-$HOME/.cache}/trifinger/bookworm-with-git.tar
 place=$(mktemp -d)
 engine() { podman --root "$place/images" --runroot "$place/run" "$@"; }
 cleanup() {

@@ -106,3 +106,11 @@ def test_every_library_that_is_linked_is_in_the_list() -> None:
         assert needed
         for library in needed:
             assert library.startswith(SYSTEM) or part_of(library) in PARTS
+
+
+def test_a_header_that_no_package_has_is_an_error(
+    files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bill_of_materials, "compiled_in", lambda *_: ["/opt/x/include/boost.hpp"])
+    with pytest.raises(LookupError, match=r"/opt/x/include/boost\.hpp is not in PARTS"):
+        bill("trifinger", files, BUILD)
