@@ -19,6 +19,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import trifinger
+from trifinger.session_info import session_folder
 
 ROBOT = "metrics-measure"
 WINDOW = 5.0  # [s]
@@ -124,10 +125,7 @@ def measure(pairs: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=30, help="of windows; default: 30")
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["TRIFINGER_SESSION_DIR"] = tempfile.mkdtemp(dir="/dev/shm")
-        os.environ["TRIFINGER_LOG_DIR"] = folder
-        try:
-            measure(parser.parse_args().pairs)
-        finally:
-            subprocess.run(["rm", "-r", os.environ["TRIFINGER_SESSION_DIR"]], check=False)
+    folder = tempfile.TemporaryDirectory
+    with folder() as logs, folder(dir=session_folder()) as sessions:
+        os.environ |= {"TRIFINGER_LOG_DIR": logs, "TRIFINGER_SESSION_DIR": sessions}
+        measure(parser.parse_args().pairs)

@@ -35,7 +35,13 @@ DEBIAN_PACKAGES = (
     *("python3.11", "libpython3.11-dev"),
 )
 PYTHON_PACKAGES = ("mujoco-core", "numpy", "eiquadprog")
-PLATFORMS = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux2014")
+PLATFORMS = (
+    "manylinux_2_34",
+    "manylinux_2_28",
+    "manylinux_2_27",
+    "manylinux_2_17",
+    "manylinux2014",
+)
 # What Python says of the other machine, for its extension modules and wheels.
 OTHER_PYTHON = {
     "_PYTHON_HOST_PLATFORM": "linux-aarch64",
@@ -59,12 +65,16 @@ def fetch() -> None:
     if not PACKAGES.exists():
         part = PACKAGES.with_suffix(".part")
         shutil.rmtree(part, ignore_errors=True)
-        pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install")
-        where = (f"--platform={name}_aarch64" for name in PLATFORMS)
-        which = ("--only-binary=:all:", "--no-deps", "--python-version=3.11", *where)
-        lock = ("--constraint", ROOT / "requirements.lock")
-        run(*pip, "--target", part, *which, *lock, *PYTHON_PACKAGES)
+        unpack_wheels(part, "--constraint", ROOT / "requirements.lock", *PYTHON_PACKAGES)
         part.rename(PACKAGES)
+
+
+def unpack_wheels(folder: Path, *which: str | Path) -> None:
+    """Unpacks wheels for the other machine into a folder, as pip would install them there."""
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install")
+    what = ("--only-binary=:all:", "--no-deps", "--python-version=3.11")
+    where = (f"--platform={name}_aarch64" for name in PLATFORMS)
+    run(*pip, *what, *where, "--target", folder, *which)
 
 
 def register(debian: Path) -> None:
@@ -119,12 +129,9 @@ def wheel(folder: Path) -> Path:
 
 
 def installed(wheel: Path, folder: Path) -> Path:
-    """Unpacks a wheel into a folder, as pip would install it there."""
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install")
-    which = ("--only-binary=:all:", "--no-deps", "--python-version=3.11")
-    where = ("--platform=manylinux_2_34_aarch64", "--target", folder)
-    run(*pip, *which, *where, wheel)
-    for path in PACKAGES.iterdir():  # what it needs is beside it
+    """Unpacks a wheel of ours into a folder, and links what it needs beside it."""
+    unpack_wheels(folder, wheel)
+    for path in PACKAGES.iterdir():
         if not (folder / path.name).exists():
             (folder / path.name).symlink_to(path)
     return folder

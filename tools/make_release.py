@@ -72,7 +72,7 @@ def make_wheels(folder: Path) -> None:
     """Makes the wheels of the package, and of the packages beside it."""
     found = pythons()
     later = [version for version in found if version != "3.11"]
-    for version in [*set(found).difference(later), *later[:1]]:
+    for version in [one for one in ("3.11", *later[:1]) if one in found]:
         print(f"wheel for Python {version}", flush=True)
         make_wheel(folder, VARIABLES, str(builder(version, found[version])))
     for project in sorted((ROOT / "packages").glob("*/pyproject.toml")):

@@ -3,7 +3,7 @@
 
     tools/manual_pages.py FOLDER
 
-It asks the `trifinger` beside this Python, and writes the pages of the commands that are compiled
+It asks the `trifinger` of .venv, and writes the pages of the commands that are compiled
 with it, compressed as Debian wants them. Helps have the form of docs/decisions/command_line.md.
 The pages have the date of SOURCE_DATE_EPOCH, so the same commit gives the same bytes.
 """
@@ -11,7 +11,6 @@ The pages have the date of SOURCE_DATE_EPOCH, so the same commit gives the same 
 import gzip
 import os
 import re
-import subprocess
 import sys
 import textwrap
 import tomllib
@@ -20,6 +19,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+
+from website.programs import run_help
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "Python package "
@@ -75,19 +76,6 @@ class Command:
         about, rest = texts
         parts = (about, lists, EXAMPLES.sub("", rest), "".join(EXAMPLES.findall(rest)))
         return Command(words, summary, package, usage.removeprefix("Usage: "), *parts)
-
-
-def run_help(words: Words) -> str:
-    """Returns what a command prints when it is asked for help."""
-    # Those of the programs that are beside this Python: tools/link_into_venv.py.
-    search = f"{Path(sys.executable).parent}:{os.environ.get('PATH', os.defpath)}"
-    return subprocess.run(
-        [*words, "--help"],
-        capture_output=True,
-        check=True,
-        text=True,
-        env={**os.environ, "PATH": search},
-    ).stdout
 
 
 def commands(packages: Collection[str], help_of: Callable[[Words], str]) -> list[Command]:

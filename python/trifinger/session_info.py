@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Facts about a session, and why it ended."""
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
+
+
+def session_folder() -> Path:
+    """The folder with the files of sessions: $TRIFINGER_SESSION_DIR, default /dev/shm."""
+    return Path(os.environ.get("TRIFINGER_SESSION_DIR") or "/dev/shm")  # noqa: S108 (as in C++)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 import os
 import re
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from tracked_files import ROOT
@@ -19,7 +19,7 @@ FOLDER = "reference/programs"
 Help = Callable[[list[str]], str]
 
 
-def run_help(words: list[str]) -> str:
+def run_help(words: Sequence[str]) -> str:
     """Returns what a command says when asked for help, with lines of at most 100 columns."""
     command = [str(ROOT / ".venv/bin" / words[0]) if words[0] == "trifinger" else words[0]]
     return subprocess.run(

@@ -12,12 +12,13 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
+from trifinger.session_info import session_folder
+
 _LARGEST = 64  # bytes of a note
 
 
 def _path(name: str) -> Path:
-    folder = os.environ.get("TRIFINGER_SESSION_DIR") or "/dev/shm"  # noqa: S108
-    return Path(folder, f"trifinger-compat.{name}.note")
+    return session_folder() / f"trifinger-compat.{name}.note"
 
 
 def write(name: str, max_actions: int) -> None:

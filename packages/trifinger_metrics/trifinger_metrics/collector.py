@@ -12,9 +12,10 @@ from typing import Any
 
 import trifinger
 from prometheus_client import metrics_core
+from trifinger.session_info import session_folder
 
 from trifinger_metrics.files import Files
-from trifinger_metrics.robots import Robot, session_folder
+from trifinger_metrics.robots import Robot
 
 UNITS = ("bytes", "joules", "ratio", "seconds")
 

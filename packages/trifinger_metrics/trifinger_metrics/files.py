@@ -15,7 +15,9 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from trifinger_metrics.robots import Add, Guard, session_folder
+from trifinger.session_info import session_folder
+
+from trifinger_metrics.robots import Add, Guard
 
 FLOCK = "@hhqqi4x"  # struct flock: type, whence, start, length, process
 JOB, JOB_BYTE = "trifinger-job", 3  # ipc::Lock::kJob

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Robots by their sessions in shared memory, read as an observer."""
 
-import os
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 from contextlib import closing
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import trifinger
@@ -35,11 +33,6 @@ WEAR = {
     "joint_work_joules": "work",
     "joint_index_slips": "index_slips",
 }
-
-
-def session_folder() -> Path:
-    """The folder with the files of sessions."""
-    return Path(os.environ.get("TRIFINGER_SESSION_DIR") or "/dev/shm")  # noqa: S108 (as the core)
 
 
 class Robot:

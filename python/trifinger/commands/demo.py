@@ -33,6 +33,7 @@ from trifinger.log.film import Scene
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.log.plot import plot
 from trifinger.picture import View
+from trifinger.session_info import session_folder
 from trifinger.whole_file import whole_file
 
 EMULATED = "trifinger_edu_emulated"
@@ -50,7 +51,7 @@ def is_running(name: str) -> bool:
 
 def free_name() -> str:
     """A name that no robot has: `demo`, or with a number if others show the demo, too."""
-    folder = Path(os.environ.get("TRIFINGER_SESSION_DIR") or "/dev/shm")  # noqa: S108 (where sessions are)
+    folder = session_folder()
     for number in itertools.count(1):
         name = "demo" if number == 1 else f"demo{number}"
         files = folder.glob(f"trifinger*.{name}.*")
