@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`./run evaluate cliffs`: how much of each disturbance each skill stands.
 
-A robot is as documented but for one value of trifinger.Variation, which is made worse step by step
-until fewer than half of the trials succeed. Trials are those of evaluation/skills.py, with other
-seeds, and are kept in docs/results/cliffs.jsonl at once: an evaluation that was cut off goes on.
+A robot is as documented but for one value of trifinger.Variation. Of its levels the worst one at
+which at least half of the trials succeed is found, by bisection. Trials are those of
+evaluation/skills.py, with other seeds, and are kept in docs/results/cliffs.jsonl at once: an
+evaluation that was cut off goes on.
 """
 
 import argparse
@@ -67,11 +68,11 @@ PAGE = """\
 # Cliffs: how much each skill stands
 
 Written by `./run evaluate cliffs` from [cliffs.jsonl](cliffs.jsonl). The robot is as documented but
-for one value, which gets worse step by step until fewer than half of the trials succeed. Mass,
+for one value, of which the levels below are tried, the worst one first, then by bisection. Mass,
 friction, poses and starts vary as in [skills.md](skills.md), and its judges decide. A cell is the
-worst level that was tried at which at least half succeed, and how many of how many do; `-`: not
-even the first level; `...`: the last level that was tried is still stood. In the picture, white is
-what a robot *as built* has, blue is more, red is less.
+worst level at which at least half of the trials succeed, and how many of how many do; `-`: not
+even the first level; `...`: the next level was not tried, or there is none. In the picture, white
+is what a robot *as built* has, blue is more, red is less.
 
 ![The worst level that each skill stands](cliffs.png)
 
@@ -100,40 +101,45 @@ class Cliff(NamedTuple):
     """How far a skill goes."""
 
     stands: int
-    """Number of levels at which at least half succeed, one after the other."""
-    is_found: bool
-    """Whether the next level was tried, and fewer than half succeeded."""
+    """Number of levels up to the worst one at which at least half succeed."""
+    falls: int
+    """Number of the mildest level that was tried and at which fewer succeed; there may be none."""
 
 
 def cliff_of(results: Results, row: Row, disturbance: Disturbance, enough: int = 1) -> Cliff:
     """How far a skill goes, by the trials that are there."""
-    for count, level in enumerate(disturbance.levels):
+    stands = 0
+    for number, level in enumerate(disturbance.levels):
         seen = share(results, row, disturbance, level, enough)
-        if seen is None or seen < HALF:
-            return Cliff(count, seen is not None)
-    return Cliff(len(disturbance.levels), is_found=False)
+        if seen is not None and seen < HALF:
+            return Cliff(stands, number)
+        if seen is not None:
+            stands = number + 1
+    return Cliff(stands, len(disturbance.levels))
 
 
 def next_batches(results: Results, rows: Sequence[Row], seeds: range) -> list[Batch]:
-    """The next level of each disturbance that a skill still stands."""
+    """The next level of each disturbance: the last one, then one in the middle of what is open."""
     batches = []
     for row in rows:
         for disturbance in DISTURBANCES:
-            stands, is_found = cliff_of(results, row, disturbance, len(seeds))
-            if not is_found and stands < len(disturbance.levels):
-                vary = f"{disturbance.name}={disturbance.levels[stands]:g}"
+            levels = disturbance.levels
+            stands, falls = cliff_of(results, row, disturbance, len(seeds))
+            if stands < falls:
+                number = (stands + falls) // 2 if falls < len(levels) else len(levels) - 1
+                vary = f"{disturbance.name}={levels[number]:g}"
                 batches.append(Batch(row, "as documented", vary, seeds))
     return batches
 
 
 def cell(results: Results, row: Row, disturbance: Disturbance) -> str:
     """A cell of the table."""
-    stands, is_found = cliff_of(results, row, disturbance)
+    stands, falls = cliff_of(results, row, disturbance)
     if stands == 0:
-        return "-" if is_found else ""
+        return "-" if falls == 0 else ""
     level = disturbance.levels[stands - 1]
     trials = results.of(row, "as documented", f"{disturbance.name}={level:g}")
-    more = "" if is_found else " ..."
+    more = "" if falls == stands < len(disturbance.levels) else " ..."
     return f"{level:g} ({len(successes(trials.values()))} of {len(trials)}){more}"
 
 
@@ -143,15 +149,15 @@ def draw(results: Results, rows: Sequence[Row]) -> None:
     figure, axes = plt.subplots(figsize=(12, 0.5 * len(rows) + 2.2), layout="constrained")
     for i, row in enumerate(rows):
         for k, disturbance in enumerate(DISTURBANCES):
-            stands, is_found = cliff_of(results, row, disturbance)
-            if stands == 0 and not is_found:
-                continue
             levels = disturbance.levels
+            stands, falls = cliff_of(results, row, disturbance)
+            if stands == 0 and falls > 0:
+                continue
             built = levels.index(disturbance.as_built) + 1 if disturbance.as_built in levels else 0
             margins[i, k] = stands - built
             text = f"{levels[stands - 1]:g}" if stands else "-"
             color = "white" if abs(margins[i, k]) >= DARK else "black"
-            text = text if is_found else f"{text} …"
+            text = text if falls == stands < len(levels) else f"{text} …"
             axes.text(k, i, text, ha="center", va="center", fontsize=8, color=color)
     axes.imshow(margins, cmap="RdBu", vmin=-4, vmax=4, aspect="auto")
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
