@@ -4,7 +4,8 @@
 The files in tests/earlier_formats begin with their commit. Configurations are copies. The motion
 was written by the program of its commit; options are the defaults of theirs. Policy and cameras
 have the bytes that the page and the source of their commits say. The log is of 8526e3e8, the first
-format; tests/log/golden_test.cpp has the formulas that it was made with.
+format; tests/log/golden_test.cpp has the formulas that it was made with. The logs with images were
+written by the recorder of the commit that began to keep images.
 """
 
 import json
@@ -23,6 +24,7 @@ from trifinger import policy_file
 from trifinger.commands import evaluate
 from trifinger.environments import Options
 from trifinger.errors import InvalidArgument
+from trifinger.log.images import LoggedCameras
 from trifinger_view.motion import Motion
 
 ROOT = Path(__file__).parents[2]
@@ -59,6 +61,33 @@ def test_a_log_of_the_first_format_has_its_numbers() -> None:
     np.testing.assert_array_equal(lamp["stamp"]["capture_index"], 3 * np.arange(10) - 2)
     np.testing.assert_array_equal(lamp["colour"], [(i, 2, 3) for i in range(10)])
     assert session.documents == {"configuration.yml": "colour: red\n"}
+
+
+@pytest.mark.parametrize("storage", ["raw", "jpeg"])
+def test_a_log_with_images_of_the_first_format_has_its_pixels(storage: str) -> None:
+    session = trifinger.Log(FILES / f"820002a1_{storage}.mcap").session("robot")
+    cameras = LoggedCameras(session)
+    assert cameras.names == ("camera60", "camera180", "camera300")
+    assert "distortion: [-0.2, 0, 0, 0, 0]" in cameras.calibration
+    assert len(cameras) == 5
+    rows, columns = np.indices((16, 16))
+    for number, images in enumerate(cameras):
+        latest = cameras.get_latest_at(min(10 * number + 9, 40))
+        assert latest is not None
+        assert latest.index == number
+        for camera, name in enumerate(cameras.names):
+            frame = images.frame(name)
+            assert frame.number == number
+            if (camera, number) == (1, 2):  # The camera was late.
+                assert frame.state == "none"
+                assert not images.has(name)
+                continue
+            drawn = 40 + 2 * rows + 3 * columns + 10 * camera + 4 * number
+            error = images.raw(name).astype(int) - drawn
+            assert images.recorded(name)[0] == {"raw": "bayer_rggb8", "jpeg": "jpeg"}[storage]
+            assert np.abs(error).max() <= {"raw": 0, "jpeg": 6}[storage]
+            lag = images.time_of(name) - images.time_of("camera60")
+            assert lag == np.timedelta64(7000 * camera, "ns")
 
 
 # ---- policies, and the options of environments in them ----
