@@ -3,11 +3,16 @@
 # than starting a process.
 
 # add_test_suites(LABEL [EMULATOR ...] PROGRAM): defines a test NAME.SUITE for each suite of the test program NAME_test,
-# with its own watchdog. A program for another machine runs in an emulator. If the environment variable
+# with its own watchdog. A program for another machine runs in an emulator, which takes longer. If the environment variable
 # TRIFINGER_TEST_RESULTS names a folder, each test leaves NAME.SUITE.xml there.
 function(add_test_suites label)
   set(command ${ARGN})
   list(GET command -1 program)
+  if(program STREQUAL command)
+    set(watchdog 300)
+  else()
+    set(watchdog 3000)
+  endif()
   cmake_path(GET program FILENAME name)
   string(REGEX REPLACE "_test$" "" name "${name}")
   if(NOT EXISTS "${program}")
@@ -22,7 +27,7 @@ function(add_test_suites label)
     string(REGEX REPLACE "^\n([^ ]+)\\..*" "\\1" suite "${suite}")
     set(test ${name}.${suite})
     add_test(${test} ${command} "--gtest_filter=${suite}.*")
-    set_tests_properties(${test} PROPERTIES TIMEOUT 300 LABELS ${label})
+    set_tests_properties(${test} PROPERTIES TIMEOUT ${watchdog} LABELS ${label})
     if(DEFINED ENV{TRIFINGER_TEST_RESULTS})
       string(REPLACE / - file "${test}.xml")
       set_tests_properties(${test} PROPERTIES ENVIRONMENT "GTEST_OUTPUT=xml:$ENV{TRIFINGER_TEST_RESULTS}/${file}")

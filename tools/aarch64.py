@@ -32,7 +32,7 @@ DEBIAN_PACKAGES = (
     *("libc6-dev", "libstdc++-12-dev", "libeigen3-dev", "libyaml-cpp-dev"),
     *("libfmt-dev", "libcli11-dev", "libzstd-dev", "liblz4-dev", "libdeflate-dev"),
     *("nlohmann-json3-dev", "libgtest-dev", "libgmock-dev", "librapidcheck-dev"),
-    *("python3.11", "libpython3.11-dev"),
+    *("python3.11", "libpython3.11-dev", "libturbojpeg0"),
 )
 PYTHON_PACKAGES = ("mujoco-core", "numpy", "eiquadprog")
 PLATFORMS = (
