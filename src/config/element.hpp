@@ -64,8 +64,8 @@ struct Entry {
 [[nodiscard]] std::string yaml_of(const Element& element);
 
 // A scalar, or a list without sections, in a form that is the same for equal values. Numbers have
-// no unit and are as short as possible. A list of equal values becomes one of them, because one
-// value can stand for as many as are needed.
+// no unit and are as short as possible. A list of equal scalars becomes one of them, because one
+// can stand for as many as are needed.
 [[nodiscard]] std::string canonical_text(const Element& element);
 
 // Joins "fingers" and "height" to "fingers.height".

@@ -284,11 +284,11 @@ void collect_keys(const Element& element, const std::string& path, std::vector<F
     collect_keys(element.items.front(), detail::join(path, "0"), keys);
     return;
   }
-  const std::string& allowed =
-      element.items.empty() ? element.allowed : element.items.front().allowed;
+  const Element* first = &element;  // of a list, or of a list of lists
+  while (!first->items.empty()) first = &first->items.front();
   const bool is_list = element.kind == Element::Kind::kList;
   const std::string value = is_list ? detail::canonical_text(element) : element.scalar;
-  if (!allowed.empty()) keys.push_back({path, value, allowed});
+  if (!first->allowed.empty()) keys.push_back({path, value, first->allowed});
 }
 
 }  // namespace

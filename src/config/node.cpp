@@ -91,6 +91,20 @@ std::optional<double> parse_double(std::string_view text) {
   return parse_number<double>(text);
 }
 
+// All entries of a list, or a scalar; numbers have no unit and are as short as possible.
+std::string entries_text(const detail::Element& element) {
+  if (element.kind == detail::Element::Kind::kScalar) {
+    if (element.quoted) return element.scalar;
+    const std::optional<double> number = parse_double(split_unit(element.scalar).digits);
+    return number ? text_of(*number) : element.scalar;
+  }
+  if (element.kind != detail::Element::Kind::kList) return {};
+  std::vector<std::string> items;
+  items.reserve(element.items.size());
+  for (const detail::Element& item : element.items) items.push_back(entries_text(item));
+  return "[" + trifinger::detail::joined(items) + "]";
+}
+
 }  // namespace
 
 std::string Location::text() const {
@@ -104,19 +118,13 @@ ConfigError::ConfigError(Location location, const std::string& problem)
 namespace detail {
 
 std::string canonical_text(const Element& element) {
-  if (element.kind == Element::Kind::kScalar) {
-    if (element.quoted) return element.scalar;
-    const std::optional<double> number = parse_double(split_unit(element.scalar).digits);
-    return number ? text_of(*number) : element.scalar;
-  }
-  if (element.kind != Element::Kind::kList) return {};
-  std::vector<std::string> items;
-  items.reserve(element.items.size());
-  for (const Element& item : element.items) items.push_back(canonical_text(item));
-  if (!items.empty() && std::ranges::count(items, items.front()) == std::ssize(items)) {
-    return items.front();
-  }
-  return "[" + trifinger::detail::joined(items) + "]";
+  const std::vector<Element>& items = element.items;
+  const auto is_list = [](const Element& item) { return item.kind == Element::Kind::kList; };
+  if (items.empty() || std::ranges::any_of(items, is_list)) return entries_text(element);
+  const std::string first = entries_text(items.front());
+  const bool are_equal =
+      std::ranges::all_of(items, [&](const Element& item) { return entries_text(item) == first; });
+  return are_equal ? first : entries_text(element);
 }
 
 }  // namespace detail

@@ -217,14 +217,29 @@ TEST(Values, AreWrittenInOneWay) {
       "fingers: {height: 0.30 m, position: [0, 0.9, -1.7]}\n"
       "safety: {kp: [9, 9.0, 9], limit: .inf, margins: []}\n"
       "text: \"1.0\"\n"
+      "motors: [[1, 0], [0, 0.0]]\n"
       "objects: [{mass: 1}]\n",
       "robot.yml");
-  EXPECT_THAT(file.values(),
-              testing::UnorderedElementsAre(
-                  testing::Pair("name", "a"), testing::Pair("fingers.height", "0.3"),
-                  testing::Pair("fingers.position", "[0, 0.9, -1.7]"),
-                  testing::Pair("safety.kp", "9"), testing::Pair("safety.limit", "inf"),
-                  testing::Pair("safety.margins", "[]"), testing::Pair("text", "1.0")));
+  EXPECT_THAT(
+      file.values(),
+      testing::UnorderedElementsAre(
+          testing::Pair("name", "a"), testing::Pair("fingers.height", "0.3"),
+          testing::Pair("fingers.position", "[0, 0.9, -1.7]"), testing::Pair("safety.kp", "9"),
+          testing::Pair("safety.limit", "inf"), testing::Pair("safety.margins", "[]"),
+          testing::Pair("text", "1.0"), testing::Pair("motors", "[[1, 0], [0, 0]]")));
+}
+
+TEST(Keys, HaveWhatTheirReadersAllow) {
+  const File file = File::parse("height: 0.3 m\nmotors: [[1, 0], [0, 0]]\n", "robot.yml");
+  (void)file.root().required<double>("height", {.unit = "m", .min = 0, .max = 1});
+  for (const Node& pair : file.root().at("motors").items()) {
+    (void)pair.as<std::array<std::size_t, 2>>({.min = 0, .max = 9});
+  }
+  std::vector<std::array<std::string, 3>> keys;
+  for (const auto& [path, value, allowed] : file.keys()) keys.push_back({path, value, allowed});
+  EXPECT_THAT(keys, testing::ElementsAre(
+                        std::array<std::string, 3>{"height", "0.3 m", "0 to 1 m"},
+                        std::array<std::string, 3>{"motors", "[[1, 0], [0, 0]]", "0 to 9"}));
 }
 
 }  // namespace
