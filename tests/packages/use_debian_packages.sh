@@ -7,6 +7,7 @@ set -euo pipefail
 folder=$1
 consumers=$(realpath "$(dirname "${BASH_SOURCE[0]}")/../consumer")
 place=$(mktemp -d)
+trap 'kill $(jobs -p) 2>/dev/null || true' EXIT  # a robot that still runs
 
 fail() { echo "failed: $*" >&2; exit 1; }
 quietly() { "$@" >"$place/log" 2>&1 || { cat "$place/log" >&2; fail "$*"; }; }
