@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ from trifinger.evaluation import Evaluator, act_of
 from trifinger.identification import Figure, Identification, Motion, identify, read_motion, save
 from trifinger.identification.fit import DELAY, errors_of
 from trifinger.identification.handling import identify_handling
+from trifinger.identification.page import CONFIGURATION, FIGURES
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -66,6 +68,7 @@ EDGE_LATE = 4e-3  # [s]
 SKILLS = ("lift", "flip", "place")
 TRIALS = 40
 FIRST_TRIAL = 63000
+TRAININGS = (1, 2, 3)  # seeds of policies
 FILES = ("panda", "shadow")  # robots of others, in tests/robots
 FILE_SECONDS = 120.0
 POSES = {
@@ -121,11 +124,18 @@ EDGE_HEAD = """
 A robot whose friction and delay are at their edge: {friction} Nm of dry friction, {damping}
 Nms/rad of damping, play of {backlash} rad, torque scales that differ by up to 15 %, {late:.0f} ms
 late each way. Skills know its torque scales and zeros afterwards, {trials} trials each with seeds
-that nothing was tuned for; success is as in the tables of skills and control. The policy is trained
-for the robot as described, and for the one that was fitted; 50 goals.
+that nothing was tuned for; success is as in the tables of skills and control. Policies are trained
+with {trainings} seeds: before for the robot as described, and after as
+[the how-to](../howto/new_robot_to_policy.md) says. Their distance is the median of 50 goals: the
+median of the seeds, and their range.
 
 | | before | after |
 |---|---|---|
+"""
+REACH_TAIL = """
+After identification, policies are trained for the robot that was fitted{settings}.
+Trained with the same settings for the robot as described, {count} seeds come within
+{distance}.
 """
 
 
@@ -323,26 +333,30 @@ def useful(logs: list[Path], configuration: Path) -> Iterator[Path]:
             yield log
 
 
-def run_edge(seed: int) -> dict[str, Any]:
-    """How well skills and a policy do on a robot at the edge, before and after identification."""
+def identify_edge(seed: int, folder: Path) -> tuple[Path, Path]:
+    """Identifies a robot at the edge: its true configuration, and the folder of what was found."""
     random = np.random.default_rng(seed)
     figures: dict[str, Any] = {name: [value] * JOINTS for name, value in EDGE.items()}
     figures["torque_scale"] = random.uniform(0.85, 1.15, JOINTS).tolist()
     figures |= {"torque_delay": EDGE_LATE, "measurement_delay": EDGE_LATE}
     name = f"identify-{os.getpid()}"
+    described, true, real = (folder / f"{one}.yml" for one in ("described", "true", "real"))
+    base = BASE.format(extends="trifinger_edu_emulated", name=name)
+    section = f"identified: {json.dumps(figures)}\n"
+    described.write_text(base, encoding="utf-8")
+    true.write_text(base + section, encoding="utf-8")
+    real.write_text(f"extends: trifinger_edu\nobjects: []\n{section}", encoding="utf-8")
+    with robot(name, BOARDS, described, true, name):
+        log = record(name, folder, "--seconds", SECONDS, "--seed", seed)
+    save(identify(read_motion([log])), folder / "fitted")
+    return real, folder / "fitted"
+
+
+def run_edge(seed: int) -> dict[str, Any]:
+    """How well skills do on a robot at the edge, before and after identification."""
     with tempfile.TemporaryDirectory() as path:
-        folder = Path(path)
-        described, true, real = (folder / f"{one}.yml" for one in ("described", "true", "real"))
-        base = BASE.format(extends="trifinger_edu_emulated", name=name)
-        section = f"identified: {json.dumps(figures)}\n"
-        described.write_text(base, encoding="utf-8")
-        true.write_text(base + section, encoding="utf-8")
-        real.write_text(f"extends: trifinger_edu\nobjects: []\n{section}", encoding="utf-8")
-        with robot(name, BOARDS, described, true, name):
-            log = record(name, folder, "--seconds", SECONDS, "--seed", seed)
-        save(identify(read_motion([log])), folder / "fitted")
-        fitted = folder / "fitted" / "fitted.yml"
-        known = (("before", ()), ("after", ("--known", fitted)))
+        real, fitted = identify_edge(seed, Path(path))
+        known = (("before", ()), ("after", ("--known", fitted / CONFIGURATION)))
         successes: dict[str, dict[str, int]] = {}
         for skill in SKILLS:
             words: list[str | Path] = [RUN_TRIAL, skill, "--robot", real, "--seeds"]
@@ -357,24 +371,49 @@ def run_edge(seed: int) -> dict[str, Any]:
                 )
                 for when, trial in trials.items()
             }
+    return {"what": "edge", "seed": seed, "seconds": SECONDS, "successes": successes}
+
+
+def run_reach(seed: int) -> dict[str, Any]:
+    """How near policies come on a robot at the edge, as docs/howto/new_robot_to_policy.md says."""
+    with tempfile.TemporaryDirectory() as path, ThreadPoolExecutor(2) as pool:
+        folder = Path(path)
+        real, fitted = identify_edge(seed, folder)
+        told = json.loads((fitted / FIGURES).read_text(encoding="utf-8"))["train"]
+        settings = [f"{name}={value}" for name, value in told.items()]
+        kinds: dict[str, tuple[str, list[str]]] = {
+            "before": ("trifinger_edu", []),
+            "settings": ("trifinger_edu", settings),
+            "after": (str(fitted / CONFIGURATION), settings),
+        }
+        trained = {
+            when: [
+                pool.submit(reach, config, chosen, training, real, folder / f"{when}{training}")
+                for training in TRAININGS
+            ]
+            for when, (config, chosen) in kinds.items()
+        }
         return {
-            "what": "edge",
+            "what": "reach",
             "seed": seed,
             "seconds": SECONDS,
-            "successes": successes,
-            "reach": {
-                "before": reach("trifinger_edu", real, folder),
-                "after": reach(str(fitted), real, folder),
-            },
+            "train": told,
+            "distances": {when: [one.result() for one in them] for when, them in trained.items()},
         }
 
 
-def reach(trained_on: str, real: Path, folder: Path) -> float:
+def reach(config: str, settings: list[str], seed: int, real: Path, output: Path) -> float:
     """Trains a shared policy for one robot; its median distance on another one [m]."""
-    output = folder / f"reach-{Path(trained_on).stem}"
-    words = ["reach", "--shared", "--robot-config", trained_on, "-o", str(output)]
+    words = ["reach", "--shared", "--robot-config", config, "--seed", str(seed), "-o", str(output)]
+    for setting in settings:
+        words += ["--set", setting]
     train = "import sys; from trifinger.commands.train import main; sys.exit(main())"
-    subprocess.run([sys.executable, "-c", train, *words], check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-c", train, *words],
+        check=True,
+        capture_output=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
     policy = Policy(output / "reach.policy")
     options = Options.from_json(policy.metadata["options"])
     evaluator = Evaluator("reach", options, config=str(real))
@@ -421,14 +460,27 @@ def write(rows: list[dict[str, Any]]) -> None:
             )
             text += head + table(others) + runs(others)
     for row in (row for row in rows if row.get("what") == "edge"):
-        text += EDGE_HEAD.format(late=1e3 * EDGE_LATE, trials=TRIALS, **EDGE)
+        text += EDGE_HEAD.format(
+            late=1e3 * EDGE_LATE, trials=TRIALS, trainings=len(TRAININGS), **EDGE
+        )
         for skill, counts in row["successes"].items():
             text += (
                 f"| {skill} | {counts['before']} of {TRIALS} | {counts['after']} of {TRIALS} |\n"
             )
-        before, after = (f"{1e3 * row['reach'][when]:.1f} mm" for when in ("before", "after"))
-        text += f"| the shared reach policy: median distance | {before} | {after} |\n"
+    for row in (row for row in rows if row.get("what") == "reach"):
+        found = {when: spread(values) for when, values in row["distances"].items()}
+        text += f"| distance of a shared reach policy | {found['before']} | {found['after']} |\n"
+        words = " ".join(f"--set {name}={value}" for name, value in row["train"].items())
+        settings = f",\nas `identify` advises: `{words}`" if words else ""
+        count = len(row["distances"]["settings"])
+        text += REACH_TAIL.format(settings=settings, count=count, distance=found["settings"])
     PAGE.write_text(text, encoding="utf-8")
+
+
+def spread(distances: list[float]) -> str:
+    """The median of distances [m], and their range."""
+    low, high = (f"{1e3 * one:.1f}" for one in (min(distances), max(distances)))
+    return f"{1e3 * np.median(distances):.1f} mm ({low} to {high})"
 
 
 def runs(robots: list[dict[str, Any]]) -> str:
@@ -486,7 +538,7 @@ def main() -> None:
         rows = [json.loads(line) for line in ROWS.read_text(encoding="utf-8").splitlines()]
     done = {(row.get("what", ""), row["seed"], row["seconds"]) for row in rows}
     for seed in range(FIRST, FIRST + arguments.robots):
-        for what in ("", "object", *((*FILES, "edge") if seed == FIRST else ())):
+        for what in ("", "object", *((*FILES, "edge", "reach") if seed == FIRST else ())):
             seconds = FILE_SECONDS if what in FILES else arguments.seconds
             if (what, seed, seconds) in done:
                 continue
@@ -497,6 +549,8 @@ def main() -> None:
                 row = run_object(robots[seed])
             elif what == "edge":
                 row = run_edge(seed)
+            elif what == "reach":
+                row = run_reach(seed)
             else:
                 row = run(seed, seconds, arguments.judged)
             rows.append(row)

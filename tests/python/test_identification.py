@@ -22,6 +22,7 @@ from trifinger.identification.excitation import Excitation, Gains, strokes
 from trifinger.identification.fit import Figure
 from trifinger.identification.handling import HANDLED, Moments, contacts, smooth
 from trifinger.identification.page import FIGURES, ranges
+from trifinger.identification.stiffness import stiffness
 
 TRUE = {
     "friction": [0.004, 0.012, 0.009],
@@ -133,6 +134,7 @@ def test_logs_tell_what_a_robot_is_like_and_its_simulation_then_moves_like_it(
     Options.of("reach", **{k: tuple(v) for k, v in factors.items()})
     saved = json.loads((tmp_path / "fitted" / FIGURES).read_text())
     assert figures_of(saved) == result.figures
+    assert saved["train"] == {}  # it is late by 3 ms only
     assert not check(result.figures, figures_of(saved))
 
 
@@ -229,6 +231,37 @@ def test_gains_grow_until_a_joint_trembles() -> None:
     for _ in range(20):
         gains.look(calm)
     assert gains.kp == pytest.approx([limits["default_kp"][0], softer, limits["default_kp"][2]])
+
+
+def test_a_robot_that_is_late_is_told_how_soft_it_must_be(tmp_path: Path) -> None:
+    late = {"torque_delay": 0.004, "measurement_delay": 0.004}
+    config = str(finger(tmp_path, **late))
+
+    def speed(kp: float) -> float:
+        """The largest speed of a joint that should have come to rest."""
+        with trifinger.Simulation(config).connect() as robot:
+            actions = np.repeat(np.array([robot.new_action()]), 1000)
+            actions["position"] = [0.1, 0.8, -1.6]
+            actions["position_kp"] = kp
+            last = robot.append_desired_actions(actions)
+            return float(np.abs(robot.get_observations(last - 200, last)["velocity"]).max())
+
+    told = stiffness(config)
+    assert told is not None
+    assert speed(told) < 1e-2
+    assert speed(2.2 * told) > 0.1
+    # Dry friction ends a trembling, but not while joints move.
+    sticks = finger(tmp_path, "sticks.yml", **late, friction=[0.05] * 3, backlash=[0.0] * 3)
+    assert stiffness(str(sticks)) != told
+    assert stiffness(str(sticks), ("friction", "backlash")) == told
+    assert stiffness(str(finger(tmp_path, "punctual.yml"))) is None
+    # One that trembles beyond its limits stops with a fault.
+    later = finger(tmp_path, "later.yml", torque_delay=0.006, measurement_delay=0.006)
+    text = configuration_text(str(later))
+    text = re.sub(r"soft_upper: .*", "soft_upper: [0.03, 0.93, -1.6]", text)
+    narrow = tmp_path / "narrow.yml"
+    narrow.write_text(re.sub(r"hard_upper: .*", "hard_upper: [0.04, 0.94, -1.59]", text))
+    assert stiffness(str(narrow)) == stiffness(str(later))
 
 
 def test_strokes_move_one_finger_at_a_time_and_press_down() -> None:
@@ -408,6 +441,10 @@ def test_the_commands_of_the_page_identify_a_robot(
     assert ended.returncode == 0, ended.stderr
     assert "The robot 'mine' moves for 3" in ended.stdout
     assert "The error of a free run of 1 s is 0." in ended.stdout
+    advice = r"--set action=position_change --set position_kp=[\d.]+\n"
+    said = re.search(advice, ended.stdout)
+    assert said is not None, ended.stdout
+    assert said[0].strip() in (tmp_path / "fitted" / "identified.html").read_text()
     assert 'extends: "robot.yml"' in (tmp_path / "fitted" / "fitted.yml").read_text()
 
 
@@ -417,7 +454,9 @@ def test_a_fitted_simulation_trains(tmp_path: Path) -> None:
     config = tmp_path / "fitted.yml"
     config.write_text(f"extends: trifinger_edu\nidentified: {json.dumps(nine)}\n")
     words = [*python_command("train"), "reach", "--robot-config", str(config), "--episodes", "2"]
-    words += ["-o", str(tmp_path / "reach"), "--set", "motor_gain=(0.92, 1.08)"]
+    words += ["-o", str(tmp_path / "reach"), "--set", "action=position_change"]
+    words += ["--set", "position_kp=2.4"]
+    words += ["--set", "motor_gain=(0.92, 1.08)"]
     ended = subprocess.run(words, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     assert (tmp_path / "reach" / "reach.policy").exists()

@@ -304,9 +304,15 @@ def test_a_shared_policy_sees_a_row_for_each_finger():
         ends += ended
 
 
+@pytest.mark.parametrize(
+    ("options", "size"),
+    [({}, 9), ({"mapping": "state_augmentation"}, 12), ({"action": "position_change"}, 12)],
+)
 @pytest.mark.parametrize("is_shared", [False, True])
-def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_shared):
-    rows = Rows(vector(), is_per_finger=True, is_shared=is_shared, reward_scale=10.0)
+def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(
+    is_shared, options, size
+):
+    rows = Rows(vector(**options), is_per_finger=True, is_shared=is_shared, reward_scale=10.0)
     low, high = np.array([-0.3, -0.3, 0.0]), np.array([0.3, 0.3, 0.5])
     buffer = FingerReplayBuffer(
         100,
@@ -325,9 +331,9 @@ def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_s
         actions = rng.uniform(-1, 1, (rows.num_envs, rows.action_space.shape[0]))
         following, rewards, dones, infos = rows.step(actions.astype(np.float32))
         for row, info in enumerate(infos):
-            fingers = seen[row].reshape(-1, 9)
+            fingers = seen[row].reshape(-1, size)
             middle, half = (high + low) / 2, (high - low) / 2
-            goals = fingers[:, 6:] * half + middle
+            goals = fingers[:, -3:] * half + middle
             distance = np.linalg.norm(goals - info["achieved_goal"].reshape(-1, 3), axis=1)
             assert rewards[row] == pytest.approx(-10.0 * distance.mean(), rel=1e-5)
             parts |= {
@@ -341,16 +347,16 @@ def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_s
         seen = following
     batch = buffer.sample(64)
     for row, reward in zip(batch.observations.numpy(), batch.rewards.numpy(), strict=True):
-        expected = np.mean([parts[finger.tobytes()] for finger in row.reshape(-1, 9)])
+        expected = np.mean([parts[finger.tobytes()] for finger in row.reshape(-1, size)])
         assert reward == pytest.approx(expected, rel=1e-4)
     assert not batch.dones.any()  # episodes ended only because their time was over
     buffer._relabelled = 1.0
     batch = buffer.sample(64)
-    fingers = batch.observations.numpy().reshape(-1, 9)
+    fingers = batch.observations.numpy().reshape(-1, size)
     goals = {tuple(goal) for goal in buffer._achieved.reshape(-1, 3)}
-    assert all(tuple(finger[6:]) in goals for finger in fingers)
+    assert all(tuple(finger[-3:]) in goals for finger in fingers)
     np.testing.assert_array_equal(
-        fingers[:, 6:], batch.next_observations.numpy().reshape(-1, 9)[:, 6:]
+        fingers[:, -3:], batch.next_observations.numpy().reshape(-1, size)[:, -3:]
     )
 
 

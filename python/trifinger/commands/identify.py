@@ -98,6 +98,7 @@ def identify(arguments: argparse.Namespace) -> int:
     from trifinger.identification import check, identify, read_motion, save
     from trifinger.identification.check import figures_of
     from trifinger.identification.page import FIGURES
+    from trifinger.identification.stiffness import advice
 
     before = None
     if arguments.check:
@@ -126,7 +127,8 @@ def identify(arguments: argparse.Namespace) -> int:
             say(*changes or ["The robot still is what was identified."], sep="\n")
         return 1 if changes else 0
     base = arguments.robot_config or ""
-    save(result, arguments.output, str(Path(base).resolve()) if Path(base).is_file() else base)
+    base = str(Path(base).resolve()) if Path(base).is_file() else base
+    chosen = save(result, arguments.output, base)
     told = len(result.told)
     if arguments.json:
         say_json(
@@ -134,6 +136,7 @@ def identify(arguments: argparse.Namespace) -> int:
                 "figures": told,
                 "not_told": len(result.figures) - told,
                 "free_run_ratio": result.ratio,
+                "train": chosen,
                 "folder": str(arguments.output),
             }
         )
@@ -142,6 +145,7 @@ def identify(arguments: argparse.Namespace) -> int:
         f"{told} of {len(result.figures)} figures are told. The error of a free run of 1 s is "
         f"{result.ratio:.3f} of what it was.",
         f"{arguments.output} has fitted.yml, vary.json and identified.html.",
+        *([advice(chosen)] if chosen else []),
         sep="\n",
     )
     return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from trifinger.identification.fit import (
     Identification,
     free_runs,
 )
+from trifinger.identification.stiffness import advice, settings, stiffness
 from trifinger.whole_file import whole_file
 
 CONFIGURATION = "fitted.yml"
@@ -42,8 +44,8 @@ svg { background: #fafafa; margin: 0.2em; }
 _COLOURS = {"measured": "#222", "before": "#d55e00", "after": "#0072b2"}
 
 
-def save(result: Identification, folder: Path, base: str = "") -> None:
-    """Writes all files into a folder.
+def save(result: Identification, folder: Path, base: str = "") -> dict[str, str | float]:
+    """Writes all files into a folder, and returns the settings that trainings for it need.
 
     `base` is the name or the absolute path of the configuration that is extended; by default it is
     the one in the log, which is written, too.
@@ -53,9 +55,17 @@ def save(result: Identification, folder: Path, base: str = "") -> None:
         _write(folder / BASE, result.motion.configuration)
     _write(folder / CONFIGURATION, configuration(result, base or BASE))
     _write(folder / RANGES, json.dumps(ranges(result), indent=2) + "\n")
-    figures = {"logs": result.motion.logs, "figures": [asdict(one) for one in result.figures]}
+    fitted = {one.name for one in result.figures if one.value != one.described}
+    softer = stiffness(str(folder / CONFIGURATION), fitted & {"friction", "backlash"})
+    chosen = settings(softer)
+    figures = {
+        "logs": result.motion.logs,
+        "figures": [asdict(one) for one in result.figures],
+        "train": chosen,
+    }
     _write(folder / FIGURES, json.dumps(figures, indent=1) + "\n")
-    _write(folder / PAGE, page(result))
+    _write(folder / PAGE, page(result, chosen))
+    return chosen
 
 
 def _write(path: Path, text: str) -> None:
@@ -124,8 +134,8 @@ def ranges(result: Identification) -> dict[str, list[float]]:
     return found
 
 
-def page(result: Identification) -> str:
-    """A page for a browser."""
+def page(result: Identification, chosen: Mapping[str, str | float]) -> str:
+    """A page for a browser; `chosen` are settings that trainings need."""
     after, before = result.after, result.before
     rows = "".join(
         f"<tr><td>{html.escape(joint)}</td><td>{1e6 * before.one_step[i]:.0f}</td>"
@@ -150,6 +160,7 @@ were not fitted; errors and drawings are of them. After identification the error
 <h2>Figures</h2>
 <table><tr><th>figure</th><th>joint</th><th>value</th><th>95 %</th><th>described</th></tr>
 {"".join(map(_row, result.figures))}</table>
+{f"<p>{advice(chosen)}</p>" if chosen else ""}
 <h2>What the logs do not tell</h2>
 <ul>{"".join(map(_hint, untold)) or "<li>nothing</li>"}</ul>
 </html>

@@ -13,8 +13,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 
-FINGER = 9  # numbers of a finger in observations of a reach: positions, velocities, goal
-GOAL = slice(6, 9)  # place of the goal in the numbers of a finger
+JOINTS = 3  # of a finger
+GOAL = slice(-3, None)  # place of the goal in the numbers of a finger, whatever else is observed
 draw = np.random.randint  # by the generator of Stable-Baselines3: its state is in the checkpoints
 
 Augment = Callable[[ReplayBufferSamples, Array, Array], ReplayBufferSamples]
@@ -114,13 +114,12 @@ class FingerReplayBuffer(EpisodeReplayBuffer):
         **more: Any,
     ) -> None:
         super().__init__(buffer_size, *arguments, **more)
-        shape = self.observations.shape
-        self._fingers = shape[2] // FINGER
+        self._fingers = self.actions.shape[2] // JOINTS
         self._relabelled, self._reward_scale = relabelled, reward_scale
         self._middle = (np.asarray(goal_low) + goal_high) / 2
         self._half = (np.asarray(goal_high) - goal_low) / 2
         # Positions that the tips reached, scaled like goals.
-        self._achieved = np.zeros((*shape[:2], self._fingers, 3), np.float32)
+        self._achieved = np.zeros((*self.actions.shape[:2], self._fingers, 3), np.float32)
 
     def add(self, *transition: Any) -> None:
         """Adds a transition of each environment."""
