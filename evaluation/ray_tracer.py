@@ -253,6 +253,20 @@ class World:
     shapes: list[Shape] = field(default_factory=list)
 
 
+def nearest(world: World, origin: Array, direction: Array) -> Hits:
+    """The first thing in the way of each ray."""
+    count = len(origin)
+    hits = Hits(
+        np.full(count, FAR),
+        np.zeros((count, 3), np.float32),
+        np.full(count, -1),
+        np.zeros((count, 3), np.float32),
+    )
+    for shape in world.shapes:
+        shape.meet(hits, origin, direction)
+    return hits
+
+
 class Tracer:
     """Traces rays through a world, as a sensor with these filters sees it."""
 
@@ -296,16 +310,7 @@ class Tracer:
         return light
 
     def _first(self, origin: Array, direction: Array) -> Hits:
-        count = len(origin)
-        hits = Hits(
-            np.full(count, FAR),
-            np.zeros((count, 3), np.float32),
-            np.full(count, -1),
-            np.zeros((count, 3), np.float32),
-        )
-        for shape in self._world.shapes:
-            shape.meet(hits, origin, direction)
-        return hits
+        return nearest(self._world, origin, direction)
 
     def _mixture(self, surface: Array, place: Array) -> Array:
         shares = np.zeros(len(surface), np.float32)

@@ -5,8 +5,6 @@ Lamps of several colours, soft shadows, sheen, dirt and scratches, a table with 
 a sensor with filters that overlap, a white balance that is off, tone curves, chromatic noise.
 """
 
-import tempfile
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -26,11 +24,11 @@ from ray_tracer import (
     World,
     diode,
     glow,
+    nearest,
     peak,
     step,
 )
-from tracking_scenes import Scene
-from trifinger import CameraCalibration
+from tracking_scenes import Scene, cameras_of, faces_in_image
 from trifinger.arrays import Array
 
 SAMPLES = 9  # rays per pixel where the object is
@@ -107,10 +105,7 @@ class Studio:
         self._data = mujoco.MjData(self._model)
         self._half = np.full(3, 0.0325) if half is None else np.asarray(half, float)
         self.calibration = trifinger.CameraRenderer(config).calibration
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "cameras.yml"
-            path.write_text(self.calibration)
-            self._cameras = CameraCalibration.read(path).cameras
+        self._cameras = cameras_of(self.calibration)
 
     def take(self, scene: Scene, seed: int, number: int, again: int = 0) -> list[Array]:
         """One image of each camera. Other `again` give the same photographs with other noise."""
@@ -126,6 +121,18 @@ class Studio:
         light = _exposed(light, pictures, random.uniform(*MEAN_LEVEL))
         noise = np.random.default_rng([seed, number, again, 8])
         return [_developed(picture, light, noise) for picture in pictures]
+
+    def faces(self, scene: Scene, seed: int, number: int) -> list[Array]:
+        """The faces of the cube in these photographs, as far as nothing stands in front of them."""
+        world = self._world(scene, np.random.default_rng([seed, number, 7]))
+        box = next(shape for shape in world.shapes if isinstance(shape, FacedBox))
+
+        def first_face(origin: Array, directions: Array) -> Array:
+            hits = nearest(world, np.broadcast_to(origin, directions.shape), directions)
+            faces = hits.surface[:, None] == box.surfaces
+            return np.where(faces.any(axis=1), faces.argmax(axis=1), -1)
+
+        return [faces_in_image(camera, scene.position, first_face) for camera in self._cameras]
 
     def _world(self, scene: Scene, random: np.random.Generator) -> World:
         texture, fine = Texture(random), Texture(random, 0.8)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scenes at random to test a tracker: a cube anywhere in the arena, and fingers at it."""
 
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 import trifinger
-from trifinger import poses
+from trifinger import Camera, CameraCalibration, poses
 from trifinger.control import Kinematics
 
 CONFIG = Path(__file__).parent.parent / "config"
@@ -17,6 +19,9 @@ TIP_RADIUS = 0.0095  # estimate for all variants [m]
 DEEPEST = 0.003  # fingers may overlap this far with the cube or each other [m]
 ARENA = 0.17  # radius in which the cube's centre lies [m]
 HIGHEST = 0.13  # [m]: above, the cube leaves the images
+AXES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [-1, 0, 0], [0, -1, 0]])
+"""Where the faces of the cube look to, in its frame."""
+DRAWN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # groups of parts that cameras see
 UPS = np.array(  # rotations that put each face on the table
     [[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0], [1, -1, 0, 0], [1, 0, 1, 0], [1, 0, -1, 0]], float
 )
@@ -50,6 +55,40 @@ def config_of(variant: str, folder: Path) -> str:
     return str(path)
 
 
+def cameras_of(calibration: str) -> Sequence[Camera]:
+    """The cameras in the text of a calibration."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cameras.yml"
+        path.write_text(calibration)
+        return CameraCalibration.read(path).cameras
+
+
+def faces_in_image(
+    camera: Camera, position: np.ndarray, first_face: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """For each pixel the number of the face of the cube that it shows; -1 for everything else.
+
+    `first_face` gives these numbers for rays: where all begin, and their directions (n, 3).
+    """
+    faces = np.full((camera.height, camera.width), -1, np.int8)
+    signs = np.array(np.meshgrid(*3 * [(-1, 1)])).reshape(3, -1).T
+    seen = camera.project(
+        position + SIZE * signs
+    )  # of a box that holds the cube in any orientation
+    size = np.array([camera.width, camera.height])
+    left, top = np.clip(np.floor(seen.min(axis=0)), 0, size).astype(int)
+    right, bottom = np.clip(np.ceil(seen.max(axis=0)) + 1, 0, size).astype(int)
+    if left >= right or top >= bottom:
+        return faces
+    x, y = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
+    rays = camera.lens.unproject(np.stack([x.ravel(), y.ravel()], axis=1).astype(float))
+    pose = np.asarray(camera.pose)
+    directions = np.column_stack([rays[:, :2], np.ones(len(rays))]) @ pose[:3, :3].T
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    faces[top:bottom, left:right] = first_face(pose[:3, 3], directions).reshape(x.shape)
+    return faces
+
+
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The product of two quaternions."""
     result = np.zeros(4)
@@ -71,6 +110,12 @@ class Scenes:
         self._data = mujoco.MjData(self._model)
         self._kinematics = Kinematics(config)
         self._joints = self._kinematics.num_joints
+        # The number of the face that each part of the model is. Faces are thin boxes.
+        self._faces = np.full(self._model.ngeom + 1, -1, np.int8)  # the last one: nothing
+        for geom in range(self._model.ngeom):
+            body, place = self._model.geom_bodyid[geom], self._model.geom_pos[geom]
+            if self._model.body_dofnum[body] == 6 and np.any(place):
+                self._faces[geom] = np.argmax(AXES @ place)
 
     def draw(self, seed: int, number: int) -> Scene:
         """Scene `number`: most cubes lie on the table, and most are touched by some fingers."""
@@ -85,6 +130,33 @@ class Scenes:
             for finger in random.permutation(self._joints // 3):
                 contacts += self._reach(int(finger), position, orientation, random)
         return Scene(data.qpos.copy(), position, orientation, contacts)
+
+    def faces(self, scene: Scene, cameras: Sequence[Camera]) -> list[np.ndarray]:
+        """The faces of the cube that cameras see, fingers in front of them included."""
+        model, data = self._model, self._data
+        data.qpos[:] = scene.configuration[: model.nq]
+        mujoco.mj_forward(model, data)
+
+        def first_face(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+            count = len(directions)
+            geoms, distances = np.zeros(count, np.int32), np.zeros(count)
+            mujoco.mj_multiRay(
+                model,
+                data,
+                origin,
+                directions.ravel(),
+                DRAWN,
+                True,
+                -1,
+                geoms,
+                distances,
+                None,
+                count,
+                mujoco.mjMAXVAL,
+            )
+            return self._faces[geoms]
+
+        return [faces_in_image(camera, scene.position, first_face) for camera in cameras]
 
     def _pose(self, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         kind = random.random()

@@ -184,6 +184,7 @@ void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& t
   pixels_ = pixels.empty() ? nullptr : reinterpret_cast<const std::uint8_t*>(pixels.data());
   if (pixels_ == nullptr) return;
   balance_ = white_balance(format_, pixels);
+  other_balance_.setOnes();
   label(balance_, table);
 }
 
@@ -192,6 +193,7 @@ void LabelledImage::read_again(const Eigen::Vector3d& light, const ColourTable& 
 }
 
 void LabelledImage::read_unbalanced(const ColourTable& table) noexcept {
+  other_balance_ = balance_;
   balance_.setOnes();
   if (pixels_ != nullptr) label(balance_, table);
 }

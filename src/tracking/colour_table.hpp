@@ -91,6 +91,8 @@ class LabelledImage {
   void read_unbalanced(const ColourTable& table) noexcept;
   // The white balance of the image; another light does not change it.
   [[nodiscard]] const Eigen::Vector3d& balance() const noexcept { return balance_; }
+  // The white balance that is not used: none, if the image was read with one.
+  [[nodiscard]] const Eigen::Vector3d& other_balance() const noexcept { return other_balance_; }
   [[nodiscard]] bool exists() const noexcept { return pixels_ != nullptr; }
 
   // Size in blocks.
@@ -143,6 +145,7 @@ class LabelledImage {
   int rows_;
   const std::uint8_t* pixels_{nullptr};
   Eigen::Vector3d balance_{Eigen::Vector3d::Ones()};
+  Eigen::Vector3d other_balance_{Eigen::Vector3d::Ones()};
   Cells cells_{};
   std::vector<Labels> labels_;
   std::vector<double> most_;

@@ -370,4 +370,36 @@ Fit EdgeFit::refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noe
   return fit;
 }
 
+int EdgeFit::places_elsewhere(const std::vector<View>& views,
+                              const Eigen::Isometry3d& pose) noexcept {
+  constexpr double kReach = 24;    // [pixel]
+  constexpr double kStep = 2;      // between shifts [pixel]
+  constexpr double kNear = 6;      // calibrations are off by less [pixel]
+  constexpr double kAgreeing = 3;  // [pixel]: labels are those of blocks
+  constexpr int kFew = 8;          // places that say nothing
+  measure_edges(views, pose, [](const Spot& spot, double& offset) noexcept {
+    return find_label_step(spot, kReach, offset);
+  });
+  int most = kFew;
+  for (auto line = lines_.cbegin(); line != lines_.cend();) {
+    const auto next = std::find_if(
+        line, lines_.cend(), [&](const EdgeLine& other) { return other.camera != line->camera; });
+    const auto agreeing = [&](const Eigen::Vector2d& shift) {
+      return static_cast<int>(std::count_if(line, next, [&](const EdgeLine& each) {
+        return std::abs(each.offset - each.normal.dot(shift)) < kAgreeing;
+      }));
+    };
+    const int here = agreeing(Eigen::Vector2d::Zero());
+    const bool is_clear = next - line - here <= most;  // no shift can explain more
+    for (double x = -kReach; x <= kReach && !is_clear; x += kStep) {
+      for (double y = -kReach; y <= kReach; y += kStep) {
+        const Eigen::Vector2d shift(x, y);
+        if (shift.norm() >= kNear) most = std::max(most, agreeing(shift) - here);
+      }
+    }
+    line = next;
+  }
+  return most;
+}
+
 }  // namespace trifinger::tracking::detail

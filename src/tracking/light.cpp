@@ -24,8 +24,7 @@ LightFit::LightFit(const Shape& shape, const ColourTable& table) : shape_(&shape
       const double red = kStep * (i - kMiddle);
       const double blue = kStep * (j - kMiddle);
       const double mean = (red + blue) / 3;  // the brightness stays
-      lights_[place] = {std::exp(red - mean), std::exp(-mean), std::exp(blue - mean)};
-      costs_[place++] = (red * red + blue * blue) / (2 * kUsual * kUsual);
+      lights_[place++] = {std::exp(red - mean), std::exp(-mean), std::exp(blue - mean)};
     }
   }
   std::size_t samples = 0;
@@ -34,9 +33,12 @@ LightFit::LightFit(const Shape& shape, const ColourTable& table) : shape_(&shape
   shown_.reserve(shape.faces.size());
   evidence_.resize(kLights * shape.faces.size() * table.num_colours());
   seen_.resize(shape.faces.size() * table.num_colours());
-  exchanges_.resize(table.num_colours() * (table.num_colours() - 1) / 2);
-  scores_.resize(shape.turns.size() + 1);
-  for (auto& lights : best_lights_) lights.resize(scores_.size());
+  coloured_.resize(table.num_colours());
+  for (std::size_t w = 0; w < kWhites; ++w) {
+    exchanges_[w].resize(table.num_colours() * (table.num_colours() - 1) / 2);
+    scores_[w].resize(shape.turns.size() + 1);
+  }
+  for (auto& bests : bests_) bests.resize(scores_[0].size());
 }
 
 void LightFit::read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept {
@@ -54,6 +56,19 @@ void LightFit::read_samples(const View& view, const Eigen::Isometry3d& pose) noe
           view.image.colour(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
       samples_.push_back({i, colour.cwiseProduct(balance)});
     }
+  }
+}
+
+void LightFit::weigh_lights(const LabelledImage& image) noexcept {
+  const Eigen::Vector3d other = image.balance().cwiseQuotient(image.other_balance());
+  const auto cost = [](const Eigen::Vector3d& gains) {
+    const double red = std::log(gains[0] / gains[1]);
+    const double blue = std::log(gains[2] / gains[1]);
+    return (red * red + blue * blue) / (2 * kUsual * kUsual);
+  };
+  for (std::size_t l = 0; l < kLights; ++l) {
+    costs_[0][l] = cost(lights_[l]);
+    costs_[1][l] = cost(lights_[l].cwiseProduct(other));
   }
 }
 
@@ -91,14 +106,19 @@ double LightFit::score(std::size_t light, std::size_t turn,
   }
   const double weight =
       kIndependent * std::min(1.0, kMost / std::max(1.0, static_cast<double>(samples_.size())));
-  return weight * sum - costs_[light];
+  return weight * sum;
 }
 
 LightFit::Best LightFit::best(std::size_t turn, const Exchange& exchange) const noexcept {
-  Best best{-std::numeric_limits<double>::infinity(), 0};
+  Best best{};
+  best.scores.fill(-std::numeric_limits<double>::infinity());
   for (std::size_t l = 0; l < kLights; ++l) {
-    const double score_here = score(l, turn, exchange);
-    if (score_here > best.score) best = {score_here, l};
+    const double fits = score(l, turn, exchange);
+    for (std::size_t w = 0; w < kWhites; ++w) {
+      if (fits - costs_[w][l] <= best.scores[w]) continue;
+      best.scores[w] = fits - costs_[w][l];
+      best.lights[w] = l;
+    }
   }
   return best;
 }
@@ -115,28 +135,79 @@ double LightFit::contradiction() const noexcept {
   return worst;
 }
 
+// Of the exchange that speaks most against the object. The more is seen of its colours, the clearer
+// must it be that they are not exchanged.
+double LightFit::exchanged_colours() const noexcept {
+  constexpr double kClear = 0.3;
+  constexpr int kMany = 74;  // samples with a colour: two faces
+  const double as_it_is = std::max(unexchanged_[0], unexchanged_[1]);
+  double worst = 0;
+  std::size_t place = 0;
+  for (std::size_t b = 1; b < table_->num_colours(); ++b) {
+    for (std::size_t a = 0; a < b; ++a, ++place) {
+      const double likelier = std::max(exchanges_[0][place], exchanges_[1][place]) - as_it_is;
+      const double many = std::min(1.0, static_cast<double>(coloured_[a] + coloured_[b]) / kMany);
+      worst = std::max(worst, likelier + kClear * many);
+    }
+  }
+  return worst;
+}
+
 // Adds what the samples of an image say of exchanges. `light` is that of the object as it is.
-void LightFit::try_exchanges(std::size_t light, Answer& answer) noexcept {
+void LightFit::try_exchanges(std::size_t light, Exchanges& exchanges) noexcept {
   // In another light, a finger in front of a face may look like any colour. So only what has a
   // colour in the light of the object as it is counts.
   const float coloured = std::log(0.3F);  // probability of its likeliest colour
   const Eigen::Vector3f gains = lights_[light].cast<float>();
+  const auto has_colour = [&](const Rgb& colour) {
+    const float* const densities = table_->evidence(colour.cwiseProduct(gains));
+    return *std::max_element(densities, densities + table_->num_colours()) >= coloured;
+  };
+  const auto exchange_channels = [&] {
+    for (Sample& sample : samples_) std::swap(sample.colour[0], sample.colour[2]);
+  };
+  // An image with red and blue exchanged may show nothing that has a colour before they are put
+  // right.
   std::erase_if(samples_, [&](const Sample& sample) {
-    const float* const densities = table_->evidence(sample.colour.cwiseProduct(gains));
-    return *std::max_element(densities, densities + table_->num_colours()) < coloured;
+    return !has_colour(sample.colour) && !has_colour(sample.colour.reverse());
   });
+  exchange_channels();
   weigh_faces();
-  const double as_it_is = best(0).score;
+  const double exchanged = best(0).score();
+  exchange_channels();
+  weigh_faces();
+  exchanges.channels = std::max(exchanges.channels, exchanged - best(0).score());
+  if (std::erase_if(samples_, [&](const Sample& each) { return !has_colour(each.colour); }) > 0) {
+    weigh_faces();
+  }
+  for (const Sample& sample : samples_) ++coloured_[shape_->faces[sample.face].label];
+  const Best as_it_is = best(0);
+  for (std::size_t w = 0; w < kWhites; ++w) unexchanged_[w] += as_it_is.scores[w];
   std::size_t place = 0;
   for (std::size_t b = 1; b < table_->num_colours(); ++b) {
     for (std::size_t a = 0; a < b; ++a) {
       const Exchange exchange{static_cast<Label>(a), static_cast<Label>(b)};
-      exchanges_[place++] += best(0, exchange).score - as_it_is;
+      const Best changed = best(0, exchange);
+      for (std::size_t w = 0; w < kWhites; ++w) exchanges_[w][place] += changed.scores[w];
+      ++place;
     }
   }
-  for (Sample& sample : samples_) std::swap(sample.colour[0], sample.colour[2]);
-  weigh_faces();
-  answer.exchanged_channels = std::max(answer.exchanged_channels, best(0).score - as_it_is);
+}
+
+LightFit::Exchanges LightFit::exchanges(const std::vector<View>& views,
+                                        const Eigen::Isometry3d& pose) noexcept {
+  Exchanges exchanges;
+  for (auto& scores : exchanges_) std::ranges::fill(scores, 0.0);
+  std::ranges::fill(coloured_, 0);
+  unexchanged_.fill(0);
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    if (!is_read_[c]) continue;
+    read_samples(views[c], pose);
+    weigh_lights(views[c].image);
+    try_exchanges(bests_[c][0].lights[white()], exchanges);
+  }
+  exchanges.colours = exchanged_colours();
+  return exchanges;
 }
 
 LightFit::Answer LightFit::fit(const std::vector<View>& views,
@@ -144,41 +215,45 @@ LightFit::Answer LightFit::fit(const std::vector<View>& views,
   Answer answer;
   answer.lights.fill(Eigen::Vector3d::Ones());
   answer.lights_as_it_is.fill(Eigen::Vector3d::Ones());
-  std::ranges::fill(scores_, 0.0);
+  for (std::size_t w = 0; w < kWhites; ++w) {
+    std::ranges::fill(scores_[w], 0.0);
+  }
   std::ranges::fill(seen_, 0.0);
-  std::ranges::fill(exchanges_, 0.0);
-  std::array<bool, kMaxCameras> is_read{};
+  is_read_.fill(false);
   for (std::size_t c = 0; c < views.size(); ++c) {
     const View& view = views[c];
     if (!view.image.exists() || view.seen(pose.translation()).z() < 1.5 * shape_->radius) continue;
-    is_read[c] = true;
+    is_read_[c] = true;
     read_samples(view, pose);
+    weigh_lights(view.image);
     weigh_faces();
-    for (std::size_t t = 0; t < scores_.size(); ++t) {
-      const Best light = best(t);
-      best_lights_[c][t] = light.light;
-      scores_[t] += light.score;
+    for (std::size_t t = 0; t < bests_[c].size(); ++t) {
+      bests_[c][t] = best(t);
+      for (std::size_t w = 0; w < kWhites; ++w) scores_[w][t] += bests_[c][t].scores[w];
     }
-    const float* const evidence = evidence_.data() + best_lights_[c][0] * seen_.size();
+    const float* const evidence = evidence_.data() + bests_[c][0].lights[0] * seen_.size();
     for (std::size_t i = 0; i < seen_.size(); ++i) seen_[i] += static_cast<double>(evidence[i]);
-    try_exchanges(best_lights_[c][0], answer);
   }
   answer.contradiction = contradiction();
-  for (const double exchange : exchanges_) {
-    answer.exchanged_colours = std::max(answer.exchanged_colours, exchange);
+  std::size_t place = 0;
+  std::size_t place_white = white();
+  for (std::size_t w = 0; w < kWhites; ++w) {
+    for (std::size_t t = 0; t < scores_[w].size(); ++t) {
+      if (scores_[w][t] <= scores_[place_white][place]) continue;
+      place = t;
+      place_white = w;
+    }
   }
-  const auto likeliest = std::ranges::max_element(scores_);
-  const auto place = static_cast<std::size_t>(likeliest - scores_.begin());
   if (place > 0) answer.turn = &shape_->turns[place - 1];
   double next = -std::numeric_limits<double>::infinity();
-  for (std::size_t t = 0; t < scores_.size(); ++t) {
-    if (t != place) next = std::max(next, scores_[t]);
+  for (std::size_t t = 0; t < scores_[0].size(); ++t) {
+    if (t != place) next = std::max({next, scores_[0][t], scores_[1][t]});
   }
-  answer.margin = *likeliest - next;
+  answer.margin = scores_[place_white][place] - next;
   for (std::size_t c = 0; c < views.size(); ++c) {
-    if (!is_read[c]) continue;
-    answer.lights[c] = lights_[best_lights_[c][place]];
-    answer.lights_as_it_is[c] = lights_[best_lights_[c][0]];
+    if (!is_read_[c]) continue;
+    answer.lights[c] = lights_[bests_[c][place].lights[0]];
+    answer.lights_as_it_is[c] = lights_[bests_[c][0].lights[0]];
   }
   return answer;
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <vector>
@@ -32,10 +33,6 @@ class LightFit {
     // How much likelier a face of the object as it is has another colour in all images together, of
     // the face that speaks most against it.
     double contradiction{0};
-    // How much likelier the object is as it is but with two colours exchanged, and an image with
-    // its red and blue exchanged: of the colours and the image that speak most against it.
-    double exchanged_colours{0};
-    double exchanged_channels{0};
     Lights lights{};           // of the best turn
     Lights lights_as_it_is{};  // of the object as it is
 
@@ -43,6 +40,18 @@ class LightFit {
     [[nodiscard]] double as_it_is() const noexcept { return turn == nullptr ? margin : -margin; }
   };
   [[nodiscard]] Answer fit(const std::vector<View>& views, const Eigen::Isometry3d& pose) noexcept;
+
+  struct Exchanges {
+    // How much likelier the object is as it is but with two colours exchanged, and how much less
+    // likely it must be: the sum of both for the colours that speak most against it.
+    double colours{0};
+    // How much likelier it is with red and blue of an image exchanged, of the image that speaks
+    // most against it.
+    double channels{0};
+  };
+  // Of the pose that was fitted last.
+  [[nodiscard]] Exchanges exchanges(const std::vector<View>& views,
+                                    const Eigen::Isometry3d& pose) noexcept;
 
  private:
   struct Sample {
@@ -55,10 +64,15 @@ class LightFit {
     Label b;
   };
   static constexpr Exchange kNone{0, 0};
-  // The light in which the faces have their colours best.
+  // Usual is a light that the white balance makes of all images, or one without it: a table of wood
+  // misleads the balance. The images are read in the first one.
+  static constexpr std::size_t kWhites = 2;
+  // The lights near each of these in which the faces have their colours best.
   struct Best {
-    double score;
-    std::size_t light;
+    std::array<double, kWhites> scores;
+    std::array<std::size_t, kWhites> lights;
+
+    [[nodiscard]] double score() const noexcept { return std::max(scores[0], scores[1]); }
   };
   static constexpr int kSteps = 7;  // of the gains of red and of blue
   static constexpr std::size_t kLights = kSteps * kSteps;
@@ -68,21 +82,29 @@ class LightFit {
   [[nodiscard]] Best best(std::size_t turn, const Exchange& exchange = kNone) const noexcept;
   void read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept;
   void weigh_faces() noexcept;
-  void try_exchanges(std::size_t light, Answer& answer) noexcept;
+  void weigh_lights(const LabelledImage& image) noexcept;
+  void try_exchanges(std::size_t light, Exchanges& exchanges) noexcept;
   [[nodiscard]] double contradiction() const noexcept;
+  [[nodiscard]] double exchanged_colours() const noexcept;
+  [[nodiscard]] std::size_t white() const noexcept { return scores_[1][0] > scores_[0][0] ? 1 : 0; }
 
   const Shape* shape_;
   const ColourTable* table_;
   std::array<Eigen::Vector3d, kLights> lights_;
-  std::array<double, kLights> costs_;  // of unusual light
+  // Of unusual light, in the image that is looked at.
+  std::array<std::array<double, kLights>, kWhites> costs_;
   std::vector<Sample> samples_;
   std::vector<std::size_t> shown_;  // the faces of the samples
   std::vector<float> evidence_;     // for each light, face, and label
   std::vector<double> seen_;        // for each face and label, the evidence as the object is
-  std::vector<double> exchanges_;   // for each pair of labels, how much likelier it is exchanged
+  std::vector<int> coloured_;       // for each label, samples of its faces that have a colour
+  // Scores of these samples: for each pair of labels with the two exchanged, and as the object is.
+  std::array<std::vector<double>, kWhites> exchanges_;
+  std::array<double, kWhites> unexchanged_;
   // Of each turn; the first one leaves the object as it is.
-  std::vector<double> scores_;
-  std::array<std::vector<std::size_t>, kMaxCameras> best_lights_;
+  std::array<std::vector<double>, kWhites> scores_;
+  std::array<bool, kMaxCameras> is_read_{};  // whether an image shows where the object is
+  std::array<std::vector<Best>, kMaxCameras> bests_;
 };
 
 }  // namespace trifinger::tracking::detail

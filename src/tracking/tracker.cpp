@@ -146,7 +146,7 @@ struct Tracker::Parts {
   [[nodiscard]] Estimate in_its_light(const Candidate& candidate, const Rival& rival) noexcept;
   [[nodiscard]] bool can_be_sure() const noexcept;
   [[nodiscard]] Estimate estimate(const Candidate& candidate, double rival,
-                                  const Faces& faces) const noexcept;
+                                  const Faces& faces) noexcept;
   [[nodiscard]] double height_above_table(const Eigen::Isometry3d& pose) const noexcept;
 
   std::vector<camera::Camera> cameras;
@@ -176,7 +176,7 @@ double Tracker::Parts::height_above_table(const Eigen::Isometry3d& pose) const n
 // Judges a candidate. `rival` is the score of the best other pose, relative to that of the
 // candidate.
 Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
-                                  const Faces& faces) const noexcept {
+                                  const Faces& faces) noexcept {
   const Verdict& verdict = candidate.verdict;
   const Fit& fit = candidate.fit;
   Estimate estimate;
@@ -200,11 +200,8 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
   for (const double each : {
            at_least(verdict.purity(), 0.50, 0.80),
            at_most(verdict.contradicted / verdict.matched, 0.05, 0.02),
-           // A lamp may make one face look like another colour. Another object explains all faces
-           // better, and so does an image whose channels are exchanged.
+           // A lamp may make one face look like another colour.
            at_most(faces.contradiction, 3, 2.4),
-           at_most(faces.exchanged_colours, 0.2, 0.05),
-           at_most(faces.exchanged_channels, 0.5, 0.2),
            at_least(verdict.completeness(), 0.25, 0.6),
            at_least(faces.as_it_is(), kClearFaces, 5),
            // One camera alone may be another one than it is said to be.
@@ -230,6 +227,14 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
            at_least(verdict.directions, 1.5, 2),
        }) {
     confidence = each >= 0 ? std::min(confidence, each) : 0;  // also if it is no number
+  }
+  if (confidence >= 0.5) {
+    // Another object explains all faces better, and so does an image whose channels are exchanged.
+    const auto exchanges = light.exchanges(views, candidate.pose);
+    // An image of an instant before shows edges elsewhere: more than those of one edge of a face.
+    const int elsewhere = edges.places_elsewhere(views, candidate.pose);
+    confidence = std::min({confidence, at_most(exchanges.colours, 0.2, 0.05),
+                           at_most(exchanges.channels, 0.5, 0.2), at_most(elsewhere, 14, 8)});
   }
   estimate.confidence = confidence;
   estimate.state = confidence >= 0.5 ? Estimate::State::kSure : Estimate::State::kUnsure;

@@ -183,8 +183,8 @@ TEST(Tracker, FindsTheLightInWhichTheFacesHaveTheirColours) {
       EXPECT_LT(turn(estimate.pose, pose), 0.6 * kDegree);
     }
   }
-  // In one of these 24 scenes, the light makes the cube look like one with other colours.
-  EXPECT_LE(not_sure, 1);
+  // In two of these 24 scenes, the light makes the cube look like one with other colours.
+  EXPECT_LE(not_sure, 2);
 }
 
 TEST(Tracker, SaysTheSameOfTheSameImages) {
@@ -392,6 +392,34 @@ TEST(Tracker, IsNotSureOfACubeWithTwoColoursExchangedIfACameraSeesOne) {
   EXPECT_GT(unseen, 0);
 }
 
+// A face may have a colour between two others, in the light of a lamp or as it is made. Then nobody
+// can tell a cube from its mirror image.
+TEST(Tracker, IsNeverSureOfACubeAndOfItsMirrorImage) {
+  BoxColours mirrored = competition_colours();
+  std::swap(mirrored[1], mirrored[5]);  // green and yellow: opposite faces
+  Tracker tracker(three_cameras(), cube());
+  Tracker other(three_cameras(), coloured_box("cube", kCubeSize, mirrored, kRim));
+  int sure = 0;
+  int other_sure = 0;
+  for (const double share : {0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0}) {
+    Painter painter;
+    const Painter::Colour green = painter.colours["green"];
+    const Painter::Colour yellow = painter.colours["yellow"];
+    painter.colours["green"] = (1 - share) * green + share * yellow;
+    painter.colours["yellow"] = painter.colours["green"];
+    for (const Eigen::Isometry3d& pose : some_poses()) {
+      const Pictures pictures = painted(pose, painter);
+      const bool is_sure = tracker.track(pictures.spans()).is_sure();
+      const bool is_other_sure = other.track(pictures.spans()).is_sure();
+      EXPECT_FALSE(is_sure && is_other_sure) << share << " at " << pose.translation().transpose();
+      sure += is_sure ? 1 : 0;
+      other_sure += is_other_sure ? 1 : 0;
+    }
+  }
+  EXPECT_GT(sure, 0);
+  EXPECT_GT(other_sure, 0);
+}
+
 TEST(Tracker, fault_51_WorksWithoutOneCameraAndKnowsThatItIsLessSure) {
   Tracker tracker(three_cameras(), cube());
   for (const Eigen::Isometry3d& pose : some_poses()) {
@@ -438,6 +466,43 @@ TEST(Tracker, fault_54_IsNotSureWhenOneImageIsOld) {
       pictures.images[i] = old.images[i];
       EXPECT_FALSE(tracker.track(pictures.spans()).is_sure()) << i;
       EXPECT_FALSE(tracker.track(pictures.spans(), &pose).is_sure()) << i;
+    }
+  }
+}
+
+// Hides one half of the object in an image of a camera.
+void hide_half(const camera::Camera& camera, const Eigen::Isometry3d& pose, int half,
+               std::vector<std::byte>& image) {
+  constexpr int kReach = 120;  // [pixel]
+  const auto middle = camera.project(pose.translation());
+  ASSERT_TRUE(middle.has_value());
+  const int column = static_cast<int>(middle->x());
+  const int row = static_cast<int>(middle->y());
+  const int left = half == 0 ? column - kReach : column;
+  for (int y = std::max(0, row - kReach); y < std::min(camera.format.height, row + kReach); ++y) {
+    const auto begin = std::clamp(left, 0, camera.format.width);
+    const auto end = std::clamp(left + kReach, 0, camera.format.width);
+    std::fill(image.begin() + y * camera.format.width + begin,
+              image.begin() + y * camera.format.width + end, std::byte{110});
+  }
+}
+
+TEST(Tracker, fault_54_IsNotSureWhenOneImageIsOldAndAnotherOneShowsHalfOfTheCube) {
+  const auto cameras = three_cameras();
+  Tracker tracker(cameras, cube());
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    Eigen::Isometry3d before = pose;
+    before.translation() += Eigen::Vector3d(0.009, -0.009, 0);
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      const std::size_t hidden = (i + 1) % cameras.size();
+      Pictures pictures = painted(pose);
+      pictures.images[i] = painted(before).images[i];
+      for (const int half : {0, 1}) {
+        Pictures halved = pictures;
+        hide_half(cameras[hidden], pose, half, halved.images[hidden]);
+        EXPECT_FALSE(tracker.track(halved.spans()).is_sure())
+            << i << ", " << half << " at " << pose.translation().transpose();
+      }
     }
   }
 }
