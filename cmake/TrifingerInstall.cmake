@@ -17,9 +17,9 @@ endif()
 
 get_property(TRIFINGER_LAYERS GLOBAL PROPERTY TRIFINGER_LAYERS)
 configure_file(cmake/trifingerConfig.cmake.in ${PROJECT_BINARY_DIR}/trifingerConfig.cmake @ONLY)
-# Before version 1, a new minor version may be incompatible with the one before.
+# A new minor version only adds: docs/stability.md.
 write_basic_package_version_file(
-  ${PROJECT_BINARY_DIR}/trifingerConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+  ${PROJECT_BINARY_DIR}/trifingerConfigVersion.cmake COMPATIBILITY SameMajorVersion)
 install(
   FILES ${PROJECT_BINARY_DIR}/trifingerConfig.cmake ${PROJECT_BINARY_DIR}/trifingerConfigVersion.cmake
   DESTINATION ${package_folder}
