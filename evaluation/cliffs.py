@@ -71,8 +71,8 @@ Written by `./run evaluate cliffs` from [cliffs.jsonl](cliffs.jsonl). The robot 
 for one value, of which the levels below are tried, the worst one first, then by bisection. Mass,
 friction, poses and starts vary as in [skills.md](skills.md), and its judges decide. A cell is the
 worst level at which at least half of the trials succeed, and how many of how many do; `-`: not
-even the first level; `...`: the next level was not tried, or there is none. In the picture, white
-is what a robot *as built* has, blue is more, red is less.
+even the first level; `...`: the next level was not tried, or there is none; empty: not known yet.
+In the picture, white is what a robot *as built* has, blue is more, red is less.
 
 ![The worst level that each skill stands](cliffs.png)
 
@@ -92,8 +92,9 @@ def share(
 def has_trials(results: Results, row: Row) -> bool:
     """Whether there is any trial of a row."""
     return any(
-        share(results, row, disturbance, disturbance.levels[0], 1) is not None
+        share(results, row, disturbance, level, 1) is not None
         for disturbance in DISTURBANCES
+        for level in disturbance.levels
     )
 
 
@@ -205,7 +206,7 @@ def main() -> int:
 
 
 def find(results: Results, wanted: Sequence[Row], seeds: range, processes: int) -> None:
-    """Makes each value worse until every cliff is found."""
+    """Tries levels until every cliff is found."""
     while batches := next_batches(results, wanted, seeds):
         for row, condition, vary, _ in run(results, batches, processes):
             trials = results.of(row, condition, vary)

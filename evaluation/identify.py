@@ -42,6 +42,7 @@ from trifinger.identification import Figure, Identification, Motion, identify, r
 from trifinger.identification.fit import DELAY, errors_of
 from trifinger.identification.handling import identify_handling
 from trifinger.identification.page import CONFIGURATION, FIGURES
+from trifinger.identification.stiffness import words_of
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -380,38 +381,38 @@ def run_reach(seed: int) -> dict[str, Any]:
         folder = Path(path)
         real, fitted = identify_edge(seed, folder)
         told = json.loads((fitted / FIGURES).read_text(encoding="utf-8"))["train"]
-        settings = [f"{name}={value}" for name, value in told.items()]
         kinds: dict[str, tuple[str, list[str]]] = {
             "before": ("trifinger_edu", []),
-            "settings": ("trifinger_edu", settings),
-            "after": (str(fitted / CONFIGURATION), settings),
+            "settings": ("trifinger_edu", words_of(told)),
+            "after": (str(fitted / CONFIGURATION), words_of(told)),
         }
-        trained = {
-            when: [
-                pool.submit(reach, config, chosen, training, real, folder / f"{when}{training}")
-                for training in TRAININGS
-            ]
-            for when, (config, chosen) in kinds.items()
-        }
+
+        def distance(of: tuple[str, int]) -> float:
+            when, training = of
+            return reach(*kinds[when], training, real, folder / f"{when}{training}")
+
+        trained = [(when, training) for when in kinds for training in TRAININGS]
+        distances: dict[str, list[float]] = {when: [] for when in kinds}
+        for (when, _), found in zip(trained, pool.map(distance, trained), strict=True):
+            distances[when].append(found)
         return {
             "what": "reach",
             "seed": seed,
             "seconds": SECONDS,
             "train": told,
-            "distances": {when: [one.result() for one in them] for when, them in trained.items()},
+            "distances": distances,
         }
 
 
 def reach(config: str, settings: list[str], seed: int, real: Path, output: Path) -> float:
     """Trains a shared policy for one robot; its median distance on another one [m]."""
     words = ["reach", "--shared", "--robot-config", config, "--seed", str(seed), "-o", str(output)]
-    for setting in settings:
-        words += ["--set", setting]
+    words += settings
     train = "import sys; from trifinger.commands.train import main; sys.exit(main())"
     subprocess.run(
         [sys.executable, "-c", train, *words],
         check=True,
-        capture_output=True,
+        stdout=subprocess.DEVNULL,
         env=os.environ | {"OMP_NUM_THREADS": "1"},
     )
     policy = Policy(output / "reach.policy")
@@ -470,7 +471,7 @@ def write(rows: list[dict[str, Any]]) -> None:
     for row in (row for row in rows if row.get("what") == "reach"):
         found = {when: spread(values) for when, values in row["distances"].items()}
         text += f"| distance of a shared reach policy | {found['before']} | {found['after']} |\n"
-        words = " ".join(f"--set {name}={value}" for name, value in row["train"].items())
+        words = " ".join(words_of(row["train"]))
         settings = f",\nas `identify` advises: `{words}`" if words else ""
         count = len(row["distances"]["settings"])
         text += REACH_TAIL.format(settings=settings, count=count, distance=found["settings"])
@@ -539,7 +540,9 @@ def main() -> None:
     done = {(row.get("what", ""), row["seed"], row["seconds"]) for row in rows}
     for seed in range(FIRST, FIRST + arguments.robots):
         for what in ("", "object", *((*FILES, "edge", "reach") if seed == FIRST else ())):
-            seconds = FILE_SECONDS if what in FILES else arguments.seconds
+            seconds = arguments.seconds
+            if what in (*FILES, "edge", "reach"):
+                seconds = FILE_SECONDS if what in FILES else SECONDS
             if (what, seed, seconds) in done:
                 continue
             if what in FILES:

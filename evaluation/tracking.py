@@ -86,7 +86,7 @@ tracker was sure. It must be sure of no faulty one, even where its pose is right
 Pictures that show nothing wrong are left out: they are right ones for anybody who sees them. In
 them, fewer than {visible} pixels contradict the cube that is believed, in the orientation that
 explains them best (evaluation/contradictions.py). Which pixels show which face is known from the
-scenes, fingers included, so the tracker has no part in it.
+scenes, fingers included, so the tracker has no part in it.{untold}
 
 | pictures | {names} |
 |---|{lines}
@@ -207,7 +207,7 @@ class Experiment:
         return [np.array(each) for each in images]
 
     def faces(self, number: int) -> list[Any]:
-        """The faces of the cube in the pictures of the scene that was drawn last."""
+        """The faces of the cube in the pictures of a scene; call images(number) before."""
         cameras = cameras_of(self.renderer.true_calibration)
         return self.scenes.faces(self.scenes.draw(SEED, number), cameras)
 
@@ -369,6 +369,7 @@ def wrong_report(found: dict[str, list[Answer]], scenes: int, first: int, folder
         rows="\n".join(row(kind) for kind in KINDS),
         sums=" | ".join(map(total, found.values())),
         visible=VISIBLE,
+        untold=" Of photographs it is not known: all are counted." if folder else "",
     )
 
 

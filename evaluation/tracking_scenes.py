@@ -72,9 +72,8 @@ def faces_in_image(
     """
     faces = np.full((camera.height, camera.width), -1, np.int8)
     signs = np.array(np.meshgrid(*3 * [(-1, 1)])).reshape(3, -1).T
-    seen = camera.project(
-        position + SIZE * signs
-    )  # of a box that holds the cube in any orientation
+    # A box that holds the cube in any orientation.
+    seen = camera.project(position + SIZE * signs)
     size = np.array([camera.width, camera.height])
     left, top = np.clip(np.floor(seen.min(axis=0)), 0, size).astype(int)
     right, bottom = np.clip(np.ceil(seen.max(axis=0)) + 1, 0, size).astype(int)
@@ -134,7 +133,7 @@ class Scenes:
     def faces(self, scene: Scene, cameras: Sequence[Camera]) -> list[np.ndarray]:
         """The faces of the cube that cameras see, fingers in front of them included."""
         model, data = self._model, self._data
-        data.qpos[:] = scene.configuration[: model.nq]
+        data.qpos[:] = scene.configuration
         mujoco.mj_forward(model, data)
 
         def first_face(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ def _moved(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
 def _mirrored(image: np.ndarray, axis: int) -> np.ndarray:
     mirror = np.flip(image, axis)
-    if image.ndim == 3 or axis == 2:
+    if image.ndim == 3:
         return mirror
     return np.roll(mirror, 1, axis)  # the pattern of the mosaic stays
 

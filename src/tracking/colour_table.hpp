@@ -91,7 +91,7 @@ class LabelledImage {
   void read_unbalanced(const ColourTable& table) noexcept;
   // The white balance of the image; another light does not change it.
   [[nodiscard]] const Eigen::Vector3d& balance() const noexcept { return balance_; }
-  // The white balance that is not used: none, if the image was read with one.
+  // The white balance that `read_unbalanced` has left out; ones after `read`.
   [[nodiscard]] const Eigen::Vector3d& other_balance() const noexcept { return other_balance_; }
   [[nodiscard]] bool exists() const noexcept { return pixels_ != nullptr; }
 

@@ -57,9 +57,9 @@ class EdgeFit {
   void approach(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept;
   // From some pixels to the limit of what the images tell.
   [[nodiscard]] Fit refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept;
-  // How many more places on edges agree if one image is shifted by some pixels, of the image that
-  // this explains best; 8 or fewer are not told apart. Something in front of the object hides
-  // edges, but it does not move them.
+  // Whether an image is old: how many more places on edges agree after a shift of 6 pixels or more
+  // than without one, of the image with most. At least 8, because fewer say nothing. Something in
+  // front of the object hides edges, but does not move them.
   [[nodiscard]] int places_elsewhere(const std::vector<View>& views,
                                      const Eigen::Isometry3d& pose) noexcept;
 

@@ -215,9 +215,7 @@ LightFit::Answer LightFit::fit(const std::vector<View>& views,
   Answer answer;
   answer.lights.fill(Eigen::Vector3d::Ones());
   answer.lights_as_it_is.fill(Eigen::Vector3d::Ones());
-  for (std::size_t w = 0; w < kWhites; ++w) {
-    std::ranges::fill(scores_[w], 0.0);
-  }
+  for (auto& scores : scores_) std::ranges::fill(scores, 0.0);
   std::ranges::fill(seen_, 0.0);
   is_read_.fill(false);
   for (std::size_t c = 0; c < views.size(); ++c) {

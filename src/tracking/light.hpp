@@ -42,14 +42,15 @@ class LightFit {
   [[nodiscard]] Answer fit(const std::vector<View>& views, const Eigen::Isometry3d& pose) noexcept;
 
   struct Exchanges {
-    // How much likelier the object is as it is but with two colours exchanged, and how much less
-    // likely it must be: the sum of both for the colours that speak most against it.
+    // The larger it is, the more two exchanged colours speak against the object: how much likelier
+    // it is with them exchanged, plus a margin that grows with how much is seen of them. Of the
+    // pair that speaks most against it.
     double colours{0};
     // How much likelier it is with red and blue of an image exchanged, of the image that speaks
     // most against it.
     double channels{0};
   };
-  // Of the pose that was fitted last.
+  // Call fit() with the same images and pose before: it finds the light.
   [[nodiscard]] Exchanges exchanges(const std::vector<View>& views,
                                     const Eigen::Isometry3d& pose) noexcept;
 
@@ -64,8 +65,9 @@ class LightFit {
     Label b;
   };
   static constexpr Exchange kNone{0, 0};
-  // Usual is a light that the white balance makes of all images, or one without it: a table of wood
-  // misleads the balance. The images are read in the first one.
+  // Which light is usual is not known: that in which the white balance makes the image grey, or, as
+  // a table of wood misleads the balance, that in which the camera took it. It is the same kind for
+  // all images. They are read in the first one.
   static constexpr std::size_t kWhites = 2;
   // The lights near each of these in which the faces have their colours best.
   struct Best {
@@ -103,7 +105,7 @@ class LightFit {
   std::array<double, kWhites> unexchanged_;
   // Of each turn; the first one leaves the object as it is.
   std::array<std::vector<double>, kWhites> scores_;
-  std::array<bool, kMaxCameras> is_read_{};  // whether an image shows where the object is
+  std::array<bool, kMaxCameras> is_read_{};  // with the object in front of its camera
   std::array<std::vector<Best>, kMaxCameras> bests_;
 };
 

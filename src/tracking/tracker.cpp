@@ -231,7 +231,7 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
   if (confidence >= 0.5) {
     // Another object explains all faces better, and so does an image whose channels are exchanged.
     const auto exchanges = light.exchanges(views, candidate.pose);
-    // An image of an instant before shows edges elsewhere: more than those of one edge of a face.
+    // An image of an instant before shows edges elsewhere, more than the 14 places of one edge.
     const int elsewhere = edges.places_elsewhere(views, candidate.pose);
     confidence = std::min({confidence, at_most(exchanges.colours, 0.2, 0.05),
                            at_most(exchanges.channels, 0.5, 0.2), at_most(elsewhere, 14, 8)});

@@ -22,7 +22,7 @@ from trifinger.identification.excitation import Excitation, Gains, strokes
 from trifinger.identification.fit import Figure
 from trifinger.identification.handling import HANDLED, Moments, contacts, smooth
 from trifinger.identification.page import FIGURES, ranges
-from trifinger.identification.stiffness import stiffness
+from trifinger.identification.stiffness import advice, settings, stiffness
 
 TRUE = {
     "friction": [0.004, 0.012, 0.009],
@@ -255,6 +255,17 @@ def test_a_robot_that_is_late_is_told_how_soft_it_must_be(tmp_path: Path) -> Non
     assert stiffness(str(sticks)) != told
     assert stiffness(str(sticks), ("friction", "backlash")) == told
     assert stiffness(str(finger(tmp_path, "punctual.yml"))) is None
+    # The damping of the safety checks alone may be too much.
+    too_late = str(finger(tmp_path, "too_late.yml", torque_delay=0.01, measurement_delay=0.01))
+    assert stiffness(too_late) == 0.0
+    assert settings(0.0) == {"action": "position_change"}
+    assert "lower safety.safety_kd" in advice(settings(0.0))
+    # A short history is enough for a robot, but not for this.
+    short = tmp_path / "short.yml"
+    text = configuration_text(config)
+    short.write_text(re.sub(r"(?m)^(  history: )\d+", r"\g<1>128", text))
+    assert "history: 128" in short.read_text()
+    assert stiffness(str(short)) == told
     # One that trembles beyond its limits stops with a fault.
     later = finger(tmp_path, "later.yml", torque_delay=0.006, measurement_delay=0.006)
     text = configuration_text(str(later))

@@ -128,7 +128,7 @@ def identify(arguments: argparse.Namespace) -> int:
         return 1 if changes else 0
     base = arguments.robot_config or ""
     base = str(Path(base).resolve()) if Path(base).is_file() else base
-    chosen = save(result, arguments.output, base)
+    training = save(result, arguments.output, base)
     told = len(result.told)
     if arguments.json:
         say_json(
@@ -136,7 +136,7 @@ def identify(arguments: argparse.Namespace) -> int:
                 "figures": told,
                 "not_told": len(result.figures) - told,
                 "free_run_ratio": result.ratio,
-                "train": chosen,
+                "train": training,
                 "folder": str(arguments.output),
             }
         )
@@ -145,7 +145,7 @@ def identify(arguments: argparse.Namespace) -> int:
         f"{told} of {len(result.figures)} figures are told. The error of a free run of 1 s is "
         f"{result.ratio:.3f} of what it was.",
         f"{arguments.output} has fitted.yml, vary.json and identified.html.",
-        *([advice(chosen)] if chosen else []),
+        *([advice(training)] if training else []),
         sep="\n",
     )
     return 0

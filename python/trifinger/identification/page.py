@@ -13,6 +13,7 @@ import numpy as np
 
 from trifinger._trifinger import FreeRun
 from trifinger.arrays import Array
+from trifinger.errors import InvalidArgument
 from trifinger.identification.fit import (
     DELAY,
     HELD_OUT,
@@ -27,6 +28,7 @@ from trifinger.identification.stiffness import advice, settings, stiffness
 from trifinger.whole_file import whole_file
 
 CONFIGURATION = "fitted.yml"
+LATEST = 0.01  # torques and measurements of a simulation, each [s]
 BASE = "robot.yml"
 FIGURES = "identified.json"
 RANGES = "vary.json"
@@ -57,15 +59,15 @@ def save(result: Identification, folder: Path, base: str = "") -> dict[str, str 
     _write(folder / RANGES, json.dumps(ranges(result), indent=2) + "\n")
     fitted = {one.name for one in result.figures if one.value != one.described}
     softer = stiffness(str(folder / CONFIGURATION), fitted & {"friction", "backlash"})
-    chosen = settings(softer)
+    training = settings(softer)
     figures = {
         "logs": result.motion.logs,
         "figures": [asdict(one) for one in result.figures],
-        "train": chosen,
+        "train": training,
     }
     _write(folder / FIGURES, json.dumps(figures, indent=1) + "\n")
-    _write(folder / PAGE, page(result, chosen))
-    return chosen
+    _write(folder / PAGE, page(result, training))
+    return training
 
 
 def _write(path: Path, text: str) -> None:
@@ -94,12 +96,17 @@ def configuration(result: Identification, base: str) -> str:
         for one, value in zip(fitted, values, strict=True):
             told = f"{one.low:.4g} to {one.high:.4g}" if one.is_told else "not told"
             lines.append(f"    - {value:.6g}  # {one.joint}: {told}")
-    delay = result.of(DELAY)
+    delay, period = result.of(DELAY), result.motion.period
+    late = [period * steps for steps in (result.torque_delay, result.measurement_delay)]
+    if max(late) > LATEST:
+        raise InvalidArgument(
+            f"torques are {1e3 * late[0]:.4g} ms late and measurements {1e3 * late[1]:.4g} ms; a "
+            f"simulation can be {1e3 * LATEST:g} ms late each way"
+        )
     split = "" if result.splits_delay else "; the log does not split it"
-    period = result.motion.period
     lines.append(f"  # Together {delay.low:.4g} to {delay.high:.4g} s{split}.")
-    lines.append(f"  torque_delay: {result.torque_delay * period:.6g}")
-    lines.append(f"  measurement_delay: {result.measurement_delay * period:.6g}")
+    lines.append(f"  torque_delay: {late[0]:.6g}")
+    lines.append(f"  measurement_delay: {late[1]:.6g}")
     return "\n".join(lines) + "\n"
 
 
@@ -134,8 +141,8 @@ def ranges(result: Identification) -> dict[str, list[float]]:
     return found
 
 
-def page(result: Identification, chosen: Mapping[str, str | float]) -> str:
-    """A page for a browser; `chosen` are settings that trainings need."""
+def page(result: Identification, training: Mapping[str, str | float]) -> str:
+    """A page for a browser; `training` are the settings that trainings need."""
     after, before = result.after, result.before
     rows = "".join(
         f"<tr><td>{html.escape(joint)}</td><td>{1e6 * before.one_step[i]:.0f}</td>"
@@ -160,7 +167,7 @@ were not fitted; errors and drawings are of them. After identification the error
 <h2>Figures</h2>
 <table><tr><th>figure</th><th>joint</th><th>value</th><th>95 %</th><th>described</th></tr>
 {"".join(map(_row, result.figures))}</table>
-{f"<p>{advice(chosen)}</p>" if chosen else ""}
+{f"<p>{advice(training)}</p>" if training else ""}
 <h2>What the logs do not tell</h2>
 <ul>{"".join(map(_hint, untold)) or "<li>nothing</li>"}</ul>
 </html>

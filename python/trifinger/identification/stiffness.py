@@ -17,20 +17,22 @@ SECONDS = 1.0  # in which joints come to rest
 PUSH = 0.02  # from where they begin [rad], [m]
 TREMBLE = 2e-4  # standard deviation of a joint that does not come to rest [rad], [m]
 STEPS = 8  # halvings
+HISTORY = 16384  # steps of a session: more than are read at once
 
 
 def stiffness(config: str, without: Iterable[str] = ()) -> float | None:
     """The stiffness of positions that leaves a gain margin of `MARGIN` [Nm/rad], [N/m].
 
-    None if the gains of the robot leave it, or if no stiffness does, because even the damping of
-    the safety checks comes too late. `config` is the name of a configuration or the path of a file.
-    `without` names lists in its section `identified` that count as zero: dry friction and play calm
-    joints at rest, but not joints that move.
+    None if the gains of the robot leave it, 0 if no stiffness does, because even the damping of
+    the safety checks comes too late. Stiffness is tried up to `safety.max_kp`, and is one number
+    for all joints, which must be of one kind. `config` is the name of a configuration or the path
+    of a file. `without` names lists in its section `identified` that count as zero: dry friction
+    and play calm joints at rest, but not joints that move.
     """
     _, joints, limits = read_joint_facts(configuration_text(config), opens_file=True)
     usual, most = limits["default_kp"], limits["max_kp"]
     changes: dict[str, object] = {f"identified.{name}": [0.0] * len(joints) for name in without}
-    changes["simulation.condition"] = "as documented"
+    changes |= {"simulation.condition": "as documented", "backend.history": HISTORY}
 
     def last_positions(kp: Array) -> Array:
         with Simulation(config, changes).connect() as robot:
@@ -61,7 +63,7 @@ def stiffness(config: str, without: Iterable[str] = ()) -> float | None:
             high = middle
         else:
             low = middle
-    return float(f"{low / MARGIN:.2g}") if low > 0.0 else None
+    return float(f"{low / MARGIN:.2g}")
 
 
 def settings(kp: float | None) -> dict[str, str | float]:
@@ -70,13 +72,24 @@ def settings(kp: float | None) -> dict[str, str | float]:
     By usual actions, positions in the whole range, a policy learns to ask for far ones, which lets
     a late robot tremble; by `position_change` it cannot.
     """
-    return {} if kp is None else {"action": "position_change", "position_kp": kp}
+    if kp is None:
+        return {}
+    return {"action": "position_change"} | ({"position_kp": kp} if kp > 0 else {})
 
 
-def advice(chosen: Mapping[str, str | float]) -> str:
+def words_of(training: Mapping[str, str | float]) -> list[str]:
+    """The words with which `trifinger train` gets settings()."""
+    return [word for name, value in training.items() for word in ("--set", f"{name}={value}")]
+
+
+def advice(training: Mapping[str, str | float]) -> str:
     """What to do with settings(), in a sentence."""
-    words = " ".join(f"--set {name}={value}" for name, value in chosen.items())
+    if "position_kp" not in training:
+        return (
+            "The robot trembles at any stiffness, because torques or measurements come too late "
+            "for the damping of its safety checks: lower safety.safety_kd, then identify again"
+        )
     return (
         "The robot trembles if it is stiff, because torques or measurements are late: train "
-        f"policies with {words}"
+        f"policies with {' '.join(words_of(training))}"
     )
