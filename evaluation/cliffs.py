@@ -72,7 +72,7 @@ for one value, of which the levels below are tried, the worst one first, then by
 friction, poses and starts vary as in [skills.md](skills.md), and its judges decide. A cell is the
 worst level at which at least half of the trials succeed, and how many of how many do; `-`: not
 even the first level; `...`: the next level was not tried, or there is none; empty: not known yet.
-In the picture, white is what a robot *as built* has, blue is more, red is less.
+In the picture, white is what a robot *as built* has, blue is more, red is less, grey is not known.
 
 ![The worst level that each skill stands](cliffs.png)
 
@@ -161,6 +161,7 @@ def draw(results: Results, rows: Sequence[Row]) -> None:
             text = text if falls == stands < len(levels) else f"{text} …"
             axes.text(k, i, text, ha="center", va="center", fontsize=8, color=color)
     axes.imshow(margins, cmap="RdBu", vmin=-4, vmax=4, aspect="auto")
+    axes.set_facecolor("lightgrey")  # what is not known
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
     labels = [disturbance.meaning for disturbance in DISTURBANCES]
     axes.set_xticks(range(len(labels)), labels, rotation=35, ha="right", fontsize=8)
