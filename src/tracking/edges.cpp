@@ -372,13 +372,13 @@ Fit EdgeFit::refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noe
 
 int EdgeFit::places_elsewhere(const std::vector<View>& views,
                               const Eigen::Isometry3d& pose) noexcept {
-  constexpr double kReach = 24;    // [pixel]
   constexpr double kStep = 2;      // between shifts [pixel]
+  constexpr int kSteps = 12;       // each way
   constexpr double kNear = 6;      // calibrations are off by less [pixel]
   constexpr double kAgreeing = 3;  // [pixel]: labels are those of blocks
   constexpr int kFew = 8;          // places that say nothing
   measure_edges(views, pose, [](const Spot& spot, double& offset) noexcept {
-    return find_label_step(spot, kReach, offset);
+    return find_label_step(spot, kSteps * kStep, offset);
   });
   int most = kFew;
   for (auto line = lines_.cbegin(); line != lines_.cend();) {
@@ -391,9 +391,9 @@ int EdgeFit::places_elsewhere(const std::vector<View>& views,
     };
     const int here = agreeing(Eigen::Vector2d::Zero());
     const bool is_clear = next - line - here <= most;  // no shift can explain more
-    for (double x = -kReach; x <= kReach && !is_clear; x += kStep) {
-      for (double y = -kReach; y <= kReach; y += kStep) {
-        const Eigen::Vector2d shift(x, y);
+    for (int i = -kSteps; i <= kSteps && !is_clear; ++i) {
+      for (int j = -kSteps; j <= kSteps; ++j) {
+        const Eigen::Vector2d shift(kStep * i, kStep * j);
         if (shift.norm() >= kNear) most = std::max(most, agreeing(shift) - here);
       }
     }
