@@ -26,7 +26,7 @@ class Viewing:
     def __init__(self, *words: str, before: str = "") -> None:
         program = VIEW.format(before=f"{PATIENTLY}\n{before}")
         self.process = subprocess.Popen(
-            [sys.executable, "-c", program, *words, "--no-browser", "--plain"],
+            [sys.executable, "-c", program, "--port", "0", *words, "--no-browser", "--plain"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
