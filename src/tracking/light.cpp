@@ -135,8 +135,8 @@ double LightFit::contradiction() const noexcept {
   return worst;
 }
 
-// Of the exchange that speaks most against the object. The more is seen of its colours, the clearer
-// must it be that they are not exchanged.
+// The exchange that speaks most against the object decides. If much is seen of two colours, it must
+// be clear that they are not exchanged.
 double LightFit::exchanged_colours() const noexcept {
   constexpr double kClear = 0.3;
   constexpr int kMany = 74;  // samples with a colour: two faces

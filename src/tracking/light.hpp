@@ -93,7 +93,7 @@ class LightFit {
   const Shape* shape_;
   const ColourTable* table_;
   std::array<Eigen::Vector3d, kLights> lights_;
-  // Of unusual light, in the image that is looked at.
+  // How unusual each light is for the image whose samples were read.
   std::array<std::array<double, kLights>, kWhites> costs_;
   std::vector<Sample> samples_;
   std::vector<std::size_t> shown_;  // the faces of the samples

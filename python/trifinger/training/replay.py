@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
+from trifinger.stable_baselines import JOINTS
 
-JOINTS = 3  # of a finger
 GOAL = slice(-3, None)  # place of the goal in the numbers of a finger, whatever else is observed
 draw = np.random.randint  # by the generator of Stable-Baselines3: its state is in the checkpoints
 
