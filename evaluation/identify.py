@@ -39,7 +39,7 @@ from trifinger.environments import Options
 from trifinger.errors import InvalidArgument
 from trifinger.evaluation import Evaluator, act_of
 from trifinger.identification import Figure, Identification, Motion, identify, read_motion, save
-from trifinger.identification.fit import DELAY, errors_of
+from trifinger.identification.fit import CENTERS, DELAY, errors_of
 from trifinger.identification.handling import identify_handling
 from trifinger.identification.page import CONFIGURATION, FIGURES
 from trifinger.identification.stiffness import words_of
@@ -58,8 +58,11 @@ ROTOR, DAMPING, FRICTION = 3.645e-4, 0.005, 0.01  # about which figures are draw
 BOARDS_DELAY = 0.001  # desired currents act from the next tick of a board on [s]
 RUN_TRIAL = ROOT / "build" / "release" / "evaluation" / "run_trial"
 TRIFINGER = ROOT / "build" / "release" / "apps" / "trifinger"
+CENTER = 8e-3  # of mass, to each side [m]
+CENTERED = range(FIRST + 1, FIRST + 4)  # robots with other centres; the first one was looked at
 MASS, MASS_SHARE = 0.094, 0.3  # [kg]
 FRICTIONS = {"tip_object": (0.6, 1.1), "object_table": (0.3, 0.6), "tip_table": (0.5, 1.0)}
+TIPS = {"tip_time_constant": (4e-3, 20e-3), "tip_damping_ratio": (0.5, 2.0)}  # [s]
 ATTEMPTS = 3  # to lift or slide it
 LATE = 2e-3  # at most, so that the cube can be lifted [s]
 DESCRIBED = {"friction": FRICTION, "damping": DAMPING, "rotor_inertia": ROTOR}
@@ -100,12 +103,20 @@ Motion does not tell the scale of all torques and masses of a finger together, s
 further from what is described than assumed, all figures of a finger miss at once.
 
 """
+CENTERS_HEAD = """
+## Centres of mass
+
+As above, but the centre of mass of each link is up to {center:.0f} mm off in each direction, too,
+and `--centers` is given.
+
+"""
 OBJECTS = """
 ## Objects
 
-A cube is lifted and slid, and tips slide over it and over the table. Its mass differs by up to
-30 %, friction of tip and cube is 0.6 to 1.1, of cube and table 0.3 to 0.6, of tip and table 0.5 to
-1.0. Robots are those above, as they were identified, but at most {late:.0f} ms late each way. Poses
+A cube is lifted and slid, and tips press on the table and slide over it and over the cube. Its
+mass differs by up to 30 %, friction of tip and cube is 0.6 to 1.1, of cube and table 0.3 to 0.6,
+of tip and table 0.5 to 1.0. Tips have a time constant of 4 to 20 ms and a damping ratio of 0.5 to
+2. Robots are those above, as they were identified, but at most {late:.0f} ms late each way. Poses
 come every 10 ms, 20 ms late, with noise of 0.5 mm and 5 mrad. A lift or slide that fails is done
 again, {attempts} times at most, and one that succeeds is used, unless torques are at their limit
 for a quarter of the time.
@@ -140,7 +151,7 @@ Trained with the same settings for the robot as described, {count} seeds come wi
 """
 
 
-def draw(seed: int) -> dict[str, Any]:
+def draw(seed: int, *, with_centers: bool = False) -> dict[str, Any]:
     """The section `identified` of a robot."""
     random = np.random.default_rng(seed)
 
@@ -148,7 +159,7 @@ def draw(seed: int) -> dict[str, Any]:
         values: list[float] = (middle * random.uniform(1 - share, 1 + share, JOINTS)).tolist()
         return values
 
-    return {
+    figures: dict[str, Any] = {
         "friction": around(FRICTION, 0.8),
         "damping": around(DAMPING, 0.8),
         "rotor_inertia": around(ROTOR, 0.5),
@@ -158,6 +169,9 @@ def draw(seed: int) -> dict[str, Any]:
         "torque_delay": int(random.integers(0, 5)) * 1e-3,
         "measurement_delay": int(random.integers(0, 5)) * 1e-3,
     }
+    if with_centers:
+        figures |= {name: random.uniform(-CENTER, CENTER, JOINTS).tolist() for name in CENTERS}
+    return figures
 
 
 @contextlib.contextmanager
@@ -179,7 +193,7 @@ def record(name: str, folder: Path, *options: object) -> Path:
     return Path(move(name, parse([name, "-o", str(folder), *map(str, options)])))
 
 
-def run(seed: int, seconds: float, judged: float) -> dict[str, Any]:
+def run(seed: int, seconds: float, judged: float, *, with_centers: bool = False) -> dict[str, Any]:
     """Draws, moves and identifies one robot."""
     with tempfile.TemporaryDirectory() as path:
         folder = Path(path)
@@ -187,13 +201,14 @@ def run(seed: int, seconds: float, judged: float) -> dict[str, Any]:
         name = f"identify-{os.getpid()}"
         base = BASE.format(extends="trifinger_edu_emulated", name=name)
         described.write_text(base, encoding="utf-8")
-        figures = draw(seed)
+        figures = draw(seed, with_centers=with_centers)
         true.write_text(base + f"identified: {json.dumps(figures)}\n", encoding="utf-8")
         with robot(name, BOARDS, described, true, name):
             fitted = record(name, folder / "fitted", "--seconds", seconds, "--seed", seed)
             other = record(name, folder / "judged", "--seconds", judged, "--seed", seed + 1_000_000)
-        row = judge(read_motion([fitted]), read_motion([other]), figures)
-    return {"seed": seed, "seconds": seconds} | row
+        row = judge(read_motion([fitted]), read_motion([other]), figures, with_centers=with_centers)
+    what = {"what": "centers"} if with_centers else {}
+    return what | {"seed": seed, "seconds": seconds} | row
 
 
 def run_file(name: str, seed: int, seconds: float, judged: float) -> dict[str, Any]:
@@ -237,10 +252,12 @@ def run_file(name: str, seed: int, seconds: float, judged: float) -> dict[str, A
         return judge(fitted, other, figures) | {"what": name, "seed": seed, "seconds": seconds}
 
 
-def judge(fitted: Motion, other: Motion, figures: dict[str, Any]) -> dict[str, Any]:
+def judge(
+    fitted: Motion, other: Motion, figures: dict[str, Any], *, with_centers: bool = False
+) -> dict[str, Any]:
     """Identifies a robot from one motion, and compares with another one and with what is true."""
     begin, used = time.monotonic(), time.process_time()
-    result = identify(fitted)
+    result = identify(fitted, with_centers=with_centers)
     took, used = time.monotonic() - begin, time.process_time() - used
     free = FreeRun.of_text(other.configuration)
     delay = result.torque_delay + result.measurement_delay
@@ -270,13 +287,16 @@ def run_object(robot_row: dict[str, Any]) -> dict[str, Any]:
     name = f"identify-{os.getpid()}"
     about = BASE.format(extends="pushing", name=name).replace("objects: []\n", "")
     about += f"simulation: {json.dumps(POSES | {'seed': seed})}\n"
-    contact = {"tip_friction": 1.0, "tip_torsional_friction": 0.005, "floor_friction": 0.5}
+    tips = {name: float(random.uniform(*bounds)) for name, bounds in TIPS.items()}
+    contact: dict[str, Any] = {"tip_friction": 1.0, "tip_torsional_friction": 0.005}
+    contact |= {"floor_friction": 0.5}
     cube = {"name": "cube", "type": "cube", "size": [0.065], "mass": mass}
     with tempfile.TemporaryDirectory() as path:
         folder = Path(path)
         believed, real = folder / "believed.yml", folder / "real.yml"
         believed.write_text(f"{about}identified: {json.dumps(known)}\n", encoding="utf-8")
-        more = {"identified": figures, "contact": contact | {"friction": true}, "objects": [cube]}
+        contact |= tips | {"friction": true}
+        more = {"identified": figures, "contact": contact, "objects": [cube]}
         real.write_text(
             about + "".join(f"{key}: {json.dumps(value)}\n" for key, value in more.items()),
             encoding="utf-8",
@@ -288,15 +308,15 @@ def run_object(robot_row: dict[str, Any]) -> dict[str, Any]:
         for task in ("lift", "slide"):
             logs.extend(manipulate(task, name, folder, believed, real))
         found = identify_handling(list(useful(logs, believed)), str(believed), "cube")
-    truth = true | {"cube": mass}
+    truth = true | tips | {"object_mass": mass}
     return {
         "what": "object",
         "seed": seed,
         "seconds": SECONDS,
         "figures": [
-            row_of(one, truth[one.joint])
+            row_of(one, truth[kind_of(one.name, one.joint)])
             for one in found
-            if one.name in ("object_mass", "friction")
+            if kind_of(one.name, one.joint) in truth
         ],
     }
 
@@ -421,6 +441,11 @@ def reach(config: str, settings: list[str], seed: int, real: Path, output: Path)
     return float(np.median(evaluator(act_of(policy), evaluator.rows_of(policy)).distances))
 
 
+def kind_of(name: str, joint: str) -> str:
+    """What a line of a table is of."""
+    return joint if joint in FRICTIONS else name
+
+
 def row_of(figure: Figure, true: float) -> dict[str, Any]:
     """A figure with its interval and what it truly is."""
     return {
@@ -451,6 +476,9 @@ def write(rows: list[dict[str, Any]]) -> None:
     """Writes the page."""
     robots = [row for row in rows if "what" not in row]
     text = HEAD.format(seconds=SECONDS) + table(robots) + runs(robots)
+    centered = [row for row in rows if row.get("what") == "centers"]
+    if centered:
+        text += CENTERS_HEAD.format(center=1e3 * CENTER) + table(centered) + runs(centered)
     objects = [row for row in rows if row.get("what") == "object"]
     text += OBJECTS.format(late=1e3 * LATE, attempts=ATTEMPTS) + table(objects)
     for name in FILES:
@@ -513,18 +541,27 @@ def table(rows: list[dict[str, Any]]) -> str:
     text += "|---|---|---|---|---|\n"
     figures = [one for row in rows for one in row["figures"]]
 
-    def kind(one: dict[str, Any]) -> str:
-        return str(one["joint"] if one["joint"] in FRICTIONS else one["name"])
-
-    for name in [*dict.fromkeys(map(kind, figures)), "all"]:
-        of_kind = [one for one in figures if name in (kind(one), "all")]
+    kinds = [kind_of(one["name"], one["joint"]) for one in figures]
+    for name in [*dict.fromkeys(kinds), "all"]:
+        of_kind = [one for one, kind in zip(figures, kinds, strict=True) if name in (kind, "all")]
         told = [one for one in of_kind if one["told"]]
         near = [one for one in told if abs(one["value"] - one["true"]) <= 0.1 * abs(one["true"])]
-        widths = [(one["high"] - one["low"]) / 2 / one["true"] for one in told if one["true"]]
-        half = f"{100 * np.median(widths):.1f} % of the value" if widths and name != "all" else ""
+        half = "" if name == "all" else half_of([one for one in told if one["true"]])
         share = f"{len(inside(told))} ({100 * len(inside(told)) / max(len(told), 1):.0f} %)"
-        text += f"| {name} | {len(told)} of {len(of_kind)} | {share} | {len(near)} | {half} |\n"
+        within = "" if name in CENTERS else len(near)
+        text += f"| {name} | {len(told)} of {len(of_kind)} | {share} | {within} | {half} |\n"
     return text
+
+
+def half_of(told: list[dict[str, Any]]) -> str:
+    """The median of halves of intervals; centres are around zero."""
+    if not told:
+        return ""
+    halves = [(one["high"] - one["low"]) / 2 for one in told]
+    if told[0]["name"] in CENTERS:
+        return f"{1e3 * np.median(halves):.1f} mm"
+    shares = [half / one["true"] for half, one in zip(halves, told, strict=True)]
+    return f"{100 * np.median(shares):.1f} % of the value"
 
 
 def main() -> None:
@@ -539,7 +576,9 @@ def main() -> None:
         rows = [json.loads(line) for line in ROWS.read_text(encoding="utf-8").splitlines()]
     done = {(row.get("what", ""), row["seed"], row["seconds"]) for row in rows}
     for seed in range(FIRST, FIRST + arguments.robots):
-        for what in ("", "object", *((*FILES, "edge", "reach") if seed == FIRST else ())):
+        centered = ("centers",) if seed in CENTERED else ()
+        once = (*FILES, "edge", "reach") if seed == FIRST else ()
+        for what in ("", *centered, "object", *once):
             seconds = arguments.seconds
             if what in (*FILES, "edge", "reach"):
                 seconds = FILE_SECONDS if what in FILES else SECONDS
@@ -555,7 +594,8 @@ def main() -> None:
             elif what == "reach":
                 row = run_reach(seed)
             else:
-                row = run(seed, seconds, arguments.judged)
+                is_centered = what == "centers"
+                row = run(seed, seconds, arguments.judged, with_centers=is_centered)
             rows.append(row)
             with ROWS.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")

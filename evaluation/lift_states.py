@@ -7,9 +7,10 @@
 
 import argparse
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import solvers
 from trifinger.environments import Environment, ResetStates
 
@@ -24,26 +25,23 @@ def collect_states(seed: int = SEED, episodes: int = EPISODES) -> ResetStates:
     """States on the way of a cube to reachable goals: before it is grasped, and in the air."""
     environment = Environment("lift", options=solvers.options("lift", duration=DURATION))
     planner = solvers.RoutePlanner()
-    rows: list[list[Any]] = []
+    rows: list[tuple[Any, ...]] = []
     number = 0
     while episodes > 0:
-        observation, info = environment.reset(seed=seed, options={"episode": number})
-        seen = cast(solvers.Observation, observation)
+        steps: list[tuple[Any, ...]] = []
+
+        def keep(
+            seen: solvers.Observation,
+            action: npt.NDArray[np.float32],
+            steps: list[tuple[Any, ...]] = steps,
+        ) -> None:
+            pose = np.concatenate([seen["object_position"], seen["object_orientation"]])
+            steps.append((seen["joint_position"].copy(), solvers.MAX_TORQUE * action, pose))
+
+        if solvers.try_goal(environment, planner, seed, number, keep):
+            episodes -= 1
+            rows += steps[FIRST - 1 :: EVERY]
         number += 1
-        if planner.plan(solvers.on_table(solvers.pose_of(seen)), seen["goal"]) is None:
-            continue
-        episodes -= 1
-        solver = solvers.Solver(planner, seen)
-        has_ended, step = False, 0
-        while not has_ended:
-            action = solver.act(seen, info)
-            observation, _, terminated, truncated, info = environment.step(action)
-            seen = cast(solvers.Observation, observation)
-            has_ended = terminated or truncated
-            step += 1
-            if step >= FIRST and step % EVERY == 0:
-                pose = np.concatenate([seen["object_position"], seen["object_orientation"]])
-                rows.append([seen["joint_position"].copy(), solvers.MAX_TORQUE * action, pose])
     position, torque, pose = (np.array(column, np.float64) for column in zip(*rows, strict=True))
     return ResetStates(position, torque, pose)
 

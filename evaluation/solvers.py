@@ -8,7 +8,7 @@ for which it finds a route.
 
 import itertools
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -254,9 +254,16 @@ class Trial(NamedTuple):
 
 
 def try_goal(
-    environment: Environment, planner: RoutePlanner, seed: int, episode: int
+    environment: Environment,
+    planner: RoutePlanner,
+    seed: int,
+    episode: int,
+    watch: Callable[[Observation, npt.NDArray[np.float32]], None] = lambda _seen, _action: None,
 ) -> Trial | None:
-    """Plays an episode to its end. Returns None if its goal is not in the reachable set."""
+    """Plays an episode to its end. Returns None if its goal is not in the reachable set.
+
+    `watch` is called with the observation after each step, and the action of that step.
+    """
     observation, info = environment.reset(seed=seed, options={"episode": episode})
     start = Pose(*_simulation_of(environment).object_pose("cube"))
     route = planner.plan(on_table(start), observation["goal"])
@@ -267,6 +274,7 @@ def try_goal(
     while not has_ended:
         action = solver.act(cast(Observation, observation), info)
         observation, _, terminated, truncated, info = environment.step(action)
+        watch(cast(Observation, observation), action)
         has_ended = terminated or truncated
     return Trial(
         seed, episode, len(route), solver.grasps, bool(info["is_success"]), info["distance"]

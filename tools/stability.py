@@ -289,6 +289,8 @@ def declared(cursor: cindex.Cursor) -> Iterator[tuple[str, str]]:
         given = [each for each in cursor.get_children() if each.kind == Kind.PARM_DECL]
         needed = sum("=" not in [token.spelling for token in each.get_tokens()] for each in given)
         result = "" if cursor.kind == Kind.CONSTRUCTOR else cursor.result_type.spelling
+        if "sizeof..." in result:  # an array whose elements are counted by the compiler
+            result = "auto"
         result = "static " * cursor.is_static_method() + result
         for count in range(needed, len(given) + 1):
             arguments = ", ".join(each.type.spelling for each in given[:count])

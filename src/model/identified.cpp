@@ -4,7 +4,10 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <initializer_list>
+#include <ranges>
 #include <string_view>
+#include <vector>
 
 #include "base/text_of.hpp"
 #include "trifinger/base/error.hpp"
@@ -29,11 +32,37 @@ void Identified::validate(std::size_t joints) const {
   }
 }
 
+namespace {
+
+// Moves the centres of mass of a link and of all that is fixed to it, by `shift` in its frame.
+void shift_centers(int link, const mjtNum* shift, mjModel& model) {
+  for (int body = link; body < static_cast<int>(model.nbody); ++body) {
+    if (model.body_weldid[body] != link) continue;
+    mjtNum turned[3] = {shift[0], shift[1], shift[2]};
+    std::vector<int> way;
+    for (int part = body; part != link; part = model.body_parentid[part]) way.push_back(part);
+    for (const int part : std::views::reverse(way)) {
+      mjtNum inverse[4];
+      mju_negQuat(inverse, model.body_quat + 4 * part);
+      mju_rotVecQuat(turned, turned, inverse);
+    }
+    mju_addTo3(model.body_ipos + 3 * body, turned);
+  }
+}
+
+}  // namespace
+
 void SceneModel::apply(const Identified& identified, mjModel_& model) const {
   identified.validate(joints_.size());
-  const bool has_own = !identified.rotor_inertia.empty() || !identified.damping.empty() ||
-                       !identified.friction.empty() || !identified.link_mass.empty();
-  if (!has_own) return;
+  using List = std::vector<double> Identified::*;
+  const auto has_any = [&](std::initializer_list<List> lists) {
+    return std::ranges::any_of(lists, [&](List list) { return !(identified.*list).empty(); });
+  };
+  const bool has_links = has_any({&Identified::link_mass, &Identified::link_center_x,
+                                  &Identified::link_center_y, &Identified::link_center_z});
+  const bool has_joints =
+      has_any({&Identified::rotor_inertia, &Identified::damping, &Identified::friction});
+  if (!has_links && !has_joints) return;
   const auto link_of = [&](std::size_t joint) {
     return model.body_weldid[model.dof_bodyid[motors_[joint].parts.front().velocity]];
   };
@@ -55,12 +84,16 @@ void SceneModel::apply(const Identified& identified, mjModel_& model) const {
       std::fill_n(model.actuator_dampingpoly + mjNPOLY * motor.actuator, mjNPOLY, 0.0);
     }
     if (!identified.friction.empty()) model.dof_frictionloss[dof] = identified.friction[i];
-    if (identified.link_mass.empty()) continue;
+    if (!has_links) continue;
     const int link = link_of(i);
     bool is_last = true;
     for (std::size_t k = i + 1; k < joints_.size(); ++k) is_last = is_last && link_of(k) != link;
     if (!is_last) continue;
-    const double factor = identified.link_mass[i];
+    const mjtNum shift[] = {Identified::of(identified.link_center_x, i, 0.0),
+                            Identified::of(identified.link_center_y, i, 0.0),
+                            Identified::of(identified.link_center_z, i, 0.0)};
+    shift_centers(link, shift, model);
+    const double factor = Identified::of(identified.link_mass, i, 1.0);
     for (int body = 1; body < static_cast<int>(model.nbody); ++body) {
       if (model.body_weldid[body] != link) continue;
       model.body_mass[body] *= factor;

@@ -138,6 +138,7 @@ void validate_contact(const ContactParameters& contact) {
       require_in("contact.friction." + std::string(name_of(pair)), *friction, kLeast, kMost);
   require_in("contact.time_constant [s]", contact.time_constant, 0.002, 1);
   require_in("contact.tip_time_constant [s]", contact.tip_time_constant, 0.002, 1);
+  require_in("contact.tip_damping_ratio", contact.tip_damping_ratio, 0.1, 10);
 }
 
 void validate_actuator(const ActuatorParameters& actuator) {

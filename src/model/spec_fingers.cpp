@@ -121,7 +121,7 @@ void SpecBuilder::add_tip(mjsBody* lower, const Finger& finger, int index,
   tip->friction[1] = description_.contact.tip_torsional_friction;
   tip->priority = kTipPriority;
   tip->solref[0] = description_.soft_tips ? description_.contact.tip_time_constant : kHardest;
-  tip->solref[1] = 1;
+  tip->solref[1] = description_.soft_tips ? description_.contact.tip_damping_ratio : 1;
   constexpr double kSoft[] = {0.95, 0.99, 0.001, 0.5, 2};
   constexpr double kHard[] = {0.99, 0.999, 0.0005, 0.5, 2};
   std::copy_n(description_.soft_tips ? kSoft : kHard, mjNIMP, tip->solimp);

@@ -73,10 +73,14 @@ void FreeRun::run(const Identified& robot, const LoggedPieces& pieces,
   options.identified.torque_delay = 0;
   options.identified.measurement_delay = 0;
   const SceneModel::Compiled model = model_->copy();
-  // The model has the masses of the configuration already.
+  // The model has the masses and their centres of the configuration already.
   Identified change = robot;
   for (std::size_t i = 0; i < change.link_mass.size(); ++i)
     change.link_mass[i] /= Identified::of(options_.identified.link_mass, i, 1.0);
+  for (const auto list :
+       {&Identified::link_center_x, &Identified::link_center_y, &Identified::link_center_z})
+    for (std::size_t i = 0; i < (change.*list).size(); ++i)
+      (change.*list)[i] -= Identified::of(options_.identified.*list, i, 0.0);
   model_->apply(change, *model);
   model->opt.disableflags |= mjDSBL_CONTACT;
 

@@ -77,6 +77,8 @@ ContactParameters read_contact(const Node& section) {
   contact.time_constant = section.optional<double>("time_constant", contact.time_constant, time);
   contact.tip_time_constant =
       section.optional<double>("tip_time_constant", contact.tip_time_constant, time);
+  contact.tip_damping_ratio = section.optional<double>(
+      "tip_damping_ratio", contact.tip_damping_ratio, {.min = 0.1, .max = 10});
   return contact;
 }
 

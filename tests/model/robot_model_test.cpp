@@ -90,8 +90,9 @@ TEST(RobotModel, StartsWithNothingTouchingButObjectsOnTheTable) {
 }
 
 TEST(RobotModel, HasTheStopsAndTheStiffnessOfTheDescription) {
-  const RobotModel model({.stops = {.margin = 0.1, .time_constant = 0.01},
-                          .contact = {.time_constant = 0.004, .tip_time_constant = 0.008}});
+  const RobotModel model(
+      {.stops = {.margin = 0.1, .time_constant = 0.01},
+       .contact = {.time_constant = 0.004, .tip_time_constant = 0.008, .tip_damping_ratio = 0.5}});
   const mjModel* mujoco = model.mujoco();
   const VariantFigures& limits = figures(model.description());
   for (std::size_t i = 0; i < 9; ++i) {
@@ -101,8 +102,10 @@ TEST(RobotModel, HasTheStopsAndTheStiffnessOfTheDescription) {
   }
   for (std::size_t geom = 0; geom < model.surfaces().size(); ++geom) {
     if (!model.surfaces()[geom]) continue;
-    EXPECT_EQ(mujoco->geom_solref[mjNREF * geom],
-              model.surfaces()[geom] == Surface::kTip ? 0.008 : 0.004);
+    const bool is_tip = model.surfaces()[geom] == Surface::kTip;
+    const double* const solref = mujoco->geom_solref + mjNREF * geom;
+    EXPECT_EQ(solref[0], is_tip ? 0.008 : 0.004);
+    EXPECT_EQ(solref[1] == 0.5, is_tip);
   }
 }
 

@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import trifinger
@@ -19,9 +20,10 @@ from trifinger.environments import Options
 from trifinger.identification import check, identify, read_motion, save
 from trifinger.identification.check import figures_of
 from trifinger.identification.excitation import Excitation, Gains, strokes
-from trifinger.identification.fit import Figure
+from trifinger.identification.fit import KINDS, Figure
 from trifinger.identification.handling import HANDLED, Moments, contacts, smooth
 from trifinger.identification.page import FIGURES, ranges
+from trifinger.identification.softness import SoftContact, presses, softness
 from trifinger.identification.stiffness import advice, settings, stiffness
 
 TRUE = {
@@ -100,6 +102,41 @@ def test_a_free_run_moves_like_the_robot_if_all_figures_are_true(log: Path) -> N
     assert errors(lists | {"friction": [0.0] * 3}) > 10 * errors(lists)
     assert errors(lists | {"torque_scale": [1.0] * 3}) > 10 * errors(lists)
     assert errors(lists | {"link_mass": [1.2] * 3}) > 10 * errors(lists)
+
+
+def test_centers_of_mass_are_of_the_configuration_or_of_the_figures(tmp_path: Path) -> None:
+    shifts = {"link_center_y": [0.004, -0.003, 0.002], "link_center_z": [0.001, 0.005, -0.004]}
+    begins, position = np.arange(100, 500, 100), np.zeros((4, 2, 3))
+    torque = 0.05 * np.sin(0.01 * np.arange(3000)).reshape(1000, 3)
+
+    def moved(identified: dict[str, list[float]], figures: dict[str, list[float]]) -> np.ndarray:
+        robot = FreeRun(str(finger(tmp_path, **identified)))
+        return robot.run(figures, position, 0 * position, begins.tolist(), torque, 50, 100)
+
+    assert np.all(moved(shifts, shifts) == moved({}, shifts))
+    assert np.max(np.abs(moved({}, shifts) - moved({}, {}))) > 1e-4
+    assert FreeRun(str(finger(tmp_path, **shifts))).described["link_center_z"] == [
+        0.001, 0.005, -0.004,
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_centers_of_mass_are_told_if_one_asks(tmp_path: Path) -> None:
+    true = TRUE | {"link_center_y": [0.006, -0.007, 0.004], "link_center_z": [0.0, 0.006, -0.008]}
+    log = recorded(finger(tmp_path, **true), tmp_path / "log", 40.0)
+    described = str(finger(tmp_path, "described.yml"))
+    result = identify(read_motion([log], robot_config=described), with_centers=True)
+    centers = [one for one in result.told if one.name.startswith("link_center")]
+    assert len(centers) >= 4
+    for one in centers:
+        value = true.get(one.name, [0.0] * 3)[result.motion.joints.index(one.joint)]
+        # Intervals are of 95 %; this is not the place to count them.
+        assert abs(value - one.value) <= 2 * (one.high - one.value)
+    assert result.ratio < 0.1
+    save(result, tmp_path / "fitted", described)
+    fitted = FreeRun(str(tmp_path / "fitted" / "fitted.yml"))
+    saved = pytest.approx(result.values["link_center_y"], rel=1e-4)
+    assert fitted.described["link_center_y"] == saved
 
 
 @pytest.mark.slow
@@ -294,7 +331,7 @@ def test_strokes_move_one_finger_at_a_time_and_press_down() -> None:
         lever = kinematics.jacobian(kinematics.frames[finger], place[t])[:3, mine]
         torque = rows["torque"][t] - kinematics.gravity_torques(place[t])
         forces.append(np.linalg.solve(lever.T, torque[mine]))
-    assert np.min(forces, axis=0)[2] == pytest.approx(-1.0, abs=0.05)
+    assert np.min(forces, axis=0)[2] == pytest.approx(-1.25, abs=0.05)
     assert np.all(np.abs(rows["torque"]) < limits["max_torque"])
 
 
@@ -332,16 +369,107 @@ def test_a_tip_that_sticks_while_it_slides_has_the_friction_of_its_slips() -> No
     assert of_tip.value == pytest.approx(friction, rel=0.05)
 
 
+BALL = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
+  <geom type="plane" size="1 1 1" condim="1"/>
+  <body><joint type="slide" axis="0 0 1"/>
+    <geom size="0.01" mass="0.1" condim="1" priority="1" solimp="0.95 0.99 0.001 0.5 2"/></body>
+</worldbody></mujoco>"""
+
+
+def pressed_ball(time_constant: float, damping_ratio: float, friction: float) -> np.ndarray:
+    """Forces that a ball is told to press with, and its depths, every 10 ms."""
+    model = mujoco.MjModel.from_xml_string(BALL)
+    model.geom_solref[1] = time_constant, damping_ratio
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.01
+    rows = []
+    for t in range(6000):
+        rate = 0.5 if t < 4000 else 8.0
+        push = 0.75 - 0.5 * np.cos(2e-3 * np.pi * rate * t)
+        # The joint holds the ball as long as it can.
+        kept = rows[-1][2] if rows else push
+        kept = float(np.clip(kept, push - friction, push + friction))
+        data.qfrc_applied[0] = -kept
+        depth = 0.01 - data.qpos[0]
+        mujoco.mj_step(model, data)
+        # What its inertia takes is no press.
+        rows.append((push + 0.1 * data.qacc[0], depth, kept))
+    return np.array(rows)[1500::10]
+
+
+@pytest.mark.parametrize(
+    ("time_constant", "damping_ratio", "friction"),
+    [(0.006, 1.0, 0.0), (0.02, 0.5, 0.0), (0.012, 2.0, 0.0), (0.02, 1.0, 0.1)],
+)
+def test_presses_tell_how_soft_a_tip_is_and_how_much_it_damps(
+    time_constant: float, damping_ratio: float, friction: float
+) -> None:
+    model = mujoco.MjModel.from_xml_string(BALL)
+    contact = SoftContact.of(model, 1)
+    assert contact is not None
+    assert contact.inverse_mass == pytest.approx(10)
+    row = pressed_ball(time_constant, damping_ratio, friction)
+    rests = np.ones((len(row), 2), dtype=bool)
+    rests[350:, 1] = False  # another finger presses a shorter time
+    force, depth = np.repeat(row[:, :1, None], 2, axis=1), np.repeat(row[:, 1:2], 2, axis=1)
+    found = presses(rests, force, depth, 0.01)
+    assert [len(one) for _, one in found] == [len(row) - 20, 330]
+    of_tip = {one.name: one for one in softness(found, contact, 0.01)}
+    assert of_tip["tip_time_constant"].is_told
+    assert of_tip["tip_time_constant"].value == pytest.approx(time_constant, rel=0.05)
+    assert of_tip["tip_damping_ratio"].value == pytest.approx(damping_ratio, rel=0.05)
+
+
+def test_softness_is_not_told_by_what_does_not_show_it() -> None:
+    contact = SoftContact.of(mujoco.MjModel.from_xml_string(BALL), 1)
+    row = pressed_ball(0.006, 1.0, 0.0)
+    force, depth = row[:, :1, None], row[:, 1:2]
+    rests = np.ones((len(row), 1), dtype=bool)
+    assert not presses(~rests, force, depth, 0.01)
+    assert not presses(rests & (np.arange(len(row)) % 150 > 0)[:, None], force, depth, 0.01)
+    assert not presses(rests, 0.1 * force, depth, 0.01)
+    assert not presses(rests, np.nan * force, depth, 0.01)
+
+    def is_told(depth: np.ndarray, contact: SoftContact | None = contact) -> bool:
+        found = presses(rests, force, depth, 0.01)
+        assert found
+        return any(one.is_told for one in softness(found, contact, 0.01))
+
+    assert is_told(depth)
+    assert not is_told(depth, None)
+    assert not is_told(0 * depth)
+    assert not is_told(-depth)
+    assert not is_told(np.random.default_rng(0).normal(0, 1e-6, depth.shape))
+    stiffness_instead = BALL.replace("solimp=", 'solref="-1e4 -1e2" solimp=')
+    assert SoftContact.of(mujoco.MjModel.from_xml_string(stiffness_instead), 1) is None
+
+
+def test_damping_that_friction_may_be_is_not_told_and_the_tip_is_as_soft_as_it_is() -> None:
+    contact = SoftContact.of(mujoco.MjModel.from_xml_string(BALL), 1)
+    assert contact is not None
+    row = pressed_ball(0.006, 1.0, 0.0)
+    late = np.roll(row[:, 0], -2)  # if so much were friction
+    force = np.stack([row[:, 0], late], axis=1)
+    [(forces, depths)] = presses(np.ones((len(row), 1), bool), force[:, None], row[:, 1:2], 0.01)
+    of_tip = {
+        one.name: one
+        for one in softness([(forces, depths)], replace(contact, damping_ratio=0.5), 0.01)
+    }
+    assert not of_tip["tip_damping_ratio"].is_told
+    assert of_tip["tip_time_constant"].value == pytest.approx(0.012, rel=0.05)
+
+
 @pytest.mark.slow
 def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
     tmp_path: Path, start_program: StartProgram
 ) -> None:
-    mass, friction, of_tip = 0.12, 0.4, 0.7
+    mass, friction, of_tip, softness, damping = 0.12, 0.4, 0.7, 0.012, 0.8
     config = tmp_path / "heavy.yml"
     config.write_text(
         "extends: pushing\n"
         f"objects: [{{name: cube, type: cube, size: [0.065], mass: {mass}}}]\n"
         "contact: {tip_friction: 1.0, tip_torsional_friction: 0.005, floor_friction: 0.5, "
+        f"tip_time_constant: {softness}, tip_damping_ratio: {damping}, "
         f"friction: {{object_table: {friction}, tip_table: {of_tip}}}}}\n"
         "simulation: {seed: 1, object_period: 0.01, object_delay: 0.02, "
         "object_position_noise: 0.0005, object_orientation_noise: 0.005}\n"
@@ -372,6 +500,10 @@ def test_lifts_and_slides_tell_the_mass_and_the_friction_of_an_object(
     assert value("mass") == pytest.approx(mass, rel=0.1)
     assert value("object_table") == pytest.approx(friction, rel=0.1)
     assert value("tip_table") == pytest.approx(of_tip, rel=0.1)
+    assert value("tip_time_constant") * value("tip_damping_ratio") == pytest.approx(
+        softness * damping, rel=0.1
+    )
+    assert value("tip_damping_ratio") == pytest.approx(damping, rel=0.5)
     assert value("object_delay") == pytest.approx(0.02)
     assert value("object_position_noise") == pytest.approx(0.0005, rel=0.2)
 
@@ -412,6 +544,9 @@ def test_a_check_names_what_has_changed_by_more_than_chance() -> None:
     assert not check([before], [friction(0.02, 1e-2)])
     (change,) = check([before], [far])
     assert str(change).startswith("friction of joint 'a' is 0.02 (0.019 to 0.021), was 0.01")
+    for kind in KINDS:
+        old, new = (replace(one, name=kind.name) for one in (before, friction(1.0, 1e-3)))
+        assert check([old], [new])
 
 
 @pytest.mark.slow

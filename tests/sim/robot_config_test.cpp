@@ -246,6 +246,7 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
                                           "contact.friction.object_boundary=0.2",
                                           "contact.time_constant=0.004",
                                           "contact.tip_time_constant=0.01",
+                                          "contact.tip_damping_ratio=0.8",
                                           "joints.rotor_inertia=5e-6",
                                           "joints.damping=0.002",
                                           "joints.friction=0.01",
@@ -289,6 +290,7 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
                                                    {SurfacePair::kObjectBoundary, 0.2}}));
   EXPECT_EQ(options.description.contact.time_constant, 0.004);
   EXPECT_EQ(options.description.contact.tip_time_constant, 0.01);
+  EXPECT_EQ(options.description.contact.tip_damping_ratio, 0.8);
   const ActuatorParameters drive = actuator(options.description);
   EXPECT_EQ(drive.rotor_inertia, 5e-6);
   EXPECT_EQ(drive.damping, 0.002);

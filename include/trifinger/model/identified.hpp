@@ -32,6 +32,10 @@ struct Identified {
   /// Factor on mass and inertia of the link that the joint moves. If several driven joints move
   /// the same link, the last one counts.
   std::vector<double> link_mass{};
+  /// Where the centre of mass of that link is, less where it is described [m], in its frame.
+  std::vector<double> link_center_x{};
+  std::vector<double> link_center_y{};
+  std::vector<double> link_center_z{};
   TimeIndex torque_delay{0};       ///< Steps until motors deliver a torque.
   TimeIndex measurement_delay{0};  ///< Steps by which positions and velocities are old.
 
@@ -43,7 +47,10 @@ struct Identified {
                       IdentifiedField{"torque_scale", "", &Identified::torque_scale, 0.1, 10},
                       IdentifiedField{"backlash", "rad", &Identified::backlash, 0, 0.5},
                       IdentifiedField{"zero_offset", "rad", &Identified::zero_offset, -1, 1},
-                      IdentifiedField{"link_mass", "", &Identified::link_mass, 0.1, 10}};
+                      IdentifiedField{"link_mass", "", &Identified::link_mass, 0.1, 10},
+                      IdentifiedField{"link_center_x", "m", &Identified::link_center_x, -1, 1},
+                      IdentifiedField{"link_center_y", "m", &Identified::link_center_y, -1, 1},
+                      IdentifiedField{"link_center_z", "m", &Identified::link_center_z, -1, 1}};
   }
 
   /// Checks the lists; how late a simulation may be is its own matter.

@@ -152,6 +152,9 @@ struct ContactParameters {
   /// the time step are not stable.
   double time_constant{0.002};
   double tip_time_constant{0.006};  ///< Time constant of rubber tips [s].
+  /// Damping ratio of rubber tips: below 1 they bounce. How much they yield depends on the product
+  /// of this and of the time constant.
+  double tip_damping_ratio{1.0};
 };
 
 /// Sliding friction between two kinds of surfaces: the given value, or the one that follows from

@@ -65,7 +65,8 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         default="",
         metavar="OBJECT",
         help="identify this object and its contacts, with a robot that was identified before: its "
-        "mass from lifts, friction from what slides. NAME slides its tips over table and object",
+        "mass from lifts, friction from what slides, softness of tips from presses. NAME presses "
+        "its tips on the table, and slides them over table and object",
     )
     parser.add_argument(
         "--robot-config",
@@ -77,6 +78,12 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         choices=("link_mass", "torque_scale"),
         default="",
         help="what is as described; without a known one only ratios are told exactly",
+    )
+    parser.add_argument(
+        "--centers",
+        action="store_true",
+        help="find the links' centres of mass, too; this takes half as long again, and masses "
+        "are less sure",
     )
     parser.add_argument(
         "--seconds", type=float, default=300.0, help="how long the robot moves; default: 300"
@@ -97,6 +104,7 @@ def identify(arguments: argparse.Namespace) -> int:
     """Records if need be, identifies, and writes or compares."""
     from trifinger.identification import check, identify, read_motion, save
     from trifinger.identification.check import figures_of
+    from trifinger.identification.fit import CENTERS
     from trifinger.identification.page import FIGURES
     from trifinger.identification.stiffness import advice
 
@@ -109,6 +117,8 @@ def identify(arguments: argparse.Namespace) -> int:
     logs = arguments.what
     if arguments.object and not arguments.robot_config:
         raise InvalidArgument("--object needs the robot that was identified: --robot-config")
+    if arguments.object and arguments.centers:
+        raise InvalidArgument("--centers is of the robot itself: identify it without --object")
     if len(logs) == 1 and not Path(logs[0]).exists():
         if logs[0] not in names_of_robots():
             raise InvalidArgument(f"'{logs[0]}' is neither a log nor a robot that runs")
@@ -117,7 +127,9 @@ def identify(arguments: argparse.Namespace) -> int:
         return _identify_object(logs, arguments)
     motion = read_motion(logs, arguments.robot, arguments.robot_config)
     tell = (lambda _text: None) if arguments.json else say
-    result = identify(motion, arguments.known, tell)
+    has_centers = any(one.name in CENTERS for one in before or ())
+    with_centers = arguments.centers or has_centers
+    result = identify(motion, arguments.known, tell, with_centers=with_centers)
     if before is not None:
         changes = [str(change) for change in check(before, result.figures)]
         _note(arguments.output / HISTORY, logs, changes)
@@ -215,7 +227,7 @@ def record(robot: str, arguments: argparse.Namespace) -> str:
 def _strokes(
     frontend: Frontend, limits: Mapping[str, Array], start: Array, arguments: argparse.Namespace
 ) -> dict[str, Array]:
-    """Slides the tips over the table and over the object where it lies."""
+    """Presses and slides the tips on the table, and slides them over the object where it lies."""
     import mujoco
 
     from trifinger.identification.excitation import strokes

@@ -8,12 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trifinger.identification.fit import SURE, Figure
+from trifinger.identification.fit import CENTERS, SURE, Figure
 
 # Many figures are compared, so a difference counts only if chance hardly makes it.
 SURE_OF_CHANGE = 4.0  # standard deviations
 _LEAST = {"rotor_inertia": 5e-5, "damping": 5e-4, "friction": 2e-3, "backlash": 1e-3}
 _LEAST |= {"zero_offset": 3e-3, "torque_scale": 0.03, "link_mass": 0.03, "delay": 5e-4}
+_LEAST |= dict.fromkeys(CENTERS, 2e-3)
 
 
 @dataclass(frozen=True)

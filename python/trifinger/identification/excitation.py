@@ -270,6 +270,8 @@ class Stroke:
 ON_TABLE = Stroke(way=0.0, drag=1.4, kd=0.05, seconds=1.5, turns=2)
 ON_OBJECT = Stroke(way=0.02, drag=1.1, kd=0.2, seconds=1.5, turns=3)
 PRESSES = (0.7, 1.0)  # [N]
+SWELLS = (0.25, 1.25)  # of a press, least and largest [N]
+SWELLING = ((3, 0.5), (16, 8.0))  # how often a press swells, and how often in a second [Hz]
 YIELDING = 0.15  # share of the usual gains, while a tip is pressed
 LIFT = 0.05  # over a surface, before and after [m]
 APPROACH = 0.1  # [m/s]
@@ -285,7 +287,8 @@ def strokes(
     radius: float,
     top: Array,
 ) -> dict[str, Array]:
-    """Actions with which each finger slides over the table, at z = 0, and over an object.
+    """Actions with which each finger presses on the table, at z = 0, and slides over it and over
+    an object.
 
     Tips are spheres of this `radius` [m]; `top` is the middle of the object's top [m]. Fields are
     those of an action, a row for each step.
@@ -303,25 +306,41 @@ def strokes(
                 rows.append((joints, np.zeros_like(start), usual_kp, usual_kd))
         return joints
 
+    def yield_to(
+        frame: str, mine: Array, joints: Array, force: Array, share: float, kd: float
+    ) -> None:
+        torque = kinematics.jacobian(frame, joints)[:3].T @ force
+        torque += kinematics.gravity_torques(joints)
+        kp = np.where(mine, usual_kp * (1 - share + share * YIELDING), usual_kp)
+        damped = np.where(mine, np.maximum(usual_kd, share * kd), usual_kd)
+        rows.append((joints, np.where(mine, share * torque, 0.0), kp, damped))
+
+    def faded(count: int) -> Array:
+        steps = np.arange(count)
+        share: Array = np.minimum(1, np.minimum(steps, steps[::-1]) * period / FADE)
+        return share
+
+    def press(frame: str, mine: Array, joints: Array) -> None:
+        parts = [np.linspace(0, count, round(count / rate / period)) for count, rate in SWELLING]
+        turned = 2 * np.pi * np.concatenate(parts)
+        forces = SWELLS[0] + (SWELLS[1] - SWELLS[0]) * (1 - np.cos(turned)) / 2
+        for share, force in zip(faded(len(forces)), forces, strict=True):
+            yield_to(frame, mine, joints, np.array([0, 0, -force]), share, ON_TABLE.kd)
+
     def slide(frame: str, mine: Array, middle: Array, stroke: Stroke, joints: Array) -> Array:
         count = round(stroke.turns * stroke.seconds / period)
         turned = 2 * np.pi * stroke.turns * np.arange(count) / count
-        share = np.minimum(1, np.minimum(np.arange(count), np.arange(count)[::-1]) * period / FADE)
         out = middle[:2] - top[:2] if stroke is ON_TABLE else kinematics.pose(frame, start)[0][:2]
         out = np.append(out / max(float(np.linalg.norm(out)), 1e-9), 0.0)
-        for press, along in itertools.product(PRESSES, (out, np.cross([0, 0, 1], out))):
-            for a, angle in zip(share, turned, strict=True):
+        for pressed, along in itertools.product(PRESSES, (out, np.cross([0, 0, 1], out))):
+            for share, angle in zip(faded(count), turned, strict=True):
                 speed = 2 * np.pi / stroke.seconds * stroke.way * np.cos(angle)
                 sense = np.tanh(speed / SIGN) if stroke.way else np.sin(angle)
                 point = middle + stroke.way * np.sin(angle) * along
                 found = kinematics.inverse_kinematics(frame, point, near=joints).position
                 joints = np.where(mine, found, start)
-                force = press * (stroke.drag * sense * along - np.array([0, 0, 1]))
-                torque = kinematics.jacobian(frame, joints)[:3].T @ force
-                torque += kinematics.gravity_torques(joints)
-                kp = np.where(mine, usual_kp * (1 - a + a * YIELDING), usual_kp)
-                kd = np.where(mine, np.maximum(usual_kd, a * stroke.kd), usual_kd)
-                rows.append((joints, np.where(mine, a * torque, 0.0), kp, kd))
+                force = pressed * (stroke.drag * sense * along - np.array([0, 0, 1]))
+                yield_to(frame, mine, joints, force, share, stroke.kd)
         return joints
 
     for frame in kinematics.frames:
@@ -332,7 +351,10 @@ def strokes(
             middle = middle + np.array([0.0, 0.0, radius])
             above = np.array([*middle[:2], top[2] + radius + LIFT])
             path = [beside, np.array([*beside[:2], above[2]]), above, middle]
-            joints = slide(frame, mine, middle, stroke, move(frame, mine, path, start))
+            joints = move(frame, mine, path, start)
+            if stroke is ON_TABLE:
+                press(frame, mine, joints)
+            joints = slide(frame, mine, middle, stroke, joints)
             move(frame, mine, path[::-1], joints)
     names = ("position", "torque", "position_kp", "position_kd")
     return {

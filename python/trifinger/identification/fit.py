@@ -27,10 +27,13 @@ PIECE = 0.1  # [s]
 LONG_PIECE = 1.0  # of a free run [s]
 SAMPLES = 20  # of a piece that are compared
 BLOCKS = 40  # of the log, between which errors count as independent
+CENTERS = ("link_center_x", "link_center_y", "link_center_z")
+OF_LINKS = ("link_mass", *CENTERS)
 SCALED = ("rotor_inertia", "damping", "friction", "torque_scale", "link_mass")
 LEAST_CHANGE = 0.02  # share of what torques alone change, up to which nothing has changed
 SURE = 1.96  # standard deviations of a 95 % interval
 WIDER = 2.5  # factor on what is seen of errors, which is not all of them
+WIDER_CENTER = 4.0  # and on intervals of centres, which make up for each other
 TOLD = 0.6  # what the logs leave of the spread that was assumed, for a figure to be told
 MOST_PIECES = 1200
 TOUCHED = (1e-3, 2e-4)  # errors that are not yet those of a touch, at first and at last [rad]
@@ -117,6 +120,17 @@ KINDS = (
         0.02,
         0.3,
         "motion against gravity, slow and fast, of all joints together",
+    ),
+    *(
+        Kind(
+            center,
+            "m",
+            lambda _: 0.005,
+            0.05,
+            -1.0,
+            "motion against gravity, slow and fast, with the joints before it in many poses",
+        )
+        for center in CENTERS
     ),
 )
 UNITS = {kind.name: kind.unit for kind in KINDS} | {DELAY: "s"}
@@ -500,10 +514,14 @@ def _descend(
     return values, system
 
 
-def _parameters(motion: Motion, robot: FreeRun) -> list[_Parameter]:
+def _parameters(
+    motion: Motion, robot: FreeRun, known: str, *, with_centers: bool
+) -> list[_Parameter]:
     trees = np.array(robot.trees)
     parameters = []
     for kind in KINDS:
+        if kind.name in CENTERS and not with_centers:
+            continue
         for joint, described in enumerate(robot.described[kind.name]):
             facts = {
                 "described": described,
@@ -512,9 +530,12 @@ def _parameters(motion: Motion, robot: FreeRun) -> list[_Parameter]:
             }
             # What moves with a joint that moves is felt by its motor.
             is_fitted = bool(motion.moved[trees == trees[joint]].any())
-            if kind.name != "link_mass":
+            if kind.name not in OF_LINKS:
                 is_fitted = is_fitted and bool(motion.moved[joint])
-            parameters.append(_Parameter(kind, joint, described, kind.spread(facts), is_fitted))
+            is_known = kind.name == known
+            is_fitted = is_fitted and not is_known
+            spread = kind.spread(facts)
+            parameters.append(_Parameter(kind, joint, described, spread, is_fitted, is_known))
     parameters.append(_Parameter(None, 0, 0.0, 3.0, is_fitted=True))
     return parameters
 
@@ -534,18 +555,20 @@ def action_delay(motion: Motion) -> int | None:
 
 
 def identify(
-    motion: Motion, known: str = "", report: Callable[[str], None] = lambda _text: None
+    motion: Motion,
+    known: str = "",
+    report: Callable[[str], None] = lambda _text: None,
+    *,
+    with_centers: bool = False,
 ) -> Identification:
     """Fits the simulated robot to a motion.
 
     `known` may be "torque_scale" or "link_mass": these are as described. Without a known one, only
-    their ratios are told exactly. Raises InvalidArgument if the motion is not of this robot.
+    their ratios are told exactly. The links' centres of mass are as described, too, unless
+    `with_centers`. Raises InvalidArgument if the motion is not of this robot.
     """
     robot = FreeRun.of_text(motion.configuration)
-    parameters = [
-        replace(one, is_fitted=False, is_known=True) if one.kind and one.kind.name == known else one
-        for one in _parameters(motion, robot)
-    ]
+    parameters = _parameters(motion, robot, known, with_centers=with_centers)
     fit = _Fit(motion, robot, parameters)
     split = int(len(motion) * (1 - HELD_OUT))
     pieces = _pieces(motion, PIECE, 0, split, fit.share)
@@ -557,7 +580,7 @@ def identify(
     # Little play is no play in a few steps, so slopes are of use only with some.
     values[plays] = np.maximum(values[plays], FIRST_PLAY * fit.spread[plays])
     # Errors are no noise yet: what is hardly seen would take them all.
-    first = [i for i in free if fit.kind(i) not in ("zero_offset", "link_mass")]
+    first = [i for i in free if fit.kind(i) not in ("zero_offset", *OF_LINKS)]
     for trust in TRUSTS:
         values = _best_delay(fit, few, values)
         values, _ = _descend(fit, few, values, first, report, 3, trust)
@@ -566,7 +589,8 @@ def identify(
     values, _ = _descend(fit, few, values, free, report)
     values = _best_plays(fit, few, values)
     fit.touched = TOUCHED[1]  # reversals fit by now
-    values, free = _without_faint_masses(fit, few, values, free)
+    if not with_centers:  # beside which no mass would be felt
+        values, free = _without_faint_masses(fit, few, values, free)
     values, system = _descend(fit, few, values, free, report)
     deviation = np.zeros(len(parameters))
     deviation[-1] = math.hypot(fit.deviations(system, values, free)[-1], BLUR)
@@ -584,6 +608,7 @@ def identify(
     own, _ = _solve(system, offset)
     method = WIDER * np.hypot(shift - own, own) * fit.spread[free]
     deviation[free] = np.hypot(fit.deviations(system, values, free), method)
+    deviation[[i for i in free if fit.kind(i) in CENTERS]] *= WIDER_CENTER
     best = values.copy()
     best[-1] = delay
     figures = _figures(motion, fit, best, deviation, known)

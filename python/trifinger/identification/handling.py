@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Mass of an object, friction of its contacts, and errors of its poses, from logs of its handling.
+"""Mass of an object, contacts, and errors of poses, from logs of how fingers handle it.
 
 What the torques of a finger do beyond moving the finger itself is the force of its contact: the
 observer of external forces, without contacts that are modelled. The robot should be identified
@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,8 +21,9 @@ import numpy as np
 from trifinger._trifinger import FreeRun, Log, configuration_text, export_mjcf
 from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
-from trifinger.identification.fit import SURE, Figure
+from trifinger.identification.fit import CENTERS, SURE, Figure
 from trifinger.identification.motion import Motion, cubic, read_motion
+from trifinger.identification.softness import Press, SoftContact, presses, softness
 from trifinger.whole_file import whole_file
 
 EVERY = 0.01  # between two moments [s]
@@ -52,6 +53,8 @@ FIGURES = "handled.json"
 _KEYS = {
     "object_mass": "objects.{index}.mass",
     "friction": "contact.friction.{name}",
+    "tip_time_constant": "contact.tip_time_constant",
+    "tip_damping_ratio": "contact.tip_damping_ratio",
     "pose_delay": "simulation.object_delay",
     "pose_noise": "simulation.object_position_noise",
     "turn_noise": "simulation.object_orientation_noise",
@@ -86,23 +89,29 @@ class Moments:
 def identify_handling(
     logs: Sequence[str | Path], robot_config: str, object_name: str, robot: str = ""
 ) -> list[Figure]:
-    """Mass of an object [kg], friction coefficients, and noise and delay of its poses.
+    """Mass of an object [kg], friction coefficients, softness of tips, noise and delay of poses.
 
     `robot_config` is the robot as it was identified. Raises InvalidArgument if logs are of no use,
     or do not say where the object is.
     """
     if not logs:
         raise InvalidArgument("there is no log")
-    parts = []
-    poses = []
+    parts, poses, pressed = [], [], []
     for log in logs:
         motion = read_motion([log], robot, robot_config)
         seen = _Poses(str(log), robot, object_name)
-        parts.append(_moments(motion, seen, export_mjcf(robot_config), object_name))
+        scene = _Scene(motion, robot_config, object_name)
+        part, its_presses = _moments(motion, seen, scene)
+        parts.append(part)
+        pressed.extend(its_presses)
         poses.append(seen)
     names = Moments.__dataclass_fields__
     moments = Moments(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-    return [*contacts(moments, object_name), *_errors_of_poses(poses, object_name)]
+    return [
+        *contacts(moments, object_name),
+        *softness(pressed, scene.soft_contact, _every(motion) * motion.period),
+        *_errors_of_poses(poses, object_name),
+    ]
 
 
 class _Poses:
@@ -159,6 +168,9 @@ class _Touch:
     what: str
     normal: Array
     """Into what is touched."""
+    depth: float
+    """In what is touched, as far as joints tell [m]."""
+    is_of_tip: bool
     slip: Array
     """[m/s]"""
     lever: Array
@@ -168,13 +180,15 @@ class _Touch:
 class _Scene:
     """A model of the robot as it was identified, and of the object."""
 
-    def __init__(
-        self, text: str, joints: Sequence[str], known: Mapping[str, Array], object_name: str
-    ) -> None:
-        self.model = model = mujoco.MjModel.from_xml_string(text)
+    def __init__(self, motion: Motion, robot_config: str, object_name: str) -> None:
+        robot = FreeRun.of_text(motion.configuration)
+        self.known = known = {name: np.array(values) for name, values in robot.described.items()}
+        self.delays = robot.delays
+        """Of torques and of measurements [steps]."""
+        self.model = model = mujoco.MjModel.from_xml_string(export_mjcf(robot_config))
         self.data = mujoco.MjData(model)
         self.body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, object_name)
-        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in joints]
+        ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in motion.joints]
         if self.body < 0 or model.body_jntnum[self.body] != 1 or min(ids) < 0:
             raise InvalidArgument(f"the robot's configuration has no object '{object_name}'")
         self.dofs, self.places = model.jnt_dofadr[ids], model.jnt_qposadr[ids]
@@ -184,6 +198,7 @@ class _Scene:
         share = known["link_mass"][::-1][last]
         model.body_mass[scaled] *= share
         model.body_inertia[scaled] *= share[:, None]
+        model.body_ipos[scaled] += np.stack([known[name][::-1][last] for name in CENTERS], axis=1)
         model.dof_armature[self.dofs] = known["rotor_inertia"]
         mujoco.mj_setConst(model, self.data)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -201,6 +216,11 @@ class _Scene:
         pose, speed = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
         self.pose, self.moves = slice(pose, pose + 7), slice(speed, speed + 3)
         self.turns = slice(speed + 3, speed + 6)
+
+        geoms = np.concatenate(self.surfaces)
+        self.tips: list[int] = geoms[model.geom_priority[geoms] > 0].tolist()
+        """Geoms that decide alone how contacts with them are."""
+        self.soft_contact = SoftContact.of(model, self.tips[-1]) if self.tips else None
 
     def set(self, position: Array, velocity: Array, pose: Array, rate: Array) -> None:
         """Puts joints and object there."""
@@ -239,7 +259,8 @@ class _Scene:
             speed = speed - self._jacobian(point, self.body) @ self.data.qvel
         slip = speed - normal * (speed @ normal)
         lever = jacobian[:, self.dofs[self.fingers[finger]]].T
-        return _Touch("object" if is_object else "table", normal, slip, lever)
+        what = "object" if is_object else "table"
+        return _Touch(what, normal, -distance, geom in self.tips, slip, lever)
 
     def _jacobian(self, point: Array, body: int) -> Array:
         jacobian = np.zeros((3, self.model.nv))
@@ -257,17 +278,20 @@ class _Scene:
         return best, points, nearest
 
 
-def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -> Moments:
-    robot = FreeRun.of_text(motion.configuration)
-    known = {name: np.array(values) for name, values in robot.described.items()}
-    scene = _Scene(model_text, motion.joints, known, object_name)
+def _every(motion: Motion) -> int:
+    """Steps between two moments."""
+    return max(round(EVERY / motion.period), 1)
 
-    half, every = (max(round(one / motion.period), 1) for one in (HALF, EVERY))
+
+def _moments(motion: Motion, poses: _Poses, scene: _Scene) -> tuple[Moments, list[Press]]:
+    """What fingers do, and how they press on the table."""
+    known = scene.known
+    half, every = max(round(HALF / motion.period), 1), _every(motion)
     position = motion.position - known["zero_offset"]
     # Friction changes its sign within a moment where something sticks and slips.
     _, quick, _ = smooth(position, max(half // 6, 2), motion.period)
     friction = known["friction"] * np.tanh(quick / TURNS)
-    torque_late, measured_late = robot.delays
+    torque_late, measured_late = scene.delays
     room = half + torque_late + measured_late
     steps = motion.pieces(1, every, room, room)
     seen = poses.time_index[steps]
@@ -287,6 +311,7 @@ def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -
     count = (len(steps), len(scene.fingers))
     force, touches = np.zeros((*count, 3, len(more))), np.full(count, "", dtype="U6")
     normal, slip = np.zeros((*count, 3)), np.zeros((*count, 3))
+    depth, is_of_tip = np.zeros(count), np.zeros(count, dtype=bool)
     doubt, height = np.zeros(count), np.zeros(len(steps))
     for t in range(len(steps)):
         scene.set(q[t], v[t], place[t], rate[t])
@@ -298,10 +323,18 @@ def _moments(motion: Motion, poses: _Poses, model_text: str, object_name: str) -
                 continue
             touches[t, finger] = touch.what
             normal[t, finger], slip[t, finger] = touch.normal, touch.slip
+            depth[t, finger], is_of_tip[t, finger] = touch.depth, touch.is_of_tip
             solve = np.linalg.pinv(touch.lever, rcond=1e-6)
             force[t, finger] = -solve @ needed[joints]
             doubt[t, finger] = np.linalg.norm(solve * unknown[t, joints])
-    return Moments(force, touches, normal, slip, doubt, height, rate[:, :3], bent[:, :3])
+    moments = Moments(force, touches, normal, slip, doubt, height, rate[:, :3], bent[:, :3])
+    rests = is_of_tip & (touches == "table") & (normal[:, :, 2] < -LEVEL)
+    rests &= np.linalg.norm(slip, axis=2) < SLIPPING
+    rests[1:] &= (np.diff(steps) == every)[:, None]
+    press = np.einsum("tfi,tfiv->tfv", normal, force)
+    # Friction of joints that hardly move may be twice what is said of it.
+    press[..., 1] = press[..., 0] + (press[..., 1] - press[..., 0]) / _UNSURE["friction"]
+    return moments, presses(rests, press, depth, every * motion.period)
 
 
 def _turning(orientation: Array, rate: Array) -> Array:
