@@ -44,6 +44,9 @@ identified:
   backlash: [0, 0, 0, 0, 0, 0, 0, 0, 0]
   zero_offset: [0, 0, 0, 0, 0, 0, 0, 0, 0]
   link_mass: [1, 1, 1, 1, 1, 1, 1, 1, 1]
+  link_center_x: [0, 0, 0, 0, 0, 0, 0, 0, 0]
+  link_center_y: [0, 0, 0, 0, 0, 0, 0, 0, 0]
+  link_center_z: [0, 0, 0, 0, 0, 0, 0, 0, 0]
   torque_delay: 0
   measurement_delay: 0
 stop:
