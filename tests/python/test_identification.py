@@ -422,6 +422,7 @@ def test_presses_tell_how_soft_a_tip_is_and_how_much_it_damps(
 
 def test_softness_is_not_told_by_what_does_not_show_it() -> None:
     contact = SoftContact.of(mujoco.MjModel.from_xml_string(BALL), 1)
+    assert contact is not None
     row = pressed_ball(0.006, 1.0, 0.0)
     force, depth = row[:, :1, None], row[:, 1:2]
     rests = np.ones((len(row), 1), dtype=bool)
@@ -437,6 +438,7 @@ def test_softness_is_not_told_by_what_does_not_show_it() -> None:
 
     assert is_told(depth)
     assert not is_told(depth, None)
+    assert is_told(depth, replace(contact, time_constant=0.1, damping_ratio=10.0))
     assert not is_told(0 * depth)
     assert not is_told(-depth)
     assert not is_told(np.random.default_rng(0).normal(0, 1e-6, depth.shape))

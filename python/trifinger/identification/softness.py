@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -136,7 +136,7 @@ def softness(
     depth = np.array([one[row] for row, (_, one) in zip(rows, pressed, strict=True)])
     counts = is_measured.sum(axis=1, keepdims=True)
     start = np.log([contact.time_constant * contact.damping_ratio, contact.damping_ratio])
-    start = np.clip([*start, 0.1 * MOST_FRICTION], *(_BOUNDS * (1 - 1e-6)))
+    start = np.clip([*start, 0.1 * MOST_FRICTION], _BOUNDS[0] + 1e-6, _BOUNDS[1] - 1e-6)
 
     def fit(version: int) -> OptimizeResult:
         def errors(parameters: Array) -> Array:
@@ -160,13 +160,14 @@ def softness(
         is_told = bool(is_free and half < TOLD and _ALLOWED[name][0] <= value <= _ALLOWED[name][1])
         return Figure(name, "tips", value, low, high, np.nan, is_told, _SHOWN_BY)
 
+    time_constant = figure("tip_time_constant", np.array([1.0, -1.0, 0.0]))
     ratio = figure("tip_damping_ratio", np.array([0.0, 1.0, 0.0]))
-    if ratio.is_told:
-        yield figure("tip_time_constant", np.array([1.0, -1.0, 0.0]))
-    else:  # as stiff as it is, with the damping that is described
+    if not (time_constant.is_told and ratio.is_told):
+        # As soft as it is, with the damping that is described.
+        ratio = replace(ratio, is_told=False)
         described = -np.log(contact.damping_ratio)
-        yield figure("tip_time_constant", np.array([1.0, 0.0, 0.0]), described)
-    yield ratio
+        time_constant = figure("tip_time_constant", np.array([1.0, 0.0, 0.0]), described)
+    yield from (time_constant, ratio)
 
 
 def _without_blocks(fitted: OptimizeResult) -> Array:
