@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger learn`: a robot that learns by itself, whatever is killed meanwhile."""
 
+import dataclasses
 import json
 import os
 import signal
@@ -237,6 +238,21 @@ def test_resumes_from_the_logs_and_begins_with_those_of_others(
     other = RobotTraining(plan, tmp_path / "g", "r", logs=[tmp_path / "f" / LOGS], judged=0)
     assert len(other._book.since(0)[0]) == len(elements)
     assert other.run().episodes == 6
+
+
+def test_what_no_robot_learns_by_is_refused_before_it_moves(tmp_path: Path) -> None:
+    plan = Plan.of("reach", "ddpg", settings={"relabelled": 0.5})
+
+    def refusal(plan: Plan, *, is_judged: bool = False) -> str:
+        with pytest.raises(trifinger.InvalidArgument) as refused:
+            RobotTraining(plan, tmp_path / "f", "no such robot", is_judged=is_judged)
+        return str(refused.value)
+
+    from_states = dataclasses.replace(plan.recipe, reset_states="states.npz")
+    assert "reset_states" in refusal(dataclasses.replace(plan, recipe=from_states))
+    assert "ppo learns only" in refusal(Plan.of("reach", "ppo"))
+    assert "relabelled" in refusal(plan, is_judged=True)
+    assert "no such robot" in refusal(plan)
 
 
 def test_a_learner_may_join_with_the_token_alone(
