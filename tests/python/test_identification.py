@@ -21,7 +21,7 @@ from trifinger.identification import check, identify, read_motion, save
 from trifinger.identification.check import figures_of
 from trifinger.identification.excitation import Excitation, Gains, strokes
 from trifinger.identification.fit import KINDS, Figure
-from trifinger.identification.handling import HANDLED, Moments, contacts, smooth
+from trifinger.identification.handling import HANDLED, Moments, _Scene as Scene, contacts, smooth
 from trifinger.identification.page import FIGURES, ranges
 from trifinger.identification.softness import SoftContact, presses, softness
 from trifinger.identification.stiffness import advice, settings, stiffness
@@ -367,6 +367,52 @@ def test_a_tip_that_sticks_while_it_slides_has_the_friction_of_its_slips() -> No
     assert of_tip.is_told
     assert of_tip.low < friction < of_tip.high
     assert of_tip.value == pytest.approx(friction, rel=0.05)
+
+
+LINKS = """<mujoco><worldbody>
+  <body pos="0 0 1" euler="20 0 40">
+    <joint name="a" axis="0 1 0" range="-90 90"/>
+    <geom type="box" size="0.1 0.02 0.03" pos="0.1 0 0"/>
+    <body pos="0.2 0 0" euler="30 50 0">
+      <geom size="0.05" pos="0 0.05 0"/>
+      <body pos="0 0 0.1">
+        <joint name="b" axis="1 0 0" range="-90 90"/>
+        <geom type="box" size="0.02 0.1 0.03" pos="0 0.1 0"/>
+      </body>
+    </body>
+  </body>
+  <body name="ball" pos="0 1 0"><freejoint/><geom size="0.02"/></body>
+</worldbody><actuator>
+  <motor joint="a" forcerange="-30 30"/><motor joint="b" forcerange="-30 30"/>
+</actuator></mujoco>"""
+LINKS_CONFIGURATION = """name: links
+driver: simulation
+robot: {mjcf: links.xml}
+safety:
+  every_joint: {safety_kd: 0.01, max_velocity: 3, braking: 10, soft_lower: -1.2, soft_upper: 1.2,
+                default_kp: 2, default_kd: 0.05}
+identified: {link_mass: [1.2, 0.9], rotor_inertia: [0.1, 0.2], link_center_x: [0.01, 0],
+             link_center_y: [-0.02, 0.01], link_center_z: [0.03, 0.004]}
+"""
+
+
+def test_forces_are_of_the_robot_that_was_identified_with_what_is_fixed_to_its_links(
+    log: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "links.xml").write_text(LINKS)
+    config = tmp_path / "links.yml"
+    config.write_text(LINKS_CONFIGURATION)
+    robot = trifinger.ModelKinematics(str(config))  # which C++ has made so
+    motion = replace(
+        read_motion([log], robot_config=str(log.parent / "robot.yml")),
+        configuration=configuration_text(str(config)),
+        joints=tuple(robot.joint_names),
+    )
+    scene = Scene(motion, str(config), "ball")
+    place, speed, acceleration = np.array([0.3, -0.5]), np.array([0.7, 0.4]), np.array([1.0, -2.0])
+    scene.set(place, speed, np.array([0.0, 1, 0, 1, 0, 0, 0]), np.zeros(7))
+    expected = robot.mass_matrix(place) @ acceleration + robot.bias_torques(place, speed)
+    assert scene.inverse_dynamics(acceleration) == pytest.approx(expected, rel=1e-5)
 
 
 BALL = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>

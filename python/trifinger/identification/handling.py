@@ -195,10 +195,15 @@ class _Scene:
         links = model.jnt_bodyid[ids]
         # If several joints move the same link, the last one says its mass.
         scaled, last = np.unique(links[::-1], return_index=True)
-        share = known["link_mass"][::-1][last]
-        model.body_mass[scaled] *= share
-        model.body_inertia[scaled] *= share[:, None]
-        model.body_ipos[scaled] += np.stack([known[name][::-1][last] for name in CENTERS], axis=1)
+        shares = known["link_mass"][::-1][last]
+        shifts = np.stack([known[name][::-1][last] for name in CENTERS], axis=1)
+        mujoco.mj_kinematics(model, self.data)
+        turned = self.data.xmat.reshape(-1, 3, 3)
+        for link, share, shift in zip(scaled, shares, shifts, strict=True):
+            fixed = model.body_weldid == link  # with all that is fixed to it
+            model.body_mass[fixed] *= share
+            model.body_inertia[fixed] *= share
+            model.body_ipos[fixed] += (turned[link] @ shift) @ turned[fixed]
         model.dof_armature[self.dofs] = known["rotor_inertia"]
         mujoco.mj_setConst(model, self.data)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
