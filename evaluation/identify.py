@@ -106,8 +106,8 @@ further from what is described than assumed, all figures of a finger miss at onc
 CENTERS_HEAD = """
 ## Centres of mass
 
-As above, but the centre of mass of each link is up to {center:.0f} mm off in each direction, too,
-and `--centers` is given.
+These robots are drawn as above, and the centre of mass of each link is off, too: by up to
+{center:.0f} mm in each direction. They are identified with `--centers`.
 
 """
 OBJECTS = """

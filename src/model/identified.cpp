@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <initializer_list>
-#include <ranges>
 #include <string_view>
 #include <vector>
 
@@ -32,26 +31,6 @@ void Identified::validate(std::size_t joints) const {
   }
 }
 
-namespace {
-
-// Moves the centres of mass of a link and of all that is fixed to it, by `shift` in its frame.
-void shift_centers(int link, const mjtNum* shift, mjModel& model) {
-  for (int body = link; body < static_cast<int>(model.nbody); ++body) {
-    if (model.body_weldid[body] != link) continue;
-    mjtNum turned[3] = {shift[0], shift[1], shift[2]};
-    std::vector<int> way;
-    for (int part = body; part != link; part = model.body_parentid[part]) way.push_back(part);
-    for (const int part : std::views::reverse(way)) {
-      mjtNum inverse[4];
-      mju_negQuat(inverse, model.body_quat + 4 * part);
-      mju_rotVecQuat(turned, turned, inverse);
-    }
-    mju_addTo3(model.body_ipos + 3 * body, turned);
-  }
-}
-
-}  // namespace
-
 void SceneModel::apply(const Identified& identified, mjModel_& model) const {
   identified.validate(joints_.size());
   using List = std::vector<double> Identified::*;
@@ -63,6 +42,8 @@ void SceneModel::apply(const Identified& identified, mjModel_& model) const {
   const bool has_joints =
       has_any({&Identified::rotor_inertia, &Identified::damping, &Identified::friction});
   if (!has_links && !has_joints) return;
+  const Data data = make_data();
+  mj_kinematics(&model, data.get());
   const auto link_of = [&](std::size_t joint) {
     return model.body_weldid[model.dof_bodyid[motors_[joint].parts.front().velocity]];
   };
@@ -92,15 +73,18 @@ void SceneModel::apply(const Identified& identified, mjModel_& model) const {
     const mjtNum shift[] = {Identified::of(identified.link_center_x, i, 0.0),
                             Identified::of(identified.link_center_y, i, 0.0),
                             Identified::of(identified.link_center_z, i, 0.0)};
-    shift_centers(link, shift, model);
+    mjtNum in_world[3];
+    mju_mulMatVec3(in_world, data->xmat + 9 * link, shift);
     const double factor = Identified::of(identified.link_mass, i, 1.0);
     for (int body = 1; body < static_cast<int>(model.nbody); ++body) {
       if (model.body_weldid[body] != link) continue;
       model.body_mass[body] *= factor;
       for (int k = 3 * body; k < 3 * body + 3; ++k) model.body_inertia[k] *= factor;
+      mjtNum in_body[3];
+      mju_mulMatTVec3(in_body, data->xmat + 9 * body, in_world);
+      mju_addTo3(model.body_ipos + 3 * body, in_body);
     }
   }
-  const Data data = make_data();
   mj_setConst(&model, data.get());
 }
 

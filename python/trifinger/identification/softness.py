@@ -163,7 +163,7 @@ def softness(
     time_constant = figure("tip_time_constant", np.array([1.0, -1.0, 0.0]))
     ratio = figure("tip_damping_ratio", np.array([0.0, 1.0, 0.0]))
     if not (time_constant.is_told and ratio.is_told):
-        # As soft as it is, with the damping that is described.
+        # The damping is the one that is described. The tip yields as much as it does.
         ratio = replace(ratio, is_told=False)
         described = -np.log(contact.damping_ratio)
         time_constant = figure("tip_time_constant", np.array([1.0, 0.0, 0.0]), described)
