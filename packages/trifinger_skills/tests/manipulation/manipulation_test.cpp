@@ -113,6 +113,28 @@ bool is_felt_to_slip(double true_friction) {
                              [](const SkillStep& step) { return step.grasp->is_slipping; });
 }
 
+// The largest share of the motors' torque while a cube slides in a circle, if cameras whose
+// calibration is off see it this much higher [m] and tilted [rad].
+double torque_share_of_slide(double height, double tilt) {
+  const SkillTrial trial = evaluation::make_skill_trial("sim", "slide", {}, {"max_grasps=1"});
+  const Simulation simulation(trial.simulation);
+  MeddledSkill skill = skill_of(trial);
+  skill.seen_as = [&](const Pose& pose) {
+    return Pose{
+        .position = pose.position + height * Eigen::Vector3d::UnitZ(),
+        .orientation = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX()) * pose.orientation};
+  };
+  const SkillTrace trace = run(simulation, skill);
+  EXPECT_EQ(trace.failure, "");
+  double most = 0.0;
+  for (const SkillStep& step : trace.steps) most = std::max(most, step.torque_share);
+  return most;
+}
+
+TEST(Manipulation, DoesNotPressAnObjectAgainstTheTableItSlidesOn) {
+  EXPECT_LT(torque_share_of_slide(0.001, 0.01), 1.2 * torque_share_of_slide(0.0, 0.0));
+}
+
 TEST(Manipulation, FeelsTheObjectSlip) {
   EXPECT_FALSE(is_felt_to_slip(0.8));
   EXPECT_TRUE(is_felt_to_slip(0.2));

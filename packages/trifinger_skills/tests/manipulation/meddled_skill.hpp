@@ -13,8 +13,8 @@
 
 namespace trifinger::manipulation {
 
-// A skill that somebody meddles with: some poses and steps never reach it. Counts what its
-// functions of the loop allocate.
+// A skill that somebody meddles with: some poses and steps never reach it, or poses are wrong.
+// Counts what its functions of the loop allocate.
 class MeddledSkill final : public Skill {
  public:
   explicit MeddledSkill(std::unique_ptr<Skill> skill) : skill_(std::move(skill)) {}
@@ -22,6 +22,8 @@ class MeddledSkill final : public Skill {
   // Whether a pose that was captured at this step, or this step, reaches the skill.
   std::function<bool(TimeIndex captured)> lets_see{};
   std::function<bool(TimeIndex step)> lets_step{};
+  // What the skill sees in place of a pose.
+  std::function<Pose(const Pose& pose)> seen_as{};
 
   [[nodiscard]] std::size_t allocations() const noexcept { return allocations_; }
 
@@ -29,8 +31,9 @@ class MeddledSkill final : public Skill {
   [[nodiscard]] Seconds max_duration() const noexcept override { return skill_->max_duration(); }
   void see(TimeIndex captured, const Pose& pose) noexcept override {
     if (lets_see && !lets_see(captured)) return;
+    const Pose seen = seen_as ? seen_as(pose) : pose;
     const test::AllocationCounter counter;
-    skill_->see(captured, pose);
+    skill_->see(captured, seen);
     allocations_ += counter.count();
   }
   [[nodiscard]] const TriFinger::Action& update(

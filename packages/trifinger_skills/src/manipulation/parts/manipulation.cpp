@@ -238,14 +238,23 @@ const JointValues& Manipulation::update(TimeIndex step,
   if (holds()) {
     constexpr double kFarthest = 0.01;   // [m]
     constexpr double kMostTurned = 0.2;  // [rad]
+    constexpr double kOnTable = 0.001;   // [m]
     const double share = error_gain_ * elapsed.count();
     const auto add = [share](Eigen::Vector3d& sum, const Eigen::Vector3d& error, double most) {
       sum += share * error;
       sum *= most / std::max(sum.norm(), most);
     };
-    add(shift_, desired_.pose.position - object_.pose.position, kFarthest);
-    add(turn_, control::rotation_error(desired_.pose.orientation, object_.pose.orientation),
-        kMostTurned);
+    Eigen::Vector3d error = desired_.pose.position - object_.pose.position;
+    Eigen::Vector3d turn =
+        control::rotation_error(desired_.pose.orientation, object_.pose.orientation);
+    if (desired_.pose.position.z() - rest_.position.z() < kOnTable) {
+      // The table says how high the object is there and how level it lies. Where cameras say
+      // something else, their calibration is off, and a growing force would press it down.
+      error.z() = 0;
+      turn.head<2>().setZero();
+    }
+    add(shift_, error, kFarthest);
+    add(turn_, turn, kMostTurned);
     corrected.pose.position += shift_;
     corrected.pose.orientation = control::rotation_from_vector(turn_) * corrected.pose.orientation;
   }
