@@ -149,7 +149,9 @@ class Result:
     @property
     def spent(self) -> str:
         """The time, in words."""
-        return "-" if self.minutes is None else f"{self.minutes:.0f}"
+        if self.minutes is None:
+            return "-"
+        return f"{self.minutes:.0f}" if self.minutes >= 10 else f"{self.minutes:.1f}"
 
     @property
     def distance(self) -> str:

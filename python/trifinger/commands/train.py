@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 ALGORITHMS = ("ddpg", "td3", "sac", "ppo")
 # Those that are known to learn a task, the best one first: docs/results/training.md.
 LEARNED: Mapping[str, tuple[str, ...]] = {
-    "reach": ("ddpg",),
-    "finger_reach": ("ddpg",),
+    "reach": ("ddpg", "td3", "sac"),
+    "finger_reach": ("ddpg", "td3", "sac"),
     "push": ("ppo",),
     "lift": ("ppo",),
     "dclaw_turn_fixed": ("ppo",),
@@ -145,9 +145,7 @@ def require_learned(plan: Plan) -> None:
     if task not in task_names():
         return
     if algorithm not in known:
-        by = (
-            f"'{task}' is learned by {' and '.join(known)}" if known else f"nothing learns '{task}'"
-        )
+        by = f"'{task}' is learned by {' or '.join(known)}" if known else f"nothing learns '{task}'"
         raise InvalidArgument(
             f"{by}, as far as is known; --untried trains by {algorithm} nevertheless"
         )
