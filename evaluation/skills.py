@@ -432,11 +432,13 @@ def chosen(parser: argparse.ArgumentParser, rows: Sequence[Row], names: Sequence
 
 def main() -> int:
     """Runs the evaluation; the status says whether the table holds."""
-    table, *words = sys.argv[1:]
+    table, *words = sys.argv[1:] or ("",)
     if table == "check":
         wrong = check(all_rows())
         print("\n".join([*wrong, "Repeat: ./run evaluate skills|control|vision"] if wrong else []))
         return 1 if wrong else 0
+    if table not in INTRODUCTIONS:
+        sys.exit(f"there is no table '{table}', only {', '.join(INTRODUCTIONS)}")
     parser = argparse.ArgumentParser(
         prog=f"evaluate {table}",
         description="Runs skills on simulated robots that are not perfect.",
